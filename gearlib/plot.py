@@ -24,6 +24,7 @@ from gearlib.figures import (
 from gearlib.figures import (
     schematic as train_schematic,
 )
+from gearlib.figures.fit_figure import fit, profiles, waterfall
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
 from gearlib.figures.run_up_figure import run_up
@@ -31,16 +32,19 @@ from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
+    "fit",
     "harris_map",
     "orbit",
     "order_map",
     "orders",
     "phase_plane",
+    "profiles",
     "resonance",
     "run_up",
     "schematic",
     "time_course",
     "values",
+    "waterfall",
 ]
 
 _EXTREMA = ("displacement_max", "displacement_min")

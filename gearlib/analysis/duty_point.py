@@ -94,7 +94,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
 
 def settled_run(model, tuning, initial_state=(0.0, 0.0)):
     """Return a run of `simulate` over whole revolutions, at the end of one that has settled."""
-    teeth = round(model.mesh_frequency(1.0) * 60.0 / (math.tau * model.speed(1.0)))
+    teeth = round(model.periods_per_revolution)
     for periods in _PERIODS:
         run = simulate(
             model, tuning, periods=periods, initial_state=initial_state, samples_per_period=8

@@ -14,6 +14,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis import order_slopes, sampled_signals
 from gearlib.analysis.steady_course import as_run_up
+from gearlib.analysis.revolutions import Turning
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
 from gearlib.kernels.closed_form.mesh_constants import mesh
@@ -118,7 +119,7 @@ def order_map(
         "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
     )
     revolutions = math.ceil(1.0 / resolution - 1e-12)
-    speeds, loads, teeth = course = _course(run)
+    speeds, teeth = _course(run)
     span = math.tau * teeth * revolutions
     turned = math.pi / 30.0 * np.trapezoid(speeds[:, 1], speeds[:, 0]) / math.tau
     blocks = int(turned / revolutions + _CLOSE)
@@ -130,7 +131,7 @@ def order_map(
     top = _MESH_ORDERS * teeth if highest is None else highest
     top = checks.finite_positive("highest", top)
     count, step = int(top * revolutions + 1e-9) + 1, 1.0 / (teeth * revolutions)
-    pair = _pair_of(run, loads)
+    pair = pair_of(run)
     if pair is None:
         per = math.tau * (run.phase.size - 1) / float(run.phase[-1] - run.phase[0])
         if top > 0.25 * per * teeth:
@@ -139,15 +140,17 @@ def order_map(
                 f"be at most {0.25 * per * teeth:.4g}"
             )
         args = blocks, span, step, count
-        (found, squares), (half, _) = (_sampled(run, variable, k, *args) for k in (1, 2))
+        phase, values = run.phase.values, run[variable].values
+        found, squares, _ = summed(phase, values, *args)
+        half = summed(phase[::2], values[::2], *args)[0]
         error = np.abs(found - half)
     else:
-        found, squares = _exact(pair, run, course, variable, blocks, span, step, count)
+        found, squares = integrated(pair, run, variable, blocks, span, step, count)
         error = _ROUNDING * np.sqrt(squares)[:, None] * np.ones(found.shape)
     names = order_slopes.names_of(run, variable)
     if pair is None:
         names = tuple(name for name in names if name != "speed")
-        slopes = [_sampled(run, f"d_{variable}_d_{name}", 1, *args)[0] for name in names]
+        slopes = [summed(phase, run[f"d_{variable}_d_{name}"].values, *args)[0] for name in names]
     elif names:
         shape = blocks, count, step
         slopes = order_slopes.exact(pair, run, names, _VARIABLES[variable], span, shape)
@@ -157,7 +160,8 @@ def order_map(
     unit, words = run[variable].attrs["units"], variable.replace("_", " ")
     squared = f"({unit})2" if " " in unit else f"{unit}2"
     own, inner = squared if amplitude == "power" else unit, run[variable].dims[1:]
-    times, rpm = _middles(speeds, blocks, math.tau * revolutions)
+    bounds = Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
+    times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
     noise = np.sqrt(np.maximum(squares - size[:, 0] ** 2, 0.0))
     columns = {
         "amplitude": (
@@ -236,46 +240,51 @@ def order_track(run, orders, **options):
 
 
 def _course(run):
-    """Return (rows of s and rpm, rows of s and shares of the load, mesh periods a revolution)."""
-    asked = json.loads(run.attrs["parameters"])
+    """Return (rows of s and rpm, mesh periods a revolution)."""
     speed, t, phase = (run[name].values for name in ("speed", "time", "phase"))
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(t)).sum()
     ratio = float((phase[-1] - phase[0]) / angle)
     whole = round(ratio)
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
     teeth = float(run.teeth) if "teeth" in run else teeth
-    return np.array(asked["speed"]), np.array(asked["load"]), teeth
+    return np.array(json.loads(run.attrs["parameters"])["speed"]), teeth
 
 
-def _pair_of(run, loads):
+def pair_of(run):
     """Return the `GearPair` of a run-up in closed forms, None where there is none."""
     values = json.loads(run.attrs.get("gear_pair", "{}"))
-    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads.tolist()))
+    loads = json.loads(run.attrs["parameters"])["load"]
+    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
     if values.keys() != declared(GearPair).keys() or ramps:
         return None
     return GearPair(**{name: float(x) if x == "inf" else x for name, x in values.items()})
 
 
-def _middles(speeds, blocks, angle):
-    """Return (times of the middles of blocks, mean speeds in rpm), `angle` that of a block."""
-    rate = speeds[:, 1] * (math.pi / 30.0)
-    length = np.diff(speeds[:, 0])
-    turned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * length))
-    wanted = angle * np.arange(blocks + 1)
-    i = np.clip(np.searchsorted(turned, wanted, "right") - 1, 0, length.size - 1)
-    slope, ahead = np.diff(rate)[i] / length[i], wanted - turned[i]
-    end = np.sqrt(np.maximum(rate[i] ** 2 + 2.0 * slope * ahead, 0.0))
-    passed = np.divide(2.0 * ahead, rate[i] + end, where=ahead > 0.0, out=np.zeros(ahead.size))
-    bounds = speeds[i, 0] + passed
-    return 0.5 * (bounds[1:] + bounds[:-1]), angle / np.diff(bounds) * (30.0 / math.pi)
+def summed(phase, values, blocks, span, step, count):
+    """Return Fourier coefficients of samples by trapezia over the phase, block by block.
 
+    Parameters
+    ----------
+    phase : ndarray, shape (n,)
+        From 0 on, rising.
+    values : ndarray, shape (n, ...)
+    blocks : int
+    span, step : float
+        Of the phase: a block, and the wave number of the first order.
+    count : int
+        Orders, from 0.
 
-def _sampled(run, variable, every, blocks, span, step, count):
-    """Return (coefficients, mean squares) by trapezia over the phase of every so many samples."""
-    phase, values = run.phase.values[::every], run[variable].values[::every]
+    Returns
+    -------
+    coefficients : ndarray, shape (blocks, count, ...)
+    squares : ndarray, shape (blocks, ...)
+        Means of the squares.
+    shares : ndarray, shape (blocks,)
+        Sums of the squares of the weights of samples: what noise is lowered by.
+    """
     shape = (blocks, count, *values.shape[1:])
     found, squares = np.zeros(shape, complex), np.zeros((blocks, *values.shape[1:]))
-    base = np.arange(math.isqrt(count - 1) + 1)
+    shares, base = np.zeros(blocks), np.arange(math.isqrt(count - 1) + 1)
     large = np.arange(0, count, base.size)
     for k in range(blocks):
         i, j = np.searchsorted(phase, (k * span - _CLOSE, (k + 1) * span - _CLOSE))
@@ -291,12 +300,14 @@ def _sampled(run, variable, every, blocks, span, step, count):
         sums = np.einsum("aim,bi->abm", high[:, :, None] * (share[:, None] * part), low)
         found[k] = sums.reshape(-1, part.shape[1])[:count].reshape(found[k].shape)
         squares[k] = np.einsum("i,im->m", share, part**2).reshape(squares[k].shape)
-    return found, squares
+        shares[k] = share @ share
+    return found, squares, shares
 
 
-def _exact(pair, run, course, variable, blocks, span, step, count):
-    """Return (coefficients, mean squares), in SI."""
-    (speeds, loads, _), asked = course, json.loads(run.attrs["parameters"])
+def integrated(pair, run, variable, blocks, span, step, count):
+    """Return (coefficients, mean squares) of a `GearPair` as of `summed`, in SI."""
+    asked = json.loads(run.attrs["parameters"])
+    speeds, loads = np.array(asked["speed"]), np.array(asked["load"])
     omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
     constants, push = mesh(ratios(pair), 1.0), 0.0
     if asked["driven_mass"]:

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from gearlib import checks
@@ -109,7 +110,7 @@ def _of_speed(data, time):
     speed = np.asarray(data["speed"].values, float)
     if not (np.isfinite(speed).all() and (speed > 0.0).all()):
         raise ValueError("speed is not allowed: it must be > 0 at all samples")
-    turned = np.append(0.0, np.cumsum(np.diff(time) * (speed[1:] + speed[:-1]) / 120.0))
+    turned = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
     return CubicSpline(time, turned), np.column_stack([time, speed])
 
 

@@ -6,6 +6,7 @@ module             responsibility
 ``commands``       one function per command: its options, one library call, output
 ``drawn_gears``    two gears by their drawing, and the table of what they come to
 ``model_options``  from options and a configuration to a model
+``fitting``        fits: a measured set, and what it says of the gears
 ``speed_options``  speeds in rpm where a command counts in tunings
 ``scatter_command``  how much scatters with tolerances
 ``workflow_commands``  the workflow, of an installed package too

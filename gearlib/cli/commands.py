@@ -7,6 +7,7 @@ import click
 from gearlib.cli import (
     drawing_options,
     drawn_gears,
+    fitting,
     model_options,
     output,
     progress,
@@ -396,5 +397,10 @@ def explore(mapping, damping, port, show):
     serving.serve(mapping, damping, port, show)
 
 
-for one in (scatter_command.scatter, workflow_commands.paper, workflow_commands.workflow):
+for one in (
+    fitting.fit,
+    scatter_command.scatter,
+    workflow_commands.paper,
+    workflow_commands.workflow,
+):
     main.add_command(one)

@@ -17,7 +17,7 @@ from gearlib.config.validation import sentences
 from gearlib.models.pair import GearPair
 
 MODELS = ("one_degree", "six_degrees", "train")
-_DEFAULT_CONFIG = "config.yaml"
+DEFAULT_CONFIG = "config.yaml"
 #: Name of the damping that options alone describe.
 _ONLY_DAMPING = "damping"
 
@@ -150,7 +150,7 @@ def config_options():
             "--config",
             "config_path",
             type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            help=f"Configuration of the workflow; {_DEFAULT_CONFIG} here, if there is one.",
+            help=f"Configuration of the workflow; {DEFAULT_CONFIG} here, if there is one.",
         ),
         click.option("--case", help="One of its cases, by name."),
         click.option("--damping", help="One of its dampings, by name; else the first."),
@@ -270,7 +270,7 @@ def read(path, case, damping):
     one of the given name.
     """
     if path is None:
-        path = Path(_DEFAULT_CONFIG)
+        path = Path(DEFAULT_CONFIG)
         if not path.exists():
             for name, value in (("case", case), ("damping", damping)):
                 if value is not None:

@@ -27,6 +27,7 @@ module                      responsibility
 ``gear_names``              whose gears: the name of a pair or a train
 ``laying``                  one configuration laid over another
 ``measured_description``    what is said of a measured set
+``fit_section``             what is fitted to it
 ``yaml_keys``               YAML files, and the keys that they give twice
 ==========================  ========================================================================
 

@@ -19,6 +19,7 @@ from pydantic import (
 
 from gearlib.checks import refusal
 from gearlib.config import names_that_are_no_texts, units, yaml_keys
+from gearlib.config.fit_section import FitSection, range_of
 from gearlib.config.types import (
     Given,
     Load,
@@ -253,6 +254,7 @@ class Description(Given):
     conditions: dict[_Key, Condition] = entry("simulationConditionId -> what was the same.", {})
     speeds: Speeds = entry("Measured speeds of jumps and of the onset of contact loss.", None)
     known: Facts = entry("What is known of the rig: contact_ratio, load, backlash ...", {})
+    fit: FitSection = entry("What `gearlib fit` looks for.", None)
 
     @model_validator(mode="after")
     def _check(self):
@@ -278,6 +280,8 @@ class Description(Given):
             raise ValueError(
                 "channels is missing: it must be a mapping of columns to what they are"
             )
+        for name, ends in (self.fit.free if self.fit else {}).items():
+            range_of(name, ends)
         return self
 
     def files(self, path):

@@ -7,6 +7,7 @@ velocities are dx/dtau; the scale variables lead to SI.
 from gearlib.data import (
     contact_states,
     duty_variables,
+    fit_variables,
     layout_variables,
     scatter_variables,
     status,
@@ -124,6 +125,7 @@ DESCRIPTIONS = {
     "mean_difference": ("1", "mean relative difference of the dynamic force"),
     "suffices": ("1", "whether stiffness and deviation at the load are within the tolerance"),
     **duty_variables.DESCRIPTIONS,
+    **fit_variables.DESCRIPTIONS,
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),

@@ -54,6 +54,32 @@ def complex_step(element, slopes):
     return unchecked(type(element), **values)
 
 
+def settable(model):
+    """Return the names of derivatives that are fields, or entries of fields as ``masses[0]``."""
+    known = {one.name for each in (model, model.mesh) if each for one in dataclasses.fields(each)}
+    return tuple(name for name in model.derivatives if name.partition("[")[0] in known)
+
+
+def value(model, name):
+    """Return the value of one of `settable`."""
+    field, _, index = name.rstrip("]").partition("[")
+    found = getattr(model, field)
+    return found[int(index)] if index else found
+
+
+def with_values(model, changes):
+    """Return the model with some of `settable` changed and checked."""
+    fields: dict = {}
+    for name, new in changes.items():
+        field, _, index = name.rstrip("]").partition("[")
+        if index:
+            entries = list(fields.get(field, getattr(model, field)))
+            entries[int(index)] = new
+            new = tuple(entries)
+        fields[field] = new
+    return model.replace(**fields)
+
+
 def unchecked(kind, **values):
     """Return a frozen dataclass of numbers that its checks do not know."""
     made = object.__new__(kind)

@@ -134,6 +134,19 @@ class Model:
         """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
         return {name: 1.0}
 
+    @property
+    def settable(self):
+        """Those of `derivatives` that can be given, one by one, as `with_values` takes them."""
+        return derivatives.settable(self)
+
+    def value(self, name):
+        """Return the value of one of `settable`."""
+        return derivatives.value(self, name)
+
+    def with_values(self, changes):
+        """Return the model with some of `settable` changed, and checked: name -> value."""
+        return derivatives.with_values(self, changes)
+
     def along_branch(self, name):
         """Return the same for a parameter over which orbits are followed; None: not known."""
         return {name: 1.0} if name == "tuning" else None
@@ -235,6 +248,11 @@ class Model:
     def tuning_at(self, speed):
         """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
         return speed / self.speed(1.0)
+
+    @property
+    def periods_per_revolution(self):
+        """Mesh periods in a revolution of the gear whose teeth count; whole, or a ratio."""
+        return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning):
         """Return the variables of datasets that depend on the tuning (float or array)."""

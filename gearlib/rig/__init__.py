@@ -12,11 +12,18 @@ module                     responsibility
 ``measured_scores``        how far both agree, as a table
 ``measured_checks``        what columns are refused for, and what is repaired
 ``fits``                   `fit`: parameters by least squares with exact derivatives
+``compared_fits``          `compare_fits`: which of several models the data tell apart
+``opening``                better starts, from the beginning of a run-up
+``fitted_curves``          what was compared, as curves that can be drawn
 ``fit_report``             values, intervals, profiles, the report
-``run_up_observations``    what is compared of a run-up: mesh orders, jumps
-``speed_observations``     what is compared of slow sweeps: speeds of jumps
-``branch_observations``    what is compared of slow sweeps: statistics, onset of contact loss
+``order_observations``     what is compared of time courses: mesh orders
+``run_up_observations``    the same of a run-up, and its jumps
+``steady_observations``    the same at constant speed
+``shaft_phase``            unknown phase of a shaft, eliminated
+``speed_observations``     what is compared of slow sweeps: speeds of jumps, onset of contact loss
+``branch_observations``    what is compared of slow sweeps: statistics, load sharing, mesh orders
+``orbit_at_speed``         an orbit at a speed and what it changes by
 ``projection``             gain and offset of a sensor, eliminated
-``synthetic_rigs``         run-ups of a known model as an encoder would have them
+``synthetic_rigs``         what sensors would have of a known model
 =========================  ==================================================================
 """

@@ -1,4 +1,4 @@
-"""What a fit compares of slow sweeps point by point: statistics on a named branch, onset of loss.
+"""What a fit compares of slow sweeps point by point: statistics on a named branch.
 
 A branch is followed from its own end: of a sweep that jumps the points before the jump are reached
 from the first speed, those behind it from the last one, back. So each has its own branch, also
@@ -8,54 +8,34 @@ it. The jump itself is compared as a speed.
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import brentq
 
 from gearlib import checks
-from gearlib.analysis.orbits.orbit_sensitivities import orbit_sensitivities
-from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.models.derivatives import STEP
+from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.rig.fitted_curves import Curve
+from gearlib.rig.orbit_at_speed import ORDER, SAMPLES, SHARING, STATISTICS, OrbitAtSpeed
 from gearlib.rig.projection import projected
 from gearlib.runs.sweeping import sweep
 
-#: name -> what it is measured in: static deflections, loads, shares of time
-STATISTICS = {
-    "displacement_max": "length",
-    "displacement_min": "length",
-    "dynamic_force_max": "force",
-    "dynamic_force_min": "force",
-    "fraction_normal": "share",
-    "fraction_backlash": "share",
-    "fraction_inverse": "share",
-}
 #: A step from one point to the next that is a jump: share of the value, and times the step before.
 _JUMP, _STEEP = 0.15, 3.0
 #: Mesh periods at each speed: what deviates dies out, Newton's method does the rest.
-_SETTLING = {"periods": 200, "record_periods": 1}
-#: Around a measured onset of contact loss, where that of the model is looked for: shares of it.
-_AROUND = np.linspace(0.7, 1.3, 61)
+SETTLING = {"periods": 200, "record_periods": 1}
 
 
-class Point:
-    """An orbit at a speed in SI, with derivatives at this speed."""
+def channels(model, data, known=(*STATISTICS, SHARING, ORDER)):
+    """Return name of a variable -> (what it is of `OrbitAtSpeed.of`, number of its mesh).
 
-    def __init__(self, model, speed, guess, names):
-        rate = float(model.speed(1.0))
-        tuning, scales = speed / rate, _scales(model)
-        orbit = periodic_orbit(model, tuning, guess=guess)
-        found = orbit_sensitivities(orbit, (*names, "tuning"), samples_per_period=1)
-        self.values, self.slopes, self.by_speed = {}, {}, {}
-        twins = [model.complex_step(model.direction(name)) for name in names]
-        for name, kind in STATISTICS.items():
-            value, scale = float(found[name]), scales[kind]
-            self.values[name] = value * scale
-            by_tuning, slopes = float(found[f"d_{name}_d_tuning"]), []
-            self.by_speed[name] = by_tuning * scale / rate
-            for one, twin in zip(names, twins, strict=True):
-                moved = -tuning / rate * np.imag(twin.speed(1.0) + 0j) / STEP
-                grown = np.imag(_scales(twin)[kind] + 0j) / STEP
-                own = float(found[f"d_{name}_d_{one}"]) + by_tuning * moved
-                slopes.append(own * scale + value * grown)
-            self.slopes[name] = np.array(slopes)
+    Of trains the mesh comes after what is measured, ``load_sharing_sun_1``.
+    """
+    meshes, found = [name.replace(" ", "_") for name in model.mesh_names], {}
+    for name in map(str, data.data_vars):
+        for j, mesh in enumerate(meshes or [""]):
+            what = name.removesuffix(f"_{mesh}") if mesh else name
+            number = what.removeprefix(f"{ORDER}_")
+            kind = ORDER if number.isdigit() and int(number) > 0 else what
+            if kind in known and (what != name or not mesh) and (mesh or what != SHARING):
+                found[name] = what, j
+    return found
 
 
 class BranchStatistics:
@@ -63,8 +43,13 @@ class BranchStatistics:
 
     kind = "branches"
 
-    def __init__(self, data):
-        self.names = [name for name in STATISTICS if name in data]
+    def __init__(self, data, model):
+        self.channels = channels(model, data)
+        self.names = list(self.channels)
+        for name, (what, _) in self.channels.items():
+            units = data[name].attrs.get("units", "m")
+            if what.startswith(ORDER) and units != "m":
+                raise checks.refusal(f"units of {name}", units, "m, of a displacement")
         self.measured = {name: np.asarray(data[name].values, float) for name in self.names}
         self.sensor = {name: data[name].attrs for name in self.names}
         speeds = np.asarray(data.speed.values, float)
@@ -84,7 +69,12 @@ class BranchStatistics:
                 self._part(int(way), own, speeds)
             else:
                 self.branches += [own[i : i + 1] for i in range(len(own))]
-        self.speeds = speeds
+        self.speeds, self.falls = speeds, ways < 0
+
+    @property
+    def size(self):
+        """How many residuals there are."""
+        return len(self.names) * len(self.speeds)
 
     def _noise(self, name):
         return float(self.sensor[name].get("noise_std", 0.0))
@@ -106,16 +96,18 @@ class BranchStatistics:
     def residuals(self, model, names):
         """Return (residuals, derivatives), None where a motion could not go on."""
         count, points = len(self.speeds), np.empty(len(self.speeds), object)
+        samples = SAMPLES if any(ORDER in name for name in self.names) else 1
         try:
             for own in self.branches:
-                points[own] = _followed(model, self.speeds[own], names)
+                points[own] = _followed(model, self.speeds[own], names, samples)
         except (NoOrbit, ValueError):
             return None
         rest, moved = [], []
-        for name in self.names:
+        for name, which in self.channels.items():
             noise = self._noise(name) or np.ptp(self.measured[name])
-            values = np.array([one.values[name] for one in points]) / noise
-            slopes = np.array([one.slopes[name] for one in points]).reshape(count, -1) / noise
+            table = [one.of(*which) for one in points]
+            values = np.array([value for value, *_ in table]) / noise
+            slopes = np.array([slope for _, slope, _ in table]).reshape(count, -1) / noise
             offset = np.ones((count, int(self.sensor[name].get("unknown_offset", 0))))
             gain = bool(self.sensor[name].get("unknown_gain", 0))
             one = projected(self.measured[name] / noise, values, slopes, offset, gain)
@@ -123,60 +115,34 @@ class BranchStatistics:
             moved.append(one[1])
         return np.concatenate(rest), np.vstack(moved)
 
+    def curves(self, model):
+        """Return the statistics over the speed, each a `Curve`."""
+        apart = self.residuals(model, ())[0].reshape(len(self.names), -1)
+        found = []
+        for name, rest in zip(self.names, apart, strict=True):
+            values, units = self.measured[name], self.sensor[name].get("units", "")
+            fitted = values + rest * (self._noise(name) or np.ptp(values))
+            words = name.replace("_", " ")
+            found.append(Curve(words, units, "speed", self.speeds, (values, fitted), self.falls))
+        return found
+
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
         points = [one for own in self.branches for one in _followed(model, self.speeds[own], ())]
-        return max(0.0, *(-one.values["displacement_min"] for one in points))
+        return max(0.0, *(-one.least[0] for one in points))
 
 
-class Onset:
-    """The speed at which contact is first lost: there the least displacement is zero."""
-
-    kind = "onset of contact loss"
-
-    def __init__(self, variable):
-        self.speed = float(variable)
-        self.noise = float(variable.attrs.get("noise_std", 0.0))
-
-    def residuals(self, model, names):
-        """Return (residual, derivatives), None where the model never loses contact near it."""
-        speeds = self.speed * _AROUND
-        run = sweep(model, speeds / float(model.speed(1.0)), direction="up", **_SETTLING)
-        least = run.displacement_min.values
-        steps = np.flatnonzero((least[1:] > 0.0) != (least[:-1] > 0.0))
-        if not steps.size:
-            return None
-        i = steps[np.abs(speeds[steps] - self.speed).argmin()]
-        state = run.final_state.values[i]
-
-        def at(speed):
-            return Point(model, speed, state, ()).values["displacement_min"]
-
-        try:
-            place = brentq(at, speeds[i], speeds[i + 1], xtol=1e-12 * self.speed, rtol=1e-14)
-            point = Point(model, place, state, names)
-        except (NoOrbit, ValueError):
-            # Contact is lost by a jump: there is no grazing.
-            return None
-        deviation = self.noise or 1e-3 * self.speed
-        moved = -point.slopes["displacement_min"] / point.by_speed["displacement_min"]
-        return np.array([(place - self.speed) / deviation]), moved[None] / deviation
-
-    def deepest(self, model):
-        """Return the largest way into the backlash that the data know, m."""
-        return 0.0
-
-
-def _followed(model, speeds, names):
+def _followed(model, speeds, names, samples=1):
     """Return the points of one branch from its first speed on."""
     tunings = speeds / float(model.speed(1.0))
     rising = len(speeds) < 2 or tunings[-1] > tunings[0]
-    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **_SETTLING)
+    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **SETTLING)
     order = slice(None) if rising else slice(None, None, -1)
     states = run.final_state.values[order]
-    end = _jump(run.displacement_max.values[order][None], [0.0])
+    heights = run.displacement_max.values[order].reshape(len(speeds), -1).T
+    end = _jump(heights, np.zeros(len(heights)))
     kept = len(speeds) if end is None else end
-    points = [Point(model, speeds[i], states[i], names) for i in range(kept)]
+    points = [OrbitAtSpeed(model, speeds[i], states[i], names, samples) for i in range(kept)]
     return points + [points[-1]] * (len(speeds) - kept)
 
 
@@ -191,7 +157,3 @@ def _jump(table, least):
     if not jumps.any():
         return None
     return int(np.where(jumps, steps / sizes, 0.0).max(axis=0).argmax()) + 1
-
-
-def _scales(model):
-    return {"length": model.static_deflection, "force": model.load, "share": 1.0}

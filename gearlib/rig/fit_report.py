@@ -5,12 +5,9 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
 
 from gearlib import checks
-
-#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %: a ratio of 0.1465.
-LEVEL = float(chi2.ppf(0.95, 1))
+from gearlib.data.result import result
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,11 @@ class Fit:
     _problem: Any
     _share: Any
 
+    @property
+    def noise(self):
+        """Whether the noise of all data is known."""
+        return self._problem.noise
+
     def __str__(self):
         lines = [
             "[[Fit Statistics]]",
@@ -78,6 +80,35 @@ class Fit:
             lines.append("[[Not identifiable]]")
             lines += [f"    {one}" for one in self.unknown]
         return "\n".join(lines)
+
+    def curves(self):
+        """Return what was compared, each a `Curve` or `Place` of `gearlib.rig.fitted_curves`."""
+        return [one for each in self._problem.observations for one in each.curves(self.model)]
+
+    def dataset(self):
+        """Return the fit as a dataset over its parameters, in their SI units."""
+        rows = self.params.values()
+        names, known = list(self.params), self.model.derivatives
+        ends = np.array([one.interval for one in rows]).reshape(-1, 2)
+        data = {
+            "fitted_value": ("parameter", [one.value for one in rows]),
+            "stderr": ("parameter", [one.stderr for one in rows]),
+            "interval_low": ("parameter", ends[:, 0]),
+            "interval_high": ("parameter", ends[:, 1]),
+            "range_low": ("parameter", [one.min for one in rows]),
+            "range_high": ("parameter", [one.max for one in rows]),
+            "initial_value": ("parameter", [one.init for one in rows]),
+            "identifiable": ("parameter", np.array([one.identifiable for one in rows])),
+            "parameter_units": ("parameter", [known[name][0] for name in names]),
+            "correlation": (("parameter", "other_parameter"), self.correlations),
+            "start_cost": ("start", self.starts),
+            "improved_cost": ("improved", self.waterfall),
+            **{name: ((), getattr(self, name)) for name in ("redchi", "aicc", "bic", "ndata")},
+        }
+        coords = {"parameter": names, "other_parameter": names}
+        title = "Parameters of a gear mesh by a fit"
+        more = {"unknown": list(self.unknown)}
+        return result(title, self.model, data, coords, method="least squares", **more)
 
     def profile(self, name, values):
         """Return the profile of a parameter: -2 ln of the ratio to the largest likelihood.

@@ -15,10 +15,13 @@ from scipy.stats import t as student
 
 from gearlib import checks
 from gearlib.models.model import is_model
-from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset
+from gearlib.models.propagators.courses import propagator_of
+from gearlib.rig import opening
+from gearlib.rig.branch_observations import BranchStatistics, channels
 from gearlib.rig.fit_report import Fit, Parameter
-from gearlib.rig.run_up_observations import RunUpOrders
-from gearlib.rig.speed_observations import Speeds
+from gearlib.rig.orbit_at_speed import STATISTICS
+from gearlib.rig.speed_observations import SPEEDS, Speeds
+from gearlib.rig.steady_observations import courses_of
 
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
 _NOTHING = 1e-9
@@ -27,10 +30,12 @@ _HOPELESS = 1e30
 #: Starts that are improved, of those that are tried: until one describes the data as well as their
 #: noise allows; where it is unknown, the first few.
 _MOST, _FEW = 8, 3
-#: Reduced chi-square up to which a model describes the data.
-_GOOD = 2.0
-#: A profile that rises by less than this, of -2 ln of the likelihood, tells nothing: 95 %.
+#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %.
 LEVEL = float(chi2.ppf(0.95, 1))
+#: Times the least sum of squares from which another fit cannot come near it.
+_FAR = 30.0
+#: Reduced chi-square up to which a model describes the data.
+DESCRIBED = 2.0
 
 
 class Problem(NamedTuple):
@@ -51,8 +56,12 @@ class Problem(NamedTuple):
     def at(self, share):
         """Return the model with free parameters at shares of their ranges."""
         values = self.low + np.asarray(share) * (self.high - self.low)
-        changes = dict(zip(self.names, map(float, values), strict=True))
-        return self.model.replace(**changes)
+        return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
+
+    @property
+    def size(self):
+        """How many residuals there are."""
+        return sum(one.size for one in self.observations)
 
     def residuals(self, share, exact=True):
         """Return (residuals, derivatives by shares)."""
@@ -73,14 +82,17 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
 
     Parameters
     ----------
-    model : GearPair
-        What is known of the rig; free parameters are replaced.
+    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
+        What is known of the rig; free parameters are replaced. Run-ups have derivatives where they
+        go by closed forms.
     data : xarray.Dataset or list of xarray.Dataset
         As of `gearlib.read_measured`. A time course of ``displacement`` with ``known.course``, rows
         of s and rpm, is a run-up; extrema and fractions of time over ``speed`` and ``direction``
         are those of slow sweeps, scalars jump_up, jump_down, onset_of_contact_loss speeds of them.
+        So are amplitudes of mesh orders of the displacement, ``order_amplitude_1`` and so on; of a
+        train the mesh stands behind, ``order_amplitude_1_sun_2``, ``load_sharing_sun_2``.
     free : mapping
-        Name of a parameter -> (lowest, highest), SI units.
+        Name of a parameter, of ``model.settable`` -> (lowest, highest), SI units.
     starts : int, default 12
         Points of a Latin hypercube that are tried beside the model itself. The best are improved,
         one after the other until one describes the data as well as their noise, where it is known.
@@ -101,22 +113,31 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     """
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+    if model.speed is None:
+        raise ValueError(
+            f"model of type {type(model).__name__} is not allowed: nothing turns in it"
+        )
+    if model.mesh_names and model.reference_frequency is None:
+        # At a speed in rpm nothing hangs on what tunings are counted in.
+        hertz = float(model.mesh_frequency(1.0)) / math.tau
+        model = model.replace(reference_frequency=hertz)
     checks.one_of("derivatives", derivatives, ("exact", "differences"))
     starts = checks.integer("starts", starts, 0, 10_000)
     seed = checks.integer("seed", seed, 0)
     names, low, high = _ranges(model, free)
-    sets = list(data) if isinstance(data, (list, tuple)) else [data]
-    observations = [one for each in sets for one in observations_of(model, each)]
+    observations = [one for each in _sets(data) for one in observations_of(model, each)]
     problem = Problem(model, names, low, high, observations, derivatives == "differences")
-    first = (np.array([getattr(model, name) for name in names]) - low) / (high - low)
+    _check(problem)
+    first = (np.array([model.value(name) for name in names]) - low) / (high - low)
     tried = [first, *qmc.LatinHypercube(len(names), rng=seed).random(starts)]
+    tried += opening.starts(problem, tried, seed, _improved) if starts else []
     costs = [_cost(problem, share) for share in tried]
     if not min(costs) < _HOPELESS:
         raise ValueError("free is not allowed: no start within its ranges could be run to the end")
     found: list = []
     for i in np.argsort(costs)[: _MOST if problem.noise else _FEW]:
         found.append(_improved(problem, tried[i]))
-        if problem.noise and 2.0 * found[-1].cost < _GOOD * found[-1].fun.size:
+        if problem.noise and 2.0 * found[-1].cost < DESCRIBED * found[-1].fun.size:
             break
     best = min(found, key=lambda one: one.cost)
     if not best.status:
@@ -124,12 +145,61 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
         found.append(_improved(problem, best.x))
         best = min(found, key=lambda one: one.cost)
     waterfall = sorted(2.0 * one.cost for one in found)
-    if best.fun.size < len(names):
+    found = _judged(problem, best, waterfall, costs)
+    endless = tuple(name for name in ("backlash",) if _is_endless(found, name))
+    return _judged(problem, best, waterfall, costs, endless) if endless else found
+
+
+def _check(problem):
+    """Refuse fewer data than parameters, and a model without the derivatives that are needed."""
+    if problem.size < len(problem.names):
         raise ValueError(
-            f"data is not allowed: {best.fun.size} observations for {len(names)} parameters; they "
-            "must be as many at least"
+            f"data is not allowed: {problem.size} observations for {len(problem.names)} "
+            "parameters; they must be as many at least"
         )
-    return _judged(problem, best, waterfall, costs)
+    model = problem.model
+    name, allowed = type(model).__name__, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
+    on_the_way = [one.kind == "run-up" for one in problem.observations]
+    if any(on_the_way) and not problem.differences and _by_steps(model):
+        raise ValueError(
+            f"model of type {name} is not allowed in a fit to a run-up: it must be {allowed} "
+            "whose motion between events has closed forms; or derivatives = 'differences'"
+        )
+    if model.kind().differentiate is None and not all(on_the_way):
+        raise ValueError(
+            f"model of type {name} is not allowed: its orbits have no derivatives; it must be "
+            f"{allowed}"
+        )
+
+
+def _by_steps(model):
+    """Return whether a model has no exact derivatives of run-ups."""
+    return model.gyroscopic or propagator_of(model).words != "closed forms"
+
+
+def goes_by_steps(model, data):
+    """Return whether run-ups among the data have no exact derivatives for a model."""
+    every = [one for each in _sets(data) for one in observations_of(model, each)]
+    return any(one.kind == "run-up" for one in every) and _by_steps(model)
+
+
+def _sets(data):
+    return list(data) if isinstance(data, (list, tuple)) else [data]
+
+
+def _is_endless(found, name):
+    """Return whether the data allow a backlash that is never crossed as well as the best one."""
+    problem, names = found._problem, found._problem.names
+    if name not in names or not found.params[name].identifiable:
+        return False
+    i, share = names.index(name), found._share.copy()
+    share[i] = 1.0
+    model = problem.at(share)
+    rest = problem.residuals(share, exact=False)
+    if rest is None or rest[0] @ rest[0] > _FAR * found.redchi * found.ndata:
+        return False
+    deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
+    return deepest < problem.high[i] and found.profile(name, [problem.high[i]])[0] < LEVEL
 
 
 def observations_of(model, data):
@@ -137,17 +207,19 @@ def observations_of(model, data):
     if not hasattr(data, "data_vars"):
         raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
     found = []
-    if "displacement" in data and "time" in getattr(data, "coords", ()):
-        found.append(RunUpOrders(model, data))
+    if "time" in getattr(data, "coords", ()):
+        for name, (what, mesh) in channels(model, data, ("displacement",)).items():
+            courses = courses_of(model, data.rename({name: what}))
+            for one in courses:
+                one.mesh = mesh
+            found += courses
     jumps = {}
-    if "speed" in data.coords and "time" not in data.coords and set(STATISTICS) & set(data):
-        found.append(BranchStatistics(data))
+    if "speed" in data.coords and "time" not in data.coords and channels(model, data):
+        found.append(BranchStatistics(data, model))
         jumps = found[-1].jumps
-    speeds = jumps | {name: data[name] for name in ("jump_up", "jump_down") if name in data}
+    speeds = jumps | {name: data[name] for name in SPEEDS if name in data}
     if speeds:
         found.append(Speeds(speeds))
-    if "onset_of_contact_loss" in data:
-        found.append(Onset(data.onset_of_contact_loss))
     if not found:
         raise ValueError(
             f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "
@@ -160,12 +232,12 @@ def observations_of(model, data):
 def _ranges(model, free):
     if not hasattr(free, "items") or not free:
         raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
-    known = [name for name in model.derivatives if hasattr(model, name) and name != "tuning"]
+    known = model.settable
     rows = []
     for name, ends in free.items():
-        checks.one_of("free", name, tuple(known))
+        checks.one_of("free", name, known)
         a, b = checks.numbers(f"free[{name!r}]", ends, 2)
-        value = getattr(model, name)
+        value = model.value(name)
         checks.require(
             a < b and math.isfinite(a) and math.isfinite(b), f"free[{name!r}]", ends, "rising"
         )
@@ -176,7 +248,7 @@ def _ranges(model, free):
             f"a range that holds {name} = {value:g} of the model",
         )
         for end in (a, b):
-            model.replace(**{name: end})
+            model.with_values({name: end})
         rows.append((name, a, b))
     names, low, high = zip(*rows, strict=True)
     return names, np.array(low), np.array(high)
@@ -196,31 +268,39 @@ def _improved(problem, start):
             last.clear()
             found = problem.residuals(share)
             if found is None:
-                size = problem.residuals(start)
-                found = np.full(size[0].size, 1e6), np.zeros_like(size[1])
+                found = np.full(problem.size, 1e6), np.zeros((problem.size, len(problem.names)))
             last[key] = found
         return last[key]
 
-    jacobian = "2-point" if problem.differences else lambda share: both(share)[1]
-    return least_squares(
-        lambda share: both(share)[0],
-        np.clip(start, 1e-6, 1.0 - 1e-6),
-        jac=jacobian,
-        bounds=(0.0, 1.0),
-        x_scale=0.1,
-        ftol=1e-10,
-        xtol=1e-10,
-        gtol=1e-12,
-        max_nfev=40,
-    )
+    def least(start, **how):
+        return least_squares(
+            lambda share: both(share)[0],
+            np.clip(start, 1e-6, 1.0 - 1e-6),
+            jac="2-point" if problem.differences else lambda share: both(share)[1],
+            bounds=(0.0, 1.0),
+            x_scale=0.1,
+            **how,
+        )
+
+    spent = 0
+    if any(one.kind == "branches" for one in problem.observations):
+        # Points beyond the folds of a model pull nowhere: first the largest residuals count less.
+        size = 1.0 if problem.noise else float(np.median(np.abs(both(start)[0]))) or 1.0
+        rough = least(start, loss="soft_l1", f_scale=size, ftol=1e-4, max_nfev=30)
+        start, spent = rough.x, rough.nfev
+    found = least(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
+    found.nfev += spent
+    return found
 
 
-def _judged(problem, best, waterfall, costs):
-    """Return the `Fit` of the best point."""
+def _judged(problem, best, waterfall, costs, endless=()):
+    """Return the `Fit` of the best point; endless: parameters with no highest value."""
     rest, moved = best.fun, np.atleast_2d(best.jac)
     size = np.sqrt((moved**2).sum(axis=0))
     felt = size > _NOTHING * max(size.max(), 1.0)
-    count = max(rest.size - int(felt.sum()), 1)
+    felt &= [name not in endless for name in problem.names]
+    taken = sum(getattr(one, "eliminated", 0) for one in problem.observations)
+    count = max(rest.size - taken - int(felt.sum()), 1)
     redchi = float(rest @ rest) / count
     scale = 1.0 if problem.noise else redchi
     width, values = problem.high - problem.low, problem.at(best.x)
@@ -231,11 +311,12 @@ def _judged(problem, best, waterfall, costs):
     factor = float(student.ppf(0.975, count))
     unknown, parameters = [], []
     for i, name in enumerate(problem.names):
-        value = float(getattr(values, name))
+        value = float(values.value(name))
         error = float(np.sqrt(covariance[i, i])) * width[i]
         said = ""
         if not felt[i]:
-            said = _why(problem, values, name, problem.low[i], problem.high[i])
+            ends = problem.low[i], problem.high[i]
+            said = _why(problem, values, name, *ends, struck=name in endless)
         elif error * factor > 0.5 * width[i]:
             said = (
                 f"{name} is hardly known: its interval of 95 % is as wide as its range, "
@@ -251,11 +332,11 @@ def _judged(problem, best, waterfall, costs):
                 factor * error,
                 problem.low[i],
                 problem.high[i],
-                float(getattr(problem.model, name)),
+                float(problem.model.value(name)),
                 felt[i],
             )
         )
-    if problem.noise and redchi > _GOOD:
+    if problem.noise and redchi > DESCRIBED:
         unknown.append(
             f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
             "from it as their noise explains, and no interval holds"
@@ -280,12 +361,14 @@ def _judged(problem, best, waterfall, costs):
     )
 
 
-def _why(problem, model, name, low, high):
+def _why(problem, model, name, low, high, struck=False):
     """Return why nothing in the data hangs on a parameter."""
     if name != "backlash":
         return f"{name} is not identifiable: nothing in the data hangs on it"
+    value, model = model.value(name), model.with_values({name: high})
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
-    bound = max(low, deepest)
+    # Where a little less describes the data as well, no more than that is known.
+    bound = max(low, min(deepest, value) if struck else deepest)
     how = "the far flank is never struck" if deepest > 0.0 else "contact is never lost"
     return (
         f"backlash is not identifiable: {how} in what is compared; it is at least {bound:.4g} m, "

@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
 from gearlib.analysis.order_maps import order_map
 from gearlib.models.described_pair import described
@@ -59,7 +60,7 @@ def _run_ups(rig):
 def _track(part, names, models, teeth):
     """Return (speed, measured, computed amplitudes) over the blocks of one run-up."""
     time, speed = part.time.values - part.time.values[0], part.speed.values
-    turned = _integral(time, speed / 60.0)
+    turned = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
     each = max(1, int(turned[-1] / BLOCKS))
     edges = np.arange(int(turned[-1] / each) + 1) * each
     measured = np.array([_orders(turned, part[name].values, edges, teeth) for name in names])
@@ -101,18 +102,14 @@ def _knots(time, speed):
     return list(zip(t[kept].tolist(), n[kept].tolist(), strict=True))
 
 
-def _integral(x, y):
-    """Return the integral of y over x up to each sample, by trapezia."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
-
-
 def _orders(turned, values, edges, teeth):
     """Return the root mean square of the mesh orders in each block, shape (orders, blocks)."""
     good = np.isfinite(values)
     turned, values = turned[good], values[good]
     found = []
     for k in range(1, ORDERS + 1):
-        wave = _integral(turned, values * np.exp(-2j * np.pi * k * teeth * turned))
+        wave = values * np.exp(-2j * np.pi * k * teeth * turned)
+        wave = cumulative_trapezoid(wave, turned, initial=0.0)
         at = np.interp(edges, turned, wave.real) + 1j * np.interp(edges, turned, wave.imag)
         found.append(np.sqrt(2.0) * np.abs(np.diff(at)) / np.diff(edges))
     return np.array(found)

@@ -1,23 +1,23 @@
 """What a fit compares of a measured run-up: mesh orders, block by block, and where it jumps.
 
-Sums over the phase turn samples into the complex amplitudes of the mesh orders of each revolution:
-offset and eccentricity are other orders and do not enter. Around a jump, where the deviations of a
-motion grow, nothing is compared but the speed at which it happens.
+Around a jump, where the deviations of a motion grow, nothing is compared but the speed at which it
+happens.
 """
 
-import json
+import copy
 import math
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.rig.projection import projected
+from gearlib.analysis.order_maps import summed
+from gearlib.analysis.revolutions import Turning
+from gearlib.rig.fitted_curves import Curve
+from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
 from gearlib.runs.run_up import run_up
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
 SAMPLES = 32
-#: Mesh orders compared.
-ORDERS = 4
 #: A step of the first mesh order from one revolution to the next that is a jump, as a share.
 _JUMP = 0.15
 #: Revolutions left out before a jump and behind it: in these the motion comes to its new orbit.
@@ -26,50 +26,50 @@ _BEFORE, _BEHIND = 4, 24
 _FIRST = 6
 
 
-class RunUpOrders:
+class RunUpOrders(MeshOrders):
     """A measured time course of a run-up."""
 
     kind = "run-up"
 
     def __init__(self, model, data):
-        known = json.loads(data.attrs.get("known", "{}"))
-        if "course" not in known:
+        super().__init__(model, data)
+        if "course" not in self.known:
             raise ValueError(
                 "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
             )
-        self.course, self.options = known["course"], known.get("options", {})
-        sensor = data.displacement.attrs
-        self.noise = float(sensor.get("noise_std", 0.0))
-        self.gain = bool(sensor.get("unknown_gain", 0))
-        values = data.displacement.values
-        checks.require(np.isfinite(values).all(), "displacement", "NaN", "finite in each sample")
-        checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
-        phase = self._phase(model, data.time.values)
-        self.teeth = model.mesh.teeth
-        self.blocks = int(phase[-1] / (math.tau * self.teeth))
+        self.course, self.options = self.known["course"], self.known.get("options", {})
+        self.turning = Turning(self.course)
+        turns = self.turning.revolutions(data.time.values)
+        self.blocks = int(turns[-1])
         checks.require(
             self.blocks > 2 * _FIRST, "revolutions", self.blocks, f"more than {2 * _FIRST}"
         )
-        table, self.share = _reduced(phase, values[:, None], self.blocks, self.teeth)
-        self.measured = table[:, :, 0]
+        self.measured, self.share = regressed(
+            turns, self.values, np.arange(self.blocks + 1), self.teeth
+        )
         self.jumps = _jumps(np.abs(self.measured[:, 0]))
         self.kept = np.arange(self.blocks) >= _FIRST
         for i in self.jumps:
             self.kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
         #: Speed in rpm of the middle of each block, by the course.
-        self.speeds = _speeds(self.course, self.blocks)
+        self.speeds = self.turning.at(np.arange(self.blocks) + 0.5)[1]
 
-    def _phase(self, model, times):
-        rows = np.array(self.course, float)
-        rate = rows[:, 1] * (math.pi / 30.0) * model.mesh.teeth
-        slope = np.append(np.diff(rate) / np.diff(rows[:, 0]), 0.0)
-        turned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(rows[:, 0])))
-        i = np.clip(np.searchsorted(rows[:, 0], times, "right") - 1, 0, len(rows) - 1)
-        t = times - rows[i, 0]
-        return turned[i] + (rate[i] + 0.5 * slope[i] * t) * t
+    def opening(self):
+        """Return the part of the observation before its first jump; None where that is short."""
+        count = min([i - _BEFORE for i in self.jumps] + [self.blocks // 3])
+        if count < 2 * _FIRST:
+            return None
+        end = float(self.turning.at(count + 0.5)[0])
+        rows = [row for row in self.course if row[0] < end]
+        found = copy.copy(self)
+        found.course = [*rows, [end, float(self.turning.at(count + 0.5)[1])]]
+        found.blocks, found.jumps = count, []
+        for name in ("measured", "share", "kept", "speeds"):
+            setattr(found, name, getattr(self, name)[:count])
+        return found
 
     def modelled(self, model, names):
-        """Return (orders, shape (blocks, ORDERS), their derivatives, the run-up)."""
+        """Return (orders, shape (blocks, ORDERS), their derivatives), None of a run that stops."""
         run = run_up(
             model,
             speed=self.course,
@@ -79,34 +79,22 @@ class RunUpOrders:
         )
         if int(run.status):
             return None
-        columns = [run.displacement.values]
-        columns += [run[f"d_displacement_d_{name}"].values for name in names]
-        table = np.column_stack(columns)
-        found, _ = _reduced(run.phase.values, table, self.blocks, self.teeth)
-        return found[:, :, 0], found[:, :, 1:], run
+        columns = ["displacement", *(f"d_displacement_d_{name}" for name in names)]
+        count = run.sizes["time"]
+        table = [run[name].values.reshape(count, -1)[:, self.mesh] for name in columns]
+        table = np.column_stack(table)
+        span = math.tau * self.teeth
+        found = summed(run.phase.values, table, self.blocks, span, 1.0, ORDERS + 1)[0][:, 1:]
+        return found[:, :, 0], found[:, :, 1:]
 
-    def residuals(self, model, names):
-        """Return (residuals, derivatives), None where the model could not go on."""
-        found = self.modelled(model, names)
-        if found is None:
-            return None
-        orders, slopes, _ = found
-        deviation = (self.noise or 1.0) * np.sqrt(0.5 * self.share[self.kept])
-        scale = np.repeat(deviation, 2 * ORDERS)
-
-        def flat(values):
-            part = np.stack([values.real, values.imag], 2)[self.kept]
-            return part.reshape(len(scale), *values.shape[2:]) / scale.reshape(
-                -1, *[1] * (values.ndim - 2)
-            )
-
-        measured, none = flat(self.measured), np.zeros((scale.size, 0))
-        rest, moved, gain = projected(measured, flat(orders), flat(slopes), none, self.gain)
-        more = [self._jump(i, orders, slopes, gain or 1.0) for i in self.jumps]
-        return (
-            np.concatenate([rest, [one[0] for one in more]]),
-            np.vstack([moved, *[one[1] for one in more]]),
-        )
+    def curves(self, model):
+        """Return the amplitudes of the mesh orders over the speed, each a `Curve`."""
+        falls, found = np.gradient(self.speeds) < 0.0, []
+        for k, (own, fitted) in enumerate(zip(self.measured.T, self.fitted(model).T, strict=True)):
+            words = f"order {k + 1 if k else ''}z"
+            heights = 2.0 * np.abs(own), 2.0 * np.abs(fitted)
+            found.append(Curve(words, self.units, "speed", self.speeds, heights, falls))
+        return found
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash in what is compared, m."""
@@ -114,7 +102,7 @@ class RunUpOrders:
         least = run.displacement_min.values[: self.blocks]
         return max(0.0, -float(least[self.kept[: least.size]].min()))
 
-    def _jump(self, i, orders, slopes, gain):
+    def jump(self, i, orders, slopes, gain):
         """Return (residual, derivatives) of the speed of a jump, over a few revolutions.
 
         Where the first mesh order of the model crosses the middle of the levels measured.
@@ -142,29 +130,6 @@ class RunUpOrders:
         return (place - own) / width, moved * apart / width
 
 
-def _reduced(phase, table, blocks, teeth):
-    """Return (mesh orders of columns, shape (blocks, ORDERS, c), sums of squares of weights)."""
-    span = math.tau * teeth
-    bounds = np.searchsorted(phase, span * np.arange(blocks + 1) - 1e-9)
-    found, share = np.zeros((blocks, ORDERS, table.shape[1]), complex), np.zeros(blocks)
-    harmonics = np.arange(1, ORDERS + 1)
-    for k in range(blocks):
-        i, j = bounds[k], bounds[k + 1]
-        own, rows = phase[i:j] - k * span, table[i:j]
-        if j < len(phase):
-            rows = np.vstack([rows, table[j]])
-        else:
-            rows = np.vstack([rows, table[j - 1]])
-        own = np.append(own, span)
-        steps = np.diff(own)
-        weight = np.append(0.5 * steps, 0.0)
-        weight[1:] += 0.5 * steps
-        weight /= span
-        found[k] = (weight * np.exp(-1j * np.outer(harmonics, own))) @ rows
-        share[k] = weight @ weight
-    return found, share
-
-
 def _jumps(height):
     """Return the blocks at which a height jumps, each once."""
     step = np.abs(np.log(height[1:] / height[:-1]))
@@ -175,14 +140,3 @@ def _jumps(height):
         if all(abs(i + 1 - one) > _BEHIND for one in found):
             found.append(int(i + 1))
     return sorted(found)
-
-
-def _speeds(course, blocks):
-    """Return the speed in the middle of each revolution, rpm."""
-    rows = np.array(course, float)
-    rate = rows[:, 1] / 60.0
-    turned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(rows[:, 0])))
-    middle = np.arange(blocks) + 0.5
-    i = np.clip(np.searchsorted(turned, middle, "right") - 1, 0, len(rows) - 2)
-    slope = np.diff(rate)[i] / np.diff(rows[:, 0])[i]
-    return 60.0 * np.sqrt(np.maximum(rate[i] ** 2 + 2.0 * slope * (middle - turned[i]), 0.0))

@@ -1,4 +1,4 @@
-"""Synthetic rigs: run-ups of a known model as an encoder would have them. Nothing is measured here.
+"""Synthetic rigs: what sensors would have of a known model. Nothing is measured here.
 
 For trials of fits only: the truth is known, seeds are fixed, and every dataset says what it is.
 """
@@ -6,7 +6,11 @@ For trials of fits only: the truth is known, seeds are fixed, and every dataset 
 import json
 
 import numpy as np
+import xarray as xr
 
+from gearlib.data import measured_names
+from gearlib.rig.branch_observations import channels
+from gearlib.rig.orbit_at_speed import SAMPLES, OrbitAtSpeed
 from gearlib.runs.run_up import run_up
 
 
@@ -60,11 +64,47 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
         time=("sample", run.time.values, {"units": "s", "long_name": "time"}),
         speed=("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     )
-    known = {"course": [list(map(float, row)) for row in course]}
+    known = {"course": [list(map(float, row)) for row in course], "phase": 0.0}
     found.attrs = {
         "title": "Synthetic rig",
         "source": "synthetic",
         "synthetic": 1,
         "known": json.dumps(known),
     }
+    return found
+
+
+def synthetic_points(model, speeds, names, seed, *, noise=0.01):
+    """Return what is measured of settled motions from rest at some speeds, synthetic.
+
+    Parameters
+    ----------
+    model : Model
+        The truth.
+    speeds : sequence of float
+        rpm.
+    names : sequence of str
+        Of variables as `gearlib.fit` takes them, ``load_sharing_sun_1``.
+    seed : int
+        Of the noise.
+    noise : float, default 0.01
+        Standard deviation over the largest value of a variable.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``sample``, with ``speed``. ``synthetic`` is 1 among the attributes.
+    """
+    rng = np.random.default_rng(seed)
+    points = [OrbitAtSpeed(model, speed, None, (), SAMPLES) for speed in speeds]
+    known = channels(model, xr.Dataset({name: 0.0 for name in names}))
+    found = xr.Dataset(coords={"speed": ("sample", list(speeds), {"units": "min-1"})})
+    for name in names:
+        values = np.array([point.of(*known[name])[0] for point in points])
+        size = noise * float(np.abs(values).max())
+        what = measured_names.of(known[name][0])
+        attrs = {"units": "m" if what[0] == "" else what[0], "long_name": f"{what[1]}, synthetic"}
+        attrs |= {"noise_std": size}
+        found[name] = "sample", values + rng.normal(0.0, size, values.size), attrs
+    found.attrs = {"title": "Synthetic points", "source": "synthetic", "synthetic": 1}
     return found

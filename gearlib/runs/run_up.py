@@ -155,7 +155,9 @@ def run_up(
     z = np.array(runner.start(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     every = max(samples, 1) if names else samples
-    found = list(courses.run_through(runner, pieces, z, every, limit, push, _teeth(model)))
+    found = list(
+        courses.run_through(runner, pieces, z, every, limit, push, model.periods_per_revolution)
+    )
     code = found[-1].status
     if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
@@ -290,6 +292,8 @@ def _statistics(model, found, omega):
     length, force = model.static_deflection, model.scales()["force_scale"]
     # The time of each mesh as its contacts count it: shares of one are 1 to the last place.
     share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
+    # Of a run that was stopped nothing was counted.
+    share[share == 0.0] = np.nan
     columns = {
         "displacement_max": rows[..., orbit.X_MAX] * length,
         "displacement_min": rows[..., orbit.X_MIN] * length,
@@ -361,11 +365,6 @@ def _course_of_time(model, found, omega, samples):
         moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), moves)
     return data
-
-
-def _teeth(model):
-    """Return how many mesh periods a revolution has."""
-    return float(model.mesh_frequency(1.0)) * 60.0 / (math.tau * float(model.speed(1.0)))
 
 
 def _nothing(dims, values):

@@ -141,6 +141,21 @@ def test_each_glyph_holds_what_it_is_called(mapping, pair):
     np.testing.assert_allclose(np.hypot(*points_of(circle)), 1.0, rtol=1e-14)
     real, imaginary = points_of(roots)
     np.testing.assert_array_equal(real + 1j * imaginary, orbit.multipliers)
+    (stems,) = plots["Order spectrum"].renderers
+    whole = gearlib.simulate(pair, nu, periods=300, record_periods=10, samples_per_period=256)
+    assert float(whole.period) == 1.0
+    _check_stems(stems, gearlib.orders(whole), [1, 2, 3, 4, 5, 6, 7, 8, 9, 10])
+
+
+def _check_stems(stems, spectrum, mesh_orders):
+    """Each stem rises from a millionth of the mean to the amplitude of its order."""
+    x, y = (np.reshape(values, (-1, 3)) for values in points_of(stems))
+    assert (x == np.array(mesh_orders)[:, None]).all()
+    amplitude = spectrum.force_amplitude.values
+    np.testing.assert_array_equal(y[:, 0], 1e-6 * amplitude[0])
+    at = np.isin(spectrum.mesh_order.values, mesh_orders)
+    np.testing.assert_array_equal(y[:, 1], amplitude[at])
+    assert np.isnan(y[:, 2]).all()
 
 
 @pytest.fixture(scope="module")
@@ -260,6 +275,7 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
     assert tuple(named) == meshes
     curves = plots["Resonance characteristic"].renderers
     shares, courses = plots["Load sharing"].renderers, plots["Time course"].renderers
+    spectra = plots["Order spectrum"].renderers
     for i, mesh in enumerate(meshes):
         assert curves[i] is named[mesh]
         for way, curve in (("up", curves[i]), ("down", curves[i + len(meshes)])):
@@ -269,7 +285,11 @@ def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
         np.testing.assert_array_equal(points_of(shares[i]), [speeds, sharing])
         force = run.dynamic_force.sel(mesh=mesh)[-3 * 64 :]
         np.testing.assert_array_equal(points_of(courses[i])[1], force)
-        colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i])}
+        spectrum = gearlib.orders(run).sel(mesh=mesh)
+        seen = spectrum.force_amplitude.values > 1e-6 * float(spectrum.force_amplitude[0])
+        seen[0] = False
+        _check_stems(spectra[i], spectrum, spectrum.mesh_order.values[seen])
+        colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i], spectra[i])}
         assert len(colours) == 1
 
 

@@ -7,7 +7,9 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.rig.branch_observations import STATISTICS, BranchStatistics, Onset, Point
+from gearlib.rig.branch_observations import BranchStatistics
+from gearlib.rig.orbit_at_speed import STATISTICS, OrbitAtSpeed
+from gearlib.rig.speed_observations import Speeds
 from tests.paper import PAPER
 
 #: Speeds of each direction.
@@ -43,18 +45,19 @@ def test_points_have_the_derivatives_at_their_speed(tuning):
     names = (*FREE, "max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
     run = gearlib.sweep(TRUTH, [0.6, tuning], periods=300, record_periods=1, direction="up")
     speed, state = TRUTH.speed(tuning), run.final_state.values[-1]
-    point = Point(TRUTH, speed, state, names)
+    point = OrbitAtSpeed(TRUTH, speed, state, names)
     for i, name in enumerate(names):
         step = 1e-4 * getattr(TRUTH, name)
         ends = [
-            Point(TRUTH.replace(**{name: getattr(TRUTH, name) + k * step}), speed, state, ())
+            OrbitAtSpeed(TRUTH.replace(**{name: getattr(TRUTH, name) + k * step}), speed, state, ())
             for k in (1.0, -1.0, 2.0, -2.0)
         ]
         for one in STATISTICS:
-            a, b, c, d = (end.values[one] for end in ends)
+            a, b, c, d = (end.of(one)[0] for end in ends)
+            value, slopes, _ = point.of(one)
             slope = (8.0 * (a - b) - (c - d)) / (12.0 * step)
-            size = max(abs(point.values[one]), 1e-12) / getattr(TRUTH, name)
-            assert abs(slope - point.slopes[one][i]) < 1e-8 * (abs(slope) + size), (name, one)
+            size = max(abs(value), 1e-12) / getattr(TRUTH, name)
+            assert abs(slope - slopes[i]) < 1e-8 * (abs(slope) + size), (name, one)
 
 
 @pytest.mark.skipif("GEARLIB_RIGS" not in os.environ, reason="GEARLIB_RIGS: 10 s")
@@ -70,7 +73,7 @@ def test_a_resonance_curve_tells_three_parameters():
 def test_load_is_a_scale_that_an_unknown_gain_hides():
     # While the far flank is not struck all lengths go with the load, shares of time do not feel it.
     for scale, held in ((2.5, True), (1.0, False)):
-        observation = BranchStatistics(resonance(TRUTH, 1, gain=scale))
+        observation = BranchStatistics(resonance(TRUTH, 1, gain=scale), TRUTH)
         for load, struck in ((2e3, False), (3e3, False), (4e3, True)):
             slopes = observation.residuals(TRUTH.replace(load=load), ("reduced_mass", "load"))[1]
             assert slopes[:, 0].any() and slopes[:, 1].any() == (struck or not held)
@@ -78,7 +81,7 @@ def test_load_is_a_scale_that_an_unknown_gain_hides():
 
 def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
-    one = BranchStatistics(data)
+    one = BranchStatistics(data, TRUTH)
     assert len(one.branches) == 4 and set(one.jumps) == {"jump_up", "jump_down"}
     # A model that jumps some points later is no large difference at any point.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
@@ -97,7 +100,8 @@ def test_onset_of_contact_loss_is_a_grazing():
     speed, names = pair.speed(0.83), ("reduced_mass", "material_damping", "stiffness_ratio", "load")
 
     def onset(pair, names=()):
-        rest, moved = Onset(xr.DataArray(speed, attrs={"noise_std": 1.0})).residuals(pair, names)
+        data = {"onset_of_contact_loss": xr.DataArray(speed, attrs={"noise_std": 1.0})}
+        rest, moved = Speeds(data).residuals(pair, names)
         return float(rest[0]) + speed, moved[0] if names else None
 
     place, slopes = onset(pair, names)

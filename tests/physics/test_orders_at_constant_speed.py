@@ -1,4 +1,4 @@
-"""Order maps of runs at constant speed: those of `gearlib.orders`, by other integrals."""
+"""Order maps of runs at constant speed: those of `gearlib.orders`, block by block."""
 
 import numpy as np
 import pytest

@@ -88,7 +88,7 @@ def sample_cases():
         # Modes of one frequency may part.
         hertz = train.reference_angular_frequency / (2.0 * math.pi)
         train = train.replace(reference_frequency=hertz)
-        left = ("torque", "error", "support", "torsional", "initial", "backlash of")
+        left = ("torque", "error", "offset", "support", "torsional", "initial", "backlash of")
         names = [n for n in train.derivatives if " of " in n and not n.startswith(left)]
         names = [n for n in names if places_value(train, n)]
         names += [f"backlash of mesh {m.name}" for m in train.meshes if np.isfinite(m.backlash)]

@@ -27,7 +27,8 @@ from tests.references.described_models import describe, size_of
 REFERENCES = Stored("sensitivities")
 #: What is asked for: 1e-10 of each derivative, or of 1e-3 of the largest by the same parameter.
 SHARE, LEAST = 1e-10, 1e-3
-LEFT = ("torque of",)
+#: An offset moves what errors of the meshes of a body move, see `test_fits_of_trains`.
+LEFT = ("torque of", "offset of")
 
 
 def random_pair(seed):

@@ -1,6 +1,7 @@
 """A very small project, and how to kill what runs in it."""
 
 import contextlib
+import functools
 import os
 import random
 import shutil
@@ -49,6 +50,8 @@ def start(project):
             stdout=printed,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            # A shell's background jobs, and what they start, ignore Ctrl-C.
+            preexec_fn=functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         )
 
 

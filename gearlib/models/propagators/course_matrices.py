@@ -268,15 +268,16 @@ class _Walk(Walk):
             self.tables.times[1 - code, j] += shift
 
 
-def of_matrices(model, names, found, table, state, per, **push):
+def of_matrices(model, names, found, table, state, per, along=None, **push):
     """Return the `Slopes` of a run-up of a piecewise-linear model.
 
     Parameters as of `gearlib.models.propagators.course_slopes.of_pair`, the driver, and `table`,
-    the summaries of the revolutions, shape (r, m, 10).
+    the summaries of the revolutions, shape (r, m, 10); `along`: what changes with each parameter,
+    by default as of `Model.direction`.
     """
     k, (rows, bounds) = len(names), rows_of(found)
     by = {one: np.array([float(name == one) for name in names]) for one in COURSE}
-    along = [{} if name in COURSE else model.direction(name) for name in names]
+    along = along or [{} if name in COURSE else model.direction(name) for name in names]
     systems = _Systems(model, along, by, push)
     m, count, half = systems.m, int(rows[-1]) + 1, systems.half
     moving = systems.start(state, along, found[0].piece.speed)

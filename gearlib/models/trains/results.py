@@ -52,6 +52,8 @@ class TrainResults(Model):
 
     parameters, parameter, with_parameter = PARAMETERS, value_of, with_value
     derivatives = property(train_slopes.parameters, doc="As of `Model.derivatives`.")
+    settable = property(train_slopes.settable, doc="As of `Model.settable`.")
+    value, with_values = train_slopes.value, train_slopes.with_values
     direction, along_branch = train_slopes.direction, train_slopes.along_branch
     complex_step, contact_map = train_slopes.complex_train, contact_map
 

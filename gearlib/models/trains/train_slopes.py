@@ -4,6 +4,7 @@ A parameter of one element is called as the sentences of refusals call it, ``ine
 that of a mesh without an element is that of all meshes, changed alike.
 """
 
+import dataclasses
 import math
 from copy import copy
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from gearlib.kernels.codes import INVERSE, NORMAL
 from gearlib.models.derivatives import STEP, about_the_mean, check_edges, complex_step
+from gearlib.models.trains import waves
 from gearlib.models.trains.structure import COMPLEX, structure
 from gearlib.models.trains.train_parameters import FALLBACK
 
@@ -25,6 +27,7 @@ FIELDS: dict = {
         "torsional_stiffness": (_TORSION[0], "torsional stiffness of the support"),
         "torsional_damping": (_TORSION[1], "torsional damping of the support"),
         "torque": ("N m", "torque"),
+        "offset": ("m", "misplaced axis"),
     },
     "shaft": {
         "stiffness": (_TORSION[0], "torsional stiffness"),
@@ -66,7 +69,8 @@ def parameters(train):
                 axes = _elastic(element, name)
                 if axes is None:
                     continue
-                found[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
+                if name != "offset":
+                    found[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
                 for axis in axes:
                     about = units, f"{words} of {kind} {label}, {axis}"
                     found[f"{name} of {kind} {label}, {axis}"] = about
@@ -77,6 +81,8 @@ def parameters(train):
 
 def _elastic(element, name):
     """Return the axes that a field has, none for most; None: what it is of is rigid or absent."""
+    if name == "offset":
+        return "xy"
     if name == "mass":
         return None if element.mass is None else ""
     part, _, field = name.rpartition("_")
@@ -95,16 +101,7 @@ def direction(train, name):
         return {name: 1.0}
     if name == "load":
         return {("body", b.name, "torque"): b.torque / train.load for b in train.bodies}
-    if name in FIELDS["mesh"]:
-        found = {("mesh", label, name): 1.0 for label in train.mesh_names}
-    else:
-        field, element = name.split(" of ", 1)
-        kind, label = element.split(" ", 1)
-        axes = ()
-        if label not in elements(train)[kind]:
-            label, axis = label.rsplit(", ", 1)
-            axes = ("xy".index(axis),)
-        found = {(kind, label, field, *axes): 1.0}
+    found = dict.fromkeys(_places(train, name), 1.0)
     for key in found:
         if key[0] == "mesh":
             mesh = train.meshes[train.mesh_names.index(key[1])]
@@ -115,6 +112,65 @@ def direction(train, name):
                     "< 1, where the stiffness has switches"
                 )
     return found
+
+
+def settable(train):
+    """Return the parameters of elements, or of all meshes where they share one value."""
+    found = []
+    for name in parameters(train):
+        field, _, element = name.partition(" of ")
+        if element and not field.startswith("initial_") and field != "torque":
+            found.append(name)
+        elif name in FIELDS["mesh"] and len({getattr(one, name) for one in train.meshes}) == 1:
+            found.append(name)
+    return tuple(found)
+
+
+def value(train, name):
+    """Return the value of one of `settable`."""
+    (kind, label, field, *axis), *_ = _places(train, name)
+    found = getattr(elements(train)[kind][label], field)
+    if not isinstance(found, tuple):
+        return found
+    # That of both axes is that of the first which gives.
+    return found[axis[0]] if axis else next(one for one in found if math.isfinite(one))
+
+
+def with_values(train, changes):
+    """Return the train with some of `settable` changed and checked."""
+    fields: dict = {}
+    for name, new in changes.items():
+        for kind, label, field, *axis in _places(train, name):
+            element = fields.setdefault((kind, label), {})
+            old = element.get(field, getattr(elements(train)[kind][label], field))
+            if isinstance(old, tuple):
+                own = [i for i, one in enumerate(old) if i in axis or not axis]
+                element[field] = tuple(
+                    new if i in own and math.isfinite(one) else one for i, one in enumerate(old)
+                )
+            else:
+                element[field] = new
+    changed = {
+        kind: tuple(
+            dataclasses.replace(one, **fields[kind, label]) if (kind, label) in fields else one
+            for label, one in named.items()
+        )
+        for kind, named in elements(train).items()
+    }
+    return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])
+
+
+def _places(train, name):
+    """Return the (kind, label, field[, axis]) of a parameter of elements, or of all meshes."""
+    if name in FIELDS["mesh"]:
+        return [("mesh", label, name) for label in train.mesh_names]
+    field, element = name.split(" of ", 1)
+    kind, label = element.split(" ", 1)
+    axes = ()
+    if label not in elements(train)[kind]:
+        label, axis = label.rsplit(", ", 1)
+        axes = ("xy".index(axis),)
+    return [(kind, label, field, *axes)]
 
 
 def along_branch(train, name):
@@ -144,20 +200,23 @@ def complex_train(train, slopes):
         complex_step(mesh, {key[0]: slope for key, slope in of("mesh", mesh.name).items()})
         for mesh in train.meshes
     )
-    moved = train.structure
+    bodies, moved = elements(train)["body"], train.structure
     if any(key[0] in ("body", "shaft") for key in slopes):
-        moved = _structure(train, of)
-    frequencies, waves, constants = train.excitation
-    errors = [of("mesh", mesh.name).get(("error",), 0.0) for mesh in train.meshes]
+        bodies = {
+            name: complex_step(one, _keys(one, of("body", name))) for name, one in bodies.items()
+        }
+        moved = _structure(train, bodies, of)
+    frequencies, own, _ = train.excitation
     deflection, speed = _scales(train, moved, meshes)
     made = copy(train)
     vars(made).pop("_system", None)
+    vars(made).update(meshes=meshes, by_name=bodies)
+    constants = waves.excited(made, train.structure.arms, COMPLEX)[1]
     vars(made).update(
-        meshes=meshes,
         structure=moved,
         far_lines=train.far_lines,
         segments=train.segments,
-        excitation=(frequencies, waves, constants + 1j * STEP * np.array(errors)),
+        excitation=(frequencies, own, constants),
         static_deflection=deflection,
         reference_angular_frequency=speed,
         # Any: only the length of steps depends on it.
@@ -166,17 +225,14 @@ def complex_train(train, slopes):
     return made
 
 
-def _structure(train, of):
+def _structure(train, bodies, of):
     """Return the `Structure` off the real axis; `of` gives the slopes of an element."""
     own = train.structure
-    bodies, shafts = (
-        [
-            complex_step(one, _keys(one, of(kind, label)))
-            for label, one in elements(train)[kind].items()
-        ]
-        for kind in ("body", "shaft")
-    )
-    moved = structure({body.name: body for body in bodies}, train.meshes, shafts, COMPLEX)
+    shafts = [
+        complex_step(one, _keys(one, of("shaft", label)))
+        for label, one in elements(train)["shaft"].items()
+    ]
+    moved = structure(bodies, train.meshes, shafts, COMPLEX)
     force = moved.load.imag / STEP
     turning = np.abs(train.free_motions.T @ force)
     if (turning > 1e-9 * np.abs(train.free_motions.T) @ np.abs(force)).any():

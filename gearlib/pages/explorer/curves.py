@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import numpy as np
 import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
@@ -25,6 +26,16 @@ class Curves:
         values = [self.sources[name].data["y"] for name in names]
         plot.y_range.start, plot.y_range.end = limits(*values)
 
+    def stems(self, name, spectrum):
+        """Give a line the force amplitudes of an order spectrum as stems, N over mesh orders."""
+        amplitude = spectrum.force_amplitude.values
+        seen = amplitude > FLOOR * amplitude[0]
+        # Order 0 is the mean.
+        seen[0] = False
+        ground = np.full(seen.sum(), FLOOR * amplitude[0])
+        ends = np.column_stack([ground, amplitude[seen], ground * np.nan])
+        self.show(name, np.repeat(spectrum.mesh_order.values[seen], 3), ends.ravel())
+
     def line(self, plot, name, colour, **options):
         """Draw a line in a figure."""
         plot.line("x", "y", source=self.sources[name], color=colour, **options)
@@ -46,18 +57,25 @@ class Room(NamedTuple):
 
 #: Of the characteristic, of a figure beside it, and of those of which several stand side by side.
 LARGE, FIRST, SMALL = Room(0.55, 300, 460, 2), Room(0.55, 340, 290), Room(0.45, 250, 260)
+#: Of the mean force: amplitudes below are not drawn.
+FLOOR = 1e-6
 #: Width of ticks and words of an ordinate, px.
 _ORDINATE = 65
 #: Of the window, px: choice, heading and note.
 _HEAD = 240
 
 
-def empty(title, x, y, tools=False):
+def empty_orders():
+    """Return an empty figure of order spectra."""
+    return empty("Order spectrum", "mesh order", "mesh force, N, peak", y_axis_type="log")
+
+
+def empty(title, x, y, tools=False, **options):
     """Return an empty figure, whose size is that of its `pane`."""
     more = {} if tools else {"toolbar_location": None}
     # Room for ticks and words of the ordinate, which are not known when the figure is laid out.
     look = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
-    return figure(title=title, x_axis_label=x, y_axis_label=y, **look, **more)
+    return figure(title=title, x_axis_label=x, y_axis_label=y, **look, **more, **options)
 
 
 def pane(plot, room=SMALL, less=0):

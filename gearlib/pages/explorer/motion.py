@@ -1,9 +1,9 @@
-"""Figures of the motion of one pair: characteristic, phase plane, time course, multipliers."""
+"""Figures of the motion of one pair: characteristic, phase plane, course, multipliers, orders."""
 
 import numpy as np
 
 from gearlib.figures.style import PALETTE
-from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, pane
+from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, empty_orders, pane
 from gearlib.pages.explorer.view import PAIR, SHOWN
 
 
@@ -13,7 +13,7 @@ class Motion(Curves):
     def __init__(self, over_speed=False):
         self.over_speed = over_speed
         sweeps = "up", "up_min", "down", "down_min"
-        super().__init__((*sweeps, "plane", "course", "force", "roots"))
+        super().__init__((*sweeps, "plane", "course", "force", "roots", "orders"))
         self.resonance = self._characteristic()
 
     def draw(self, seen):
@@ -31,6 +31,8 @@ class Motion(Curves):
         self.show("course", phase, displacement)
         self.show("force", phase, course.dynamic_force.values)
         self.show("roots", seen.multipliers.real, seen.multipliers.imag)
+        if seen.orders is not None:
+            self.stems("orders", seen.orders)
         self.marker.location = tuning * unit
         roots = ", ".join(f"{abs(m):.4g}" for m in seen.multipliers)
         found = f" Floquet multipliers in magnitude: {roots}." if roots else ""
@@ -39,7 +41,7 @@ class Motion(Curves):
 
     def panes(self):
         """Return the figures, one row after the other."""
-        small_ones = self._phase_plane(), self._course(), self._multipliers()
+        small_ones = self._phase_plane(), self._course(), self._multipliers(), self._orders()
         return [
             beside(pane(self.resonance, LARGE)),
             beside(*map(pane, small_ones)),
@@ -74,4 +76,9 @@ class Motion(Curves):
         angle = np.linspace(0.0, 2.0 * np.pi, 200)
         plot.line(np.cos(angle), np.sin(angle), color="#999999")
         plot.scatter("x", "y", source=self.sources["roots"], size=10, color=PALETTE[0])
+        return plot
+
+    def _orders(self):
+        plot = empty_orders()
+        self.line(plot, "orders", PALETTE[0], line_width=3)
         return plot

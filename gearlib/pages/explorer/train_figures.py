@@ -4,7 +4,7 @@ import math
 from itertools import product
 
 from gearlib.figures.style import mesh_colours
-from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, pane
+from gearlib.pages.explorer.curves import LARGE, Curves, beside, empty, empty_orders, pane
 from gearlib.pages.explorer.turning_train import TurningTrain
 from gearlib.pages.explorer.view import SHOWN, TRAIN
 
@@ -14,7 +14,7 @@ class TrainFigures(Curves):
 
     def __init__(self, machine):
         self.meshes, self.speeds = machine.meshes, machine.speeds
-        super().__init__(product(("up", "down", "shares", "force"), self.meshes))
+        super().__init__(product(("up", "down", "shares", "force", "orders"), self.meshes))
         self.train = TurningTrain()
         self.resonance = self._characteristic()
         #: Of these the limits follow what is drawn.
@@ -24,7 +24,7 @@ class TrainFigures(Curves):
         """Return the figures, one row after the other."""
         return [
             beside(pane(self.resonance, LARGE), self.train.pane()),
-            beside(pane(self._sharing), pane(self._courses)),
+            beside(pane(self._sharing), pane(self._courses), pane(self._orders())),
         ]
 
     def draw(self, seen):
@@ -40,6 +40,8 @@ class TrainFigures(Curves):
             }
             for what, (x, values) in curves.items():
                 self.show((what, mesh), x, values.sel(mesh=mesh).values)
+            if seen.orders is not None:
+                self.stems(("orders", mesh), seen.orders.sel(mesh=mesh))
         for what, plot in (("shares", self._sharing), ("force", self._courses)):
             self.limit(plot, [(what, mesh) for mesh in self.meshes])
         self.marker.location = float(run.speed)
@@ -72,4 +74,9 @@ class TrainFigures(Curves):
         )
         self._lines(plot, "force", named=False)
         plot.add_layout(self.train.marker)
+        return plot
+
+    def _orders(self):
+        plot = empty_orders()
+        self._lines(plot, "orders", named=False)
         return plot

@@ -1,5 +1,6 @@
 """From a model to the arrays that the explorer draws of it; no browser here."""
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -8,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.analysis.order_spectrum import orders
 from gearlib.data import motion_words, summary
 from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate
@@ -39,6 +41,7 @@ class View:
     run: xr.Dataset  #: of `gearlib.simulate` at the setting
     multipliers: np.ndarray  #: Floquet multipliers of a pair, empty if no orbit was found
     message: str  #: what the motion is, in words
+    orders: xr.Dataset | None  #: order spectrum, if there is a motion to the end
     mesh: Any = None  #: of drawn gears
     pair: Any = None  #: of these, with the rectangle of their stiffness
     error: xr.Dataset | None = None  #: of `Mesh.transmission_error` at several loads
@@ -66,10 +69,30 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
         f" Followed for {lengths.settle} mesh periods, at each speed of the characteristic for "
         f"{lengths.periods}."
     )
+    spectrum = _orders(model, run, lengths)
     if model.mesh_names:
-        return View(model, up, down, run, np.empty(0), _of_meshes(run) + followed, **drawn)
+        words = _of_meshes(run) + followed
+        return View(model, up, down, run, np.empty(0), words, spectrum, **drawn)
     words = summary.in_words(run) + followed
-    return View(model, up, down, run, _multipliers(model, run), words, **drawn)
+    return View(model, up, down, run, _multipliers(model, run), words, spectrum, **drawn)
+
+
+def _orders(model, run, lengths):
+    """Return the order spectrum of a run that repeats, else of the revolution that follows it."""
+    if int(run.status):
+        return None
+    if int(run.period) and lengths.recorded % int(run.period) == 0:
+        return orders(run)
+    length = round(float(run.mesh_frequency * 60.0 / (math.tau * run.speed)))
+    revolution = simulate(
+        model,
+        float(run.tuning),
+        periods=length,
+        record_periods=length,
+        samples_per_period=lengths.samples,
+        initial_state=tuple(run.final_state.values),
+    )
+    return None if int(revolution.status) else orders(revolution)
 
 
 def _multipliers(pair, run):

@@ -1,0 +1,48 @@
+"""What is fitted to a measured set: the free parameters and their ranges."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gearlib.checks import refusal
+from gearlib.config import units
+from gearlib.config.types import Given, Option, entry, whole
+from gearlib.models.pair_parameters import PairParameters
+from gearlib.parameters import Number, declared
+
+_Range = Annotated[list[Option], Field(min_length=2, max_length=2)]
+
+
+class FitSection(Given):
+    """What `gearlib fit` looks for in a measured set."""
+
+    model: Literal["one_degree", "six_degrees", "train"] = entry("Kind of the model.", None)
+    free: dict[Annotated[str, Field(pattern="(?s).")], _Range] = entry(
+        "Parameter -> its lowest and highest value.", {}
+    )
+    starts: whole(0, 10_000) = entry("Points of a Latin hypercube that are tried.", None)
+    seed: whole(0) = entry("Of these points.", None)
+
+
+def range_of(name, ends):
+    """Return the lowest and highest value of a parameter in SI; texts may have units.
+
+    ValueError for what is no number in a unit of its dimension.
+    """
+    kind = getattr(declared(PairParameters).get(name), "kind", None)
+    unit = kind.unit if isinstance(kind, Number) else "1"
+    allowed = "two numbers" + ("" if unit == "1" else f" in {unit}, or texts with a unit of it")
+    found = []
+    for end in ends:
+        try:
+            found.append(float(end))
+        except ValueError:
+            if unit == "1":
+                raise refusal(f"free.{name}", list(ends), allowed) from None
+            try:
+                found.append(units.read(end, unit))
+            except ValueError:
+                raise refusal(f"free.{name}", list(ends), allowed) from None
+    if len(found) != 2 or any(isinstance(end, bool) for end in ends):
+        raise refusal(f"free.{name}", list(ends), allowed)
+    return found[0], found[1]

@@ -1,0 +1,115 @@
+"""Fits of trains to load sharing and mesh orders, all synthetic; their derivatives."""
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.rig.orbit_at_speed import SAMPLES, OrbitAtSpeed
+from gearlib.rig.synthetic_rigs import synthetic_points
+
+SUN, RING = "max_stiffness of mesh sun 1", "max_stiffness of mesh ring 1"
+PIN = "offset of body planet 1, y"
+FREE = {SUN: (4e8, 1e9), RING: (4e8, 1e9), PIN: (-3e-5, 3e-5)}
+NAMES = (
+    "load_sharing_sun_1",
+    "load_sharing_sun_2",
+    "load_sharing_sun_3",
+    "order_amplitude_1_sun_1",
+    "order_amplitude_1_ring_1",
+    "order_amplitude_2_sun_1",
+)
+SPEED = 2500.0
+
+
+def planetary():
+    """Return a planetary set whose first pin lies 10 um behind its place."""
+    train = gearlib.planetary(
+        stiffness_ratio=(0.6, 0.7), pin_errors=((0.0, 1e-5), (0.0, 0.0), (0.0, 0.0))
+    )
+    return train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * np.pi))
+
+
+def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders():
+    truth = planetary()
+    data = synthetic_points(truth, [SPEED], NAMES, 5, noise=0.003)
+    assert data.attrs["synthetic"] == 1
+    off = truth.with_values({SUN: 5.5e8, RING: 6.5e8, PIN: 0.0})
+    found = gearlib.fit(off, data, FREE, starts=0)
+    assert found.ndata == 6 and found.redchi < 2.6 and not found.unknown
+    for name, one in found.params.items():
+        low, high = one.interval
+        assert low <= truth.value(name) <= high, name
+        assert abs(one.value - truth.value(name)) < 5.0 * one.stderr, name
+    # The pin error shows in the load sharing: 5 % of a load for 10 um.
+    assert found.params[PIN].stderr < 2e-6 and found.params[SUN].stderr < 2e7
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_load_sharing_and_orders_have_exact_derivatives(lost):
+    # Where contact is lost an event that passes a sample bends differences: steps are small.
+    train = planetary()
+    speed = SPEED
+    if lost:
+        bodies = [gearlib.Body(**vars(one) | {"torque": 0.07 * one.torque}) for one in train.bodies]
+        train, speed = train.replace(bodies=tuple(bodies)), 3430.0
+    names = (SUN, PIN, "inertia of body sun")
+    point = OrbitAtSpeed(train, speed, None, names, SAMPLES)
+    state = point.orbit.state
+    known = [("load_sharing", 0), ("load_sharing", 4), ("order_amplitude_1", 1)]
+    known += [("displacement_max", 2), ("dynamic_force_min", 3)]
+    assert (float(point.least[0]) < 0.0) == lost
+    for i, name in enumerate(names):
+        size = abs(train.value(name)) or 1e-5
+        step = (1e-5 if lost else 1e-3) * size
+        ends = [
+            OrbitAtSpeed(
+                train.with_values({name: train.value(name) + k * step}), speed, state, (), SAMPLES
+            )
+            for k in (1, -1, 2, -2, 3, -3)
+        ]
+        for what, mesh in known:
+            a, b, c, d, e, f = (end.of(what, mesh)[0] for end in ends)
+            # Central differences of sixth order.
+            slope = (45.0 * (a - b) - 9.0 * (c - d) + (e - f)) / (60.0 * step)
+            value, slopes, _ = point.of(what, mesh)
+            close = (1e-6 if lost else 1e-8) * (abs(slope) + abs(value) / size)
+            assert abs(slope - slopes[i]) < close, (name, what)
+
+
+def test_an_offset_of_an_axis_is_an_error_of_its_meshes():
+    train = planetary()
+    tuning = float(train.tuning_at(SPEED))
+    orbit = gearlib.periodic_orbit(train, tuning)
+    errors = [f"error of mesh {name}" for name in ("sun 1", "ring 1")]
+    offsets = [f"offset of body planet 1, {axis}" for axis in "xy"]
+    found = gearlib.orbit_sensitivities(orbit, (*errors, *offsets), samples_per_period=1)
+    slopes = {name: found[f"d_state_d_{name}"].values for name in (*errors, *offsets)}
+    # Planet 1 lies at the angle 0: its arms are directions along the lines of action.
+    arms = {
+        name: train.structure.arms[train.mesh_names.index(name)] for name in ("sun 1", "ring 1")
+    }
+    which = {"sun 1": 1, "ring 1": 0}
+    for k, offset in enumerate(offsets):
+        own = sum(arms[mesh][which[mesh]][k] * slopes[f"error of mesh {mesh}"] for mesh in which)
+        size = np.abs(slopes[offset]).max()
+        assert np.abs(own - slopes[offset]).max() < 1e-12 * size
+
+
+def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
+    from gearlib.rig.synthetic_rigs import synthetic_rig
+    from tests.physics.test_fits import TRUTH
+
+    truth = gearlib.SixDegreePair(
+        pair=TRUTH,
+        base_radii=(0.03, 0.03),
+        inertias=(0.0056, 0.0056),
+        masses=(3.0, 3.0),
+        bearing_stiffness=(float("inf"),) * 4,
+    )
+    low, high = truth.speed(0.6), truth.speed(0.72)
+    data = synthetic_rig(truth, [(0.0, low), (0.5, high)], 1)
+    free = {"material_damping": (1000.0, 9000.0), "inertias[0]": (0.005, 0.0063)}
+    off = truth.with_values({"material_damping": 4500.0, "inertias[0]": 0.0054})
+    found = gearlib.fit(off, data, free, starts=0)
+    for name, one in found.params.items():
+        assert abs(one.value - truth.value(name)) < 4.0 * one.stderr, name
