@@ -29,7 +29,7 @@ def test_indices_are_those_of_a_product():
         "max_stiffness": {"min": 2e8, "max": 6e8},
         "reduced_mass": {"min": 2.0, "max": 4.0},
     }
-    found = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3, threads=1)
+    found = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3)
 
     def moments(low, high, power):
         mean = (high ** (power + 1) - low ** (power + 1)) / (power + 1) / (high - low)
@@ -47,14 +47,14 @@ def test_indices_are_those_of_a_product():
     low, high = found.first_index_interval.values[0].T
     assert ((low < index) & (index < high)).all()
     assert int(found.missing_designs[0]) == 0
-    again = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3, threads=2)
+    again = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3)
     assert again.identical(found)
 
 
 def test_designs_without_a_jump_are_counted():
     model = DAMPED.replace(material_damping=8.4e3)
     tolerances = scattered(model, 0.01, ("material_damping", "contact_ratio"))
-    found = sobol_indices(model, tolerances, ("jump_up",), 16, threads=1)
+    found = sobol_indices(model, tolerances, ("jump_up",), 16)
     assert 0 < int(found.missing_designs[0]) < 4 * 16
     assert np.isfinite(found.total_index.values).all()
 
@@ -62,7 +62,7 @@ def test_designs_without_a_jump_are_counted():
 def test_first_order_holds_where_tolerances_are_small():
     names = ("max_stiffness", "stiffness_ratio", "reduced_mass", "backlash", "material_damping")
     quantities = ("jump_up", "jump_down", "onset_of_contact_loss", "peak")
-    found = first_order_scatter(DAMPED, scattered(DAMPED, 0.005, names), quantities, 128, threads=1)
+    found = first_order_scatter(DAMPED, scattered(DAMPED, 0.005, names), quantities, 128)
     assert found.first_order_verdict.values.tolist() == [HOLDS] * 4
     assert found.deviation_ratio.values == pytest.approx(1.0, abs=0.05)
     for name in quantities:
@@ -78,12 +78,12 @@ def test_first_order_holds_where_tolerances_are_small():
 def test_first_order_says_where_it_does_not_hold():
     model = DAMPED.replace(material_damping=8.4e3)
     found = first_order_scatter(
-        model, scattered(model, 0.01, ("material_damping",)), ("jump_up",), 32, threads=1
+        model, scattered(model, 0.01, ("material_damping",)), ("jump_up",), 32
     )
     assert int(found.first_order_verdict[0]) == CUSP
     assert "next to a cusp" in found.attrs["said"]
     wide = {"reduced_mass": {"min": 0.3, "max": 6.0}}
-    found = first_order_scatter(PAPER, wide, ("onset_of_contact_loss",), 32, threads=1)
+    found = first_order_scatter(PAPER, wide, ("onset_of_contact_loss",), 32)
     assert int(found.first_order_verdict[0]) == BENDS
     assert found.deviation_ratio.values[0] < 0.9
 
@@ -92,7 +92,7 @@ def test_tightened_tolerances_keep_their_risk():
     speed = float(DAMPED.speed(1.13))
     tolerances = scattered(DAMPED, 0.006, ("stiffness_ratio", "contact_ratio", "material_damping"))
     tolerances |= scattered(DAMPED, 0.02, ("reduced_mass",))
-    found = tighten(DAMPED, tolerances, speed=speed, n=512, threads=1)
+    found = tighten(DAMPED, tolerances, speed=speed, n=512)
     # A sum of normal distributions: the margin has to be 2.326 deviations.
     follow = Followed(DAMPED, (), ("contact_margin",), speed=speed)
     deviation = np.linalg.norm(found.effect)
