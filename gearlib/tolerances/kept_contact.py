@@ -60,8 +60,8 @@ class _Map:
 
     def at(self, i, start, share):
         """Return displacement and velocity at a share of a segment."""
-        c, length = self.segments[i]
-        return _flow(*start, c, self.b, length * share)
+        (x, v), (c, length) = start, self.segments[i]
+        return _flow(x, v, c, self.b, length * share)
 
 
 class KeptContact:
