@@ -3,7 +3,7 @@
 A polynomial in normal scores, fitted to runs by regression, stands for the motion at a speed (Xiu,
 Karniadakis: SIAM J. Sci. Comput. 24 (2002) 619-644). Beside it the runs themselves, as many as the
 fit takes, and all against a great many exact runs. Needs chaospy, ``pip install
-'gearlib[peers]'``.
+'gearlib[chaos]'``.
 """
 
 import numpy as np
@@ -53,7 +53,7 @@ def expansion_errors(
         import chaospy
     except ImportError:
         raise ImportError(
-            "polynomial chaos needs chaospy, which is not installed: pip install 'gearlib[peers]'"
+            "polynomial chaos needs chaospy, which is not installed: pip install 'gearlib[chaos]'"
         ) from None
     designs = Designs(model, tolerances, seed)
     speeds, k = np.sort(np.asarray(speeds, float)), len(designs.names)
