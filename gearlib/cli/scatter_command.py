@@ -55,6 +55,7 @@ def _number(text):
     "--tolerance",
     "tolerances",
     type=_Tolerance(),
+    metavar="TEXT",
     multiple=True,
     help="What scatters, such as 'load std=5%', 'backlash upper=10um lower=-10um', 'contact_ratio "
     "min=1.5 max=1.6', 'load distribution=lognorm s=0.1 scale=3300'; for each parameter once.",
@@ -63,8 +64,9 @@ def _number(text):
     "--quantity",
     "quantities",
     type=click.Choice(list(QUANTITIES)),
+    metavar="NAME",
     multiple=True,
-    help="Of each design; by default jumps, onset of contact loss and peak of a pair.",
+    help=f"Of each design, of {', '.join(QUANTITIES)}; by default the first four, of a pair.",
 )
 @click.option("--samples", "n", type=int, default=1024, show_default=True, help="Designs.")
 @click.option("--speed", type=speed_options.SPEED, help="Of the duty point, rpm.")
