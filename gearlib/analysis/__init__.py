@@ -14,7 +14,7 @@ name                 responsibility
 ``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
 ``steady_course``    a run at constant speed as a run-up, for its orders
 ``order_slopes``     and their derivatives by parameters
-``turning``          revolutions over a course of speed
+``revolutions``      revolutions over a course of speed
 ``sampled_signals``  signals over time at equal angles, for `order_map`
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================

@@ -8,6 +8,7 @@ module             responsibility
 ``model_options``  from options and a configuration to a model
 ``fitting``        fits: a measured set, and what it says of the gears
 ``speed_options``  speeds in rpm where a command counts in tunings
+``scatter_command``  how much scatters with tolerances
 ``workflow_commands``  the workflow, of an installed package too
 ``output``         what a command prints and writes, and how it ends
 ``refusals``       wrong input: a sentence, exit code 2

@@ -12,6 +12,7 @@ from gearlib.cli import (
     output,
     progress,
     refusals,
+    scatter_command,
     speed_options,
     workflow_commands,
 )
@@ -396,5 +397,10 @@ def explore(mapping, damping, port, show):
     serving.serve(mapping, damping, port, show)
 
 
-for command in (fitting.fit, workflow_commands.paper, workflow_commands.workflow):
-    main.add_command(command)
+for one in (
+    fitting.fit,
+    scatter_command.scatter,
+    workflow_commands.paper,
+    workflow_commands.workflow,
+):
+    main.add_command(one)

@@ -43,6 +43,7 @@ _OF_ONE_DAMPING = (
     "reducer",
     "train_sweep",
     "run_ups",
+    "tolerances",
 )
 
 

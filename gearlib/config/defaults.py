@@ -159,6 +159,7 @@ def _made(pair, dampings):
         },
         "branches": {"loci": {"damping": first}},
         "run_ups": {"damping": first},
+        "tolerances": {"damping": first},
         "stability_chart": {"damping": lightest},
         "work_precision": {
             "damping": largest,

@@ -9,6 +9,7 @@ from gearlib.data import (
     duty_variables,
     fit_variables,
     layout_variables,
+    scatter_variables,
     status,
 )
 
@@ -45,6 +46,7 @@ DESCRIPTIONS = {
     "body": ("1", "name of the body"),
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
     **layout_variables.DESCRIPTIONS,
+    **scatter_variables.DESCRIPTIONS,
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
     "mean_force": ("1", "mean of the mesh force over time, over the load"),
     "dynamic_factor": ("1", "largest mesh force over its static value"),

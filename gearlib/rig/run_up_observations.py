@@ -11,7 +11,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.order_maps import summed
-from gearlib.analysis.turning import Turning
+from gearlib.analysis.revolutions import Turning
 from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
 from gearlib.runs.run_up import run_up

@@ -93,10 +93,10 @@ def sweep(
     """
     check_either(pair, "tunings", tunings, "speeds", speeds)
     if speeds is None:
-        tunings = _check_tunings("tunings", tunings, check_tuning)
+        tunings = check_tunings("tunings", tunings, check_tuning)
     else:
         check = functools.partial(check_speed, pair)
-        tunings = pair.tuning_at(_check_tunings("speeds", speeds, check, pair.tuning_at))
+        tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and asked.method != "exact" and pair.size > 2:
@@ -143,7 +143,7 @@ def sweep(
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
 
 
-def _check_tunings(name, tunings, check, tuning_at=np.asarray):
+def check_tunings(name, tunings, check, tuning_at=np.asarray):
     """Return tunings, or speeds, as a float array, shape (n,); `check` refuses a single one."""
     try:
         values = np.atleast_1d(np.asarray(tunings))

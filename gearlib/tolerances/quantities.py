@@ -5,6 +5,7 @@ Where one is lost on the way the main resonance of the design is searched anew.
 """
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -14,26 +15,18 @@ from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
 from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, top
 from gearlib.analysis.orbits.shooting import periodic_orbit
+from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.kernels import orbit as columns
 from gearlib.models.derivatives import STEP
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 
-#: name -> (CF units, long_name)
-QUANTITIES = {
-    "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
-    "jump_down": ("min-1", "speed of the jump of the main resonance, running down"),
-    "onset_of_contact_loss": ("min-1", "speed at which contact is first lost, running up"),
-    "peak": ("m", "largest displacement of the main resonance"),
-    "peak_dynamic_factor": ("1", "largest dynamic factor K_v of the main resonance"),
-    "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
-    "force": ("N", "largest mesh force at the duty point"),
-    "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
-    "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
-    "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
-}
 #: What a code says, 0 first.
 CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
+#: Code of a design that there is not.
+NO_DESIGN = -1
+#: Designs that a thread takes at a time.
+_SOME = 16
 
 _SPEEDS = {"jump_up": Fold, "jump_down": Fold, "onset_of_contact_loss": Onset}
 _NAMES = {"onset_of_contact_loss": "onset"}
@@ -41,6 +34,8 @@ _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 _DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin", "load_sharing")
 #: Share of a value over which differences are taken.
 _STEP = 1e-5
+#: Share of a standard deviation over which differences are taken.
+_APART = 1e-3
 
 
 class _Place(NamedTuple):
@@ -81,9 +76,11 @@ class Followed:
 
     def __init__(self, model, names, quantities, *, speed=None):
         self.model, self.names = model, tuple(names)
-        self.quantities = tuple(quantities)
-        for name in self.quantities:
-            checks.one_of("quantities", name, tuple(QUANTITIES))
+        self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
+        if model.speed is None:
+            raise ValueError(
+                f"model = {type(model).__name__} is not allowed: nothing turns in this model"
+            )
         duty = set(_DUTY) & set(self.quantities)
         if duty and speed is None:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
@@ -99,7 +96,8 @@ class Followed:
             )
         self.starts: dict = {}
         if duty:
-            orbit = periodic_orbit(model, check_speed(model, "speed", speed))
+            tuning = check_speed(model, "speed", speed)
+            orbit = periodic_orbit(model, tuning, period=model.repeats)
             self.starts["duty"] = Start(At(float(speed), orbit.period), model, orbit.state)
         if followed:
             found = Resonance(model)
@@ -120,6 +118,23 @@ class Followed:
     def __call__(self, model):
         """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found."""
         return self._of(model)[:2]
+
+    def contacts(self, model):
+        """Return how often contact is gained and lost on the orbit of each quantity.
+
+        -1: there is none, or it touches the flank line by its definition.
+        """
+        found = []
+        for name, place in zip(self.quantities, self._of(model)[2], strict=True):
+            if place is None or _SPEEDS.get(name) is Onset:
+                found.append(-1)
+                continue
+            if name in _SPEEDS:
+                propagator, z, period = model.propagator(place.y[2]), place.y[:2], 1
+            else:
+                propagator, z, period = self._orbit(name, model, place)
+            found.append(len(propagator.record(z, period, MAX_EVENTS)[0]))
+        return np.array(found)
 
     def _of(self, model):
         known: dict = {}
@@ -234,6 +249,18 @@ class Followed:
         return np.array(found)
 
 
+def names_of(key, given, allowed):
+    """Return names as a tuple, each once."""
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        words = f"a sequence of {', '.join(map(repr, allowed))}"
+        raise checks.refusal(key, given, words)
+    found = tuple(given)
+    for name in found:
+        checks.one_of(key, name, allowed)
+    checks.require(len(set(found)) == len(found), key, given, "names, each once")
+    return found
+
+
 def _start(condition, model, guess):
     if guess is None:
         return None
@@ -280,3 +307,47 @@ def _with_tuning(propagator, model, names, by_tuning):
     if isinstance(own, dict):
         return [{**one, "tuning": slope} for one, slope in zip(along, by_tuning, strict=True)]
     return along + np.outer(by_tuning, own)
+
+
+def of_designs(follow, designs, values, threads=None, done=lambda count: None):
+    """Return (values (n, q), codes (n, q), refusals) of many designs.
+
+    follow: `Followed`; designs: `gearlib.tolerances.designs.Designs`; values: of what scatters,
+    shape (n, k). Where there is no design the values are NaN, the codes -1 and the text says why.
+    """
+    if threads is not None:
+        threads = checks.integer("threads", threads, 1)
+    count = len(follow.quantities)
+    found = np.full((len(values), count), np.nan)
+    codes = np.full(found.shape, NO_DESIGN, np.int8)
+    refusals = [""] * len(values)
+
+    def some(first):
+        own = slice(first, first + _SOME)
+        models, refusals[own] = designs.built(values[own])
+        for i, model in enumerate(models, first):
+            if model is not None:
+                found[i], codes[i] = follow(model)
+        done(len(models))
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(some, range(0, len(values), _SOME)))
+    return found, codes, refusals
+
+
+def gradient(follow, designs):
+    """Return the derivatives of quantities by what scatters, shape (q, k).
+
+    They are exact where what scatters are parameters of the model, by the formulas of the drawing
+    where it is a drawing; else central differences of designs that are followed.
+    """
+    fields, jacobian = designs.fields
+    if fields:
+        return follow.gradient @ jacobian
+    centres, columns = designs.tolerances.centres, []
+    for i, one in enumerate(designs.tolerances.marginals.values()):
+        step = np.zeros(centres.size)
+        step[i] = _APART * one.std
+        ends = [follow(designs.model(centres + sign * step))[0] for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / (2.0 * step[i]))
+    return np.array(columns).T

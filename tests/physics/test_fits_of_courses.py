@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 
 import gearlib
-from gearlib.analysis.turning import Turning
+from gearlib.analysis.revolutions import Turning
 from gearlib.rig.order_observations import regressed
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.shaft_phase import turned

@@ -5,7 +5,8 @@ import pytest
 
 import gearlib
 from gearlib.rig.orbit_at_speed import SAMPLES, OrbitAtSpeed
-from gearlib.rig.synthetic_rigs import synthetic_points
+from gearlib.rig.synthetic_rigs import synthetic_points, synthetic_rig
+from tests.physics.test_fits import TRUTH
 
 SUN, RING = "max_stiffness of mesh sun 1", "max_stiffness of mesh ring 1"
 PIN = "offset of body planet 1, y"
@@ -96,7 +97,6 @@ def test_an_offset_of_an_axis_is_an_error_of_its_meshes():
 
 
 def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
-    from gearlib.rig.synthetic_rigs import synthetic_rig
     from tests.physics.test_fits import TRUTH
 
     truth = gearlib.SixDegreePair(
@@ -113,3 +113,49 @@ def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
     found = gearlib.fit(off, data, free, starts=0)
     for name, one in found.params.items():
         assert abs(one.value - truth.value(name)) < 4.0 * one.stderr, name
+
+
+def refused(model, data, free):
+    with pytest.raises(ValueError, match="not allowed") as error:
+        gearlib.fit(model, data, free, starts=0)
+    return str(error.value)
+
+
+def test_models_without_derivatives_are_refused_in_a_sentence():
+    free = {"material_damping": (1000.0, 9000.0)}
+    low, high = TRUTH.speed(0.6), TRUTH.speed(0.72)
+    run_up = synthetic_rig(TRUTH, [(0.0, low), (0.5, high)], 1)
+    smooth = gearlib.OneDegreePair(pair=TRUTH, profile=gearlib.Fourier(3))
+    said = refused(smooth, run_up, free)
+    assert said.startswith("model of type OneDegreePair is not allowed in a fit to a run-up: it ")
+    assert "a GearPair, OneDegreePair, SixDegreePair or GearTrain" in said
+    still = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
+    assert "nothing turns in it" in refused(still, run_up, free)
+    train = planetary()
+    points = synthetic_points(TRUTH, [2000.0], ("order_amplitude_1",), 1)
+    assert "'load' is not allowed: it must be one of" in refused(train, points, {"load": (1, 9e3)})
+    # Nothing says of which mesh it is.
+    assert "data = " in refused(train, points, {PIN: (-1e-5, 3e-5)})
+    points["order_amplitude_1"].attrs["units"] = "N"
+    assert "units of order_amplitude_1 = 'N'" in refused(TRUTH, points, free)
+
+
+def test_settable_parameters_keep_their_names():
+    train = planetary()
+    for name in train.settable:
+        value = train.value(name)
+        other = train.with_values({name: value})
+        assert other.value(name) == value and other == train, name
+    two = train.with_values({"support_stiffness of body sun": 2e8, "error of mesh sun 2": 1e-6})
+    assert two.by_name["sun"].support_stiffness == (2e8, 2e8)
+    assert two.value("error of mesh sun 2") == 1e-6 and two.value("error of mesh sun 1") == 0.0
+    gears = gearlib.SixDegreePair(
+        pair=TRUTH,
+        base_radii=(0.03, 0.03),
+        inertias=(0.0056, 0.0056),
+        masses=(3.0, 3.0),
+        bearing_stiffness=(1e8,) * 4,
+    )
+    other = gears.with_values({"masses[1]": 4.0, "masses[0]": 2.0, "load": 3000.0})
+    assert other.masses == (2.0, 4.0) and other.load == 3000.0
+    assert other.torques == pytest.approx((90.0, 90.0))

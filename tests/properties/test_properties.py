@@ -17,7 +17,7 @@ from tests.properties.cases import (
 from tests.trains.random_trains import symmetric_problem
 
 #: More with GEARLIB_PROPERTIES; the same ones in every run, so that a failure is one for all.
-COUNT = int(os.environ.get("GEARLIB_PROPERTIES", "12"))
+COUNT = int(os.environ.get("GEARLIB_PROPERTIES", "9"))
 MANY = settings(
     max_examples=COUNT,
     derandomize=True,

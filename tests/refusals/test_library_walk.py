@@ -74,6 +74,7 @@ MADE = {
     drawn.dynamic_factor: {"mesh": FZG, "torque": 300.0, "rpm": 100.0},
     drawn.iso_stiffness: {"mesh": FZG},
 }
+FOLLOWED = {"model": DAMPED, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "speed": 3000.0}
 CALLED = {
     LoadSharingPair.from_geometry: {"mesh": FZG, "torque": 1.0},
     drawn.mesh_stiffness: {"mesh": FZG, "method": "energy"},
@@ -109,6 +110,13 @@ CALLED = {
         **{"models": {"one": DAMPED, "other": DAMPED}, "data": JUMP},
         **{"free": {"reduced_mass": (3.0, 3.2)}},
     },
+    gearlib.scatter: {
+        **{"model": PAPER, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "quantities": ()},
+        **{"tunings": [NU], "periods": 2, "record_periods": 1},
+    },
+    gearlib.sobol_indices: FOLLOWED | {"quantities": ("force",)},
+    gearlib.first_order_scatter: FOLLOWED | {"quantities": ("force",)},
+    gearlib.tighten: FOLLOWED | {"quantity": "force", "keep": "below", "limit": 1e9},
     gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
 #: What says the same in another way.
@@ -127,6 +135,9 @@ SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
 fold_sensitivities.sensitivities simulate.sensitivities
 order_track.run order_map.tacho
+scatter.speed scatter.box scatter.progress
+sobol_indices.speed sobol_indices.progress first_order_scatter.speed first_order_scatter.progress
+tighten.speed tighten.progress
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius run_up.sensitivities
 """.split()
 

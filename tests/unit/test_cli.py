@@ -111,6 +111,7 @@ def test_the_ending_decides_what_is_written(run):
         "sweep": ["--points", "5"],
         "orbit": ["--tuning", "0.8"],
         "run-up": ["--start", "1500rpm", "--stop", "2000", "--duration", "0.2"],
+        "scatter": ["-t", "load std=5%", "--samples", "4", "--points", "3"],
     }
     own["trust"] = own["simulate"]
     trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())
@@ -132,6 +133,28 @@ def test_the_ending_decides_what_is_written(run):
         assert Path(files[2]).read_bytes().startswith(b"\x89PNG")
     several = next(csv.reader(Path("modes.csv").read_text(encoding="utf-8").splitlines()))
     assert "mode_shape input rotation [1]" in several
+
+
+def test_tolerances_are_read_with_their_units(run):
+    given = ["backlash upper=10um lower=-4um", "load distribution=lognorm s=0.1 scale=3300"]
+    given = [word for one in given for word in ("-t", one)]
+    asked = ["--samples", "8", "--quantity", "jump_down", "--points", "2", "-o", "found.nc"]
+    done = run("scatter", *PAIR, *given, *asked)
+    assert done.exit_code == 0 and "8 of 8" in done.output, done.output
+    tolerances = {
+        "backlash": {"upper": 1e-5, "lower": -4e-6},
+        "load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0},
+    }
+    ways = {"directions": ("up", "down", "seeded"), "tunings": [0.5, 1.4]}
+    expected = gearlib.scatter(pair(), tolerances, ("jump_down",), n=8, **ways)
+    xr.testing.assert_equal(xr.load_dataset("found.nc"), expected)
+    for wrong, words in (
+        ("load", "is no tolerance such as 'load std=5%'"),
+        ("load std=3um", "must be a number in N, a text with its unit"),
+        ("torque std=5%", "must be one of"),
+    ):
+        done = run("scatter", *PAIR, "-t", wrong)
+        assert done.exit_code == 2 and words in " ".join(done.output.split()), done.output
 
 
 DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]

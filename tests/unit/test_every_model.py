@@ -115,7 +115,29 @@ def turns(pair):
     return gearlib.run_up(pair, 2000.0, 2500.0, duration=0.1, samples_per_period=40)
 
 
+def scattered(pair):
+    """Scatter the load of a model, or its stiffness."""
+    name = "load" if hasattr(pair, "load") else "stiffness"
+    runs = {"tunings": [NU], "periods": 2, "record_periods": 1, "quantities": ()}
+    return gearlib.scatter(pair, {name: {"upper": "1 %", "lower": "-1 %"}}, n=2, **runs)
+
+
+def at_duty_point(call, *arguments, **options):
+    """Return a call of what follows the force at a duty point, while one number scatters."""
+
+    def of(pair):
+        name = "load" if hasattr(pair, "load") else "stiffness"
+        limits = {name: {"upper": "1 %", "lower": "-1 %"}}
+        return call(pair, limits, *arguments, n=2, speed=3000.0, threads=1, **options)
+
+    return of
+
+
 CALLS = {
+    "scatter": scattered,
+    "sobol_indices": at_duty_point(gearlib.sobol_indices, ("force",)),
+    "first_order_scatter": at_duty_point(gearlib.first_order_scatter, ("force",)),
+    "tighten": at_duty_point(gearlib.tighten, "force", keep="below", limit=1e9),
     "simulate": lambda pair: simulate(pair, NU, periods=2),
     "sweep": lambda pair: sweep(pair, [NU], periods=2, record_periods=1, direction="up"),
     "basins": lambda pair: basins(pair, NU, ([0.0], [0.0]), periods=60),
@@ -152,6 +174,9 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
+    **dict.fromkeys(
+        ("sobol_indices", "first_order_scatter", "tighten"), NO_GEARS | {"pairs of teeth"}
+    ),
     **dict.fromkeys(("run_up", "order_map", "order_track"), NO_GEARS),
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},

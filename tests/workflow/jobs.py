@@ -67,6 +67,22 @@ EXPERIMENTS = {
     "claims": Experiment({"claims": 1}, simulates=True, with_k1={"claims": 1}),
     "phase_lag": Experiment({"phase_lag": 1}, {"draw_phase_lag": 1}, simulates=True),
     "run_ups": Experiment({"run_ups": 1}, {"draw_run_ups": 1}, with_k1={"run_ups": 1}),
+    # Two shards.
+    "tolerances": Experiment(
+        {
+            "tolerance_shard": 2,
+            "gather_tolerances": 1,
+            "tolerance_indices": 1,
+            "tolerance_table": 1,
+        },
+        {"draw_tolerances": 1},
+        with_k1={
+            "tolerance_shard": 2,
+            "gather_tolerances": 1,
+            "tolerance_indices": 1,
+            "tolerance_table": 1,
+        },
+    ),
     "jump": Experiment({"jump": 1}, {"draw_jump": 1}, with_k1={"jump": 1}),
     "nonlinear_damping": Experiment(
         {"nonlinear_damping": 6, "nonlinear_damping_table": 1},

@@ -42,7 +42,8 @@ needs_settings = pytest.mark.skipif(
 )
 
 
-@pytest.mark.parametrize("name", same_bytes.EMULATED)
+# The kernels of Zen are those of the settings.
+@pytest.mark.parametrize("name", sorted(same_bytes.EMULATED.keys() - {"Zen 2"}))
 def test_another_folder_and_processor_give_the_same_bytes(name, first_run, project, tmp_path):
     for path in STAGES:
         (project / path).unlink()
@@ -67,7 +68,7 @@ def test_every_job_ran_under_the_settings(records):
 
 
 @needs_settings
-@pytest.mark.parametrize("name", same_bytes.unset())
+@pytest.mark.parametrize("name", ["unknown"])
 def test_without_the_settings_bytes_differ(name, first_run, project, tmp_path):
     (project / SENSITIVE).unlink()
     with same_bytes.recorded(tmp_path / "records", same_bytes.unset()[name], settings=False):

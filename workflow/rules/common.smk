@@ -68,6 +68,7 @@ wildcard_constraints:
     direction="cold|up|down",
     window=r"\d+\.\d+-\d+\.\d+",
     tuning=r"\d+\.\d+",
+    samples=r"\d+-\d+",
     scene=r"[A-Za-z0-9+_-]+",
     method=r"[a-z0-9_]+",
     place="material|oil",

@@ -71,6 +71,10 @@ class _Condition:
         """Return the tuning of unknowns."""
         return y[-1]
 
+    def condition(self, propagator, z, along):
+        """Return the value of the last equation and its derivatives, shape (3 + k,)."""
+        raise NotImplementedError
+
     def evaluate(self, model, y, names=(), last=None):
         """Return residuals (n,), their derivatives by y (n, n) and by parameters (n, k).
 
@@ -90,7 +94,7 @@ class Fold(_Condition):
     """A multiplier is 1, and the branch turns round."""
 
     def condition(self, propagator, z, along):
-        """Return the value of the last equation and its derivatives, shape (3 + k,)."""
+        """As of `_Condition`."""
         # By the state, then by the parameters.
         along = [propagator.nowhere, propagator.nowhere, *along]
         tangents = np.zeros((2, len(along)))
@@ -104,7 +108,7 @@ class Onset(_Condition):
     """The orbit just comes to the flank line: where contact is lost first."""
 
     def condition(self, propagator, z, along):
-        """As of `Fold`."""
+        """As of `_Condition`."""
         _, summary, _ = propagator.record(z, self.period, MAX_EVENTS)
         along = [propagator.nowhere, propagator.nowhere, *along]
         tangents = np.zeros((2, len(along)))
@@ -314,9 +318,9 @@ def _moved_train(train, slopes, share):
             )
         )
         parts[kind][label] = _with(parts[kind][label], field, new)
-    parts = {kind: tuple(own.values()) for kind, own in parts.items()}
-    train = _with(train, "bodies", parts["body"])
-    return _with(_with(train, "shafts", parts["shaft"]), "meshes", parts["mesh"]), step
+    for field, kind in (("bodies", "body"), ("shafts", "shaft"), ("meshes", "mesh")):
+        train = _with(train, field, tuple(parts[kind].values()))
+    return train, step
 
 
 def between(a: Any, b: Any, share):

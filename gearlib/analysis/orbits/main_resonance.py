@@ -15,7 +15,7 @@ from gearlib.analysis.orbits.following import (
     solve,
 )
 from gearlib.analysis.orbits.following import moved as differing
-from gearlib.analysis.orbits.tracing import Lost, advance, tangent
+from gearlib.analysis.orbits.tracing import Lost, advance, correct, tangent
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -25,6 +25,8 @@ _TUNINGS = np.geomspace(0.5, 1.8, 160)
 _RESONANCE = (_TUNINGS > 0.65) & (_TUNINGS < 1.5)
 #: Steps along a branch: first, largest, how they grow, the shortest, most of them.
 _FIRST, _LARGEST, _GROWTH, _LEAST, _MOST = 0.02, 0.25, 1.6, 1e-5, 600
+#: How often a step that passes a fold is halved.
+_HALVINGS = 30
 #: Step of differences.
 _DIFFERENCE = 1e-6
 _ROUNDING = 1e-12
@@ -121,16 +123,28 @@ class Resonance:
         before = None
         for here in walk(Branch(self.model), y, way):
             if before is not None and before.turning * here.turning < 0.0:
-                share = before.turning / (before.turning - here.turning)
-                guess = before.y + share * (here.y - before.y)
-                near = np.abs(here.y - before.y).max()
-                found = solve(Fold(), self.model, guess, near)
-                return None if found is None else found[0]
+                return _turning_point(self.model, before, here)
             if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
                 # It has come out on the other side.
                 return None
             before = here
         return None
+
+
+def _turning_point(model, a, b):
+    """Return the fold between two orbits of a branch; the step is halved until it is found."""
+    for _ in range(_HALVINGS):
+        share = a.turning / (a.turning - b.turning)
+        way = b.y - a.y
+        found = solve(Fold(), model, a.y + share * way, np.abs(way).max())
+        if found is not None:
+            return found[0]
+        try:
+            _, middle, _ = correct(Branch(model), a.y + 0.5 * way, way / np.linalg.norm(way))
+        except Lost:
+            return None
+        a, b = (middle, b) if a.turning * middle.turning > 0.0 else (a, middle)
+    return None
 
 
 def _lost(orbit):

@@ -11,6 +11,7 @@ module                responsibility
 ``of_trains``         reducer, planetary trains, a train over speed
 ``of_drawn_gears``    mesh stiffness, dynamic factor, tip relief
 ``of_rigs``           measured curves
+``of_tolerances``     how sure jumps, contact loss and peaks are
 ====================  =======================================================
 """
 
@@ -20,6 +21,7 @@ from gearlib.config.studies import (
     of_drawn_gears,
     of_methods,
     of_rigs,
+    of_tolerances,
     of_trains,
     paper_figures,
 )
@@ -33,6 +35,7 @@ _MODULES = (
     of_trains,
     of_drawn_gears,
     of_rigs,
+    of_tolerances,
 )
 
 #: name -> `Study`, in the order of the targets.

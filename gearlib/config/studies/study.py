@@ -20,6 +20,7 @@ EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 TRAINS = "5 Gear trains"
 DRAWN = "6 From the drawing"
 MEASURED = "7 Measured"
+TOLERANCES = "8 Tolerances"
 
 #: The keys of a grid of tunings.
 GRID = {"start", "stop", "step"}

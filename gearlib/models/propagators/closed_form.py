@@ -22,7 +22,10 @@ _DIRECTIONS = (
 
 
 def ratios(pair):
-    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `mesh`."""
+    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `mesh`.
+
+    Of a pair whose numbers are arrays of shape (k,), shape (7, k).
+    """
     return np.array(
         [
             *levels(pair.contact_ratio, pair.stiffness_ratio),
@@ -68,6 +71,12 @@ class Propagator(Base):
         """Run many tunings in one call of the kernel."""
         begin = np.array(state), carry
         many_runs.run_many(ratios(model), tunings, order, *begin, *span, *rows)
+
+    @staticmethod
+    def run_designs(pairs, tunings, order, states, carry, span, rows):
+        """Run many pairs in one call of the kernel, see `Base.run_designs`."""
+        table = np.ascontiguousarray(ratios(pairs).T)
+        many_runs.run_designs(table, tunings, order, states, carry, *span, *rows)
 
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""

@@ -1,0 +1,126 @@
+"""`gearlib scatter`: how jumps, contact loss and peaks scatter with tolerances."""
+
+import click
+from pydantic import ValidationError
+
+from gearlib.cli import model_options, output, progress, speed_options
+from gearlib.config.tolerances_section import QUANTITIES, Tolerances, ToleratedParameter
+from gearlib.models import tolerated
+
+#: What is followed from design to design unless told, as far as it asks no duty point.
+_FOLLOWED = Tolerances.model_fields["quantities"].default
+_WAYS = {"up": "from below", "down": "from above", "seeded": "from seeded starts"}
+_TOLD = ("nominal", "mean", "deviation", "first_order")
+
+
+class _Tolerance(click.ParamType):
+    """A parameter with what is said of it, ``"backlash upper=10um lower=-10um"``."""
+
+    name = "parameter key=value ..."
+
+    def convert(self, value, param, ctx):
+        name, *rest = str(value).split()
+        pairs = [one.partition("=") for one in rest]
+        if not rest or any(not sign or not text for _, sign, text in pairs):
+            self.fail(f"{value!r} is no tolerance such as 'load std=5%'", param, ctx)
+        given = {key: _number(text) for key, _, text in pairs}
+        shape = {key: given.pop(key) for key in list(given) if key not in _KEYS}
+        try:
+            one = ToleratedParameter.model_validate(
+                {"parameter": name, **given, **({"shape": shape} if shape else {})}
+            )
+            known = tolerated.of_pair().get(name)
+            return name, one.law(f"tolerances.{name}", getattr(known, "kind", None))
+        except ValidationError as error:
+            self.fail(f"{value!r}: {error.errors()[0]['msg']}", param, ctx)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+#: Of a tolerance; the others are parameters of a distribution.
+_KEYS = {name for name in ToleratedParameter.model_fields if name not in ("parameter", "shape")}
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+@click.command()
+@model_options.options
+@click.option(
+    "-t",
+    "--tolerance",
+    "tolerances",
+    type=_Tolerance(),
+    multiple=True,
+    help="What scatters, such as 'load std=5%', 'backlash upper=10um lower=-10um', 'contact_ratio "
+    "min=1.5 max=1.6', 'load distribution=lognorm s=0.1 scale=3300'; for each parameter once.",
+)
+@click.option(
+    "--quantity",
+    "quantities",
+    type=click.Choice(list(QUANTITIES)),
+    multiple=True,
+    help="Of each design; by default jumps, onset of contact loss and peak of a pair.",
+)
+@click.option("--samples", "n", type=int, default=1024, show_default=True, help="Designs.")
+@click.option("--speed", type=speed_options.SPEED, help="Of the duty point, rpm.")
+@click.option("--start", type=speed_options.TUNING, default=0.5, show_default=True, help="First.")
+@click.option("--stop", type=speed_options.TUNING, default=1.4, show_default=True, help="Last.")
+@click.option(
+    "--points",
+    type=click.IntRange(0),
+    default=91,
+    show_default=True,
+    help="Tunings or speeds at which every design is run; 0: none.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the Sobol' points.")
+@output.options("sample")
+def scatter(model, tolerances, quantities, n, speed, start, stop, points, seed, save):
+    """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
+    import numpy as np
+
+    import gearlib
+    from gearlib.figures import scatter_figure
+    from gearlib.tolerances.scatter import refused
+
+    if not tolerances:
+        raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
+    start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
+    if not 0.0 < start < stop:
+        raise click.UsageError(
+            f"start = {start!r}, stop = {stop!r} is not allowed: it must be 0 < start < stop"
+        )
+    single = model.size == 2
+    asked = {
+        "quantities": quantities or (_FOLLOWED if single else ()),
+        "tunings": np.linspace(start, stop, points) if points else None,
+        "directions": ("up", "down", "seeded") if single else ("up", "down"),
+        "speed": speed,
+        "seed": seed,
+    }
+    stages = bool(points) + bool(asked["quantities"])
+    with progress.counter("designs", stages * n) as done:
+        found = gearlib.scatter(model, dict(tolerances), n=n, progress=done, **asked)
+    for text in refused(found):
+        output.words(text)
+    cells = []
+    for name in asked["quantities"]:
+        there = int((found[f"{name}_status"] == 0).sum())
+        told = [f"{float(found.get(f'{name}_{end}', np.nan)):.6g}" for end in _TOLD]
+        cells.append([f"{name} {found[name].attrs['units']}", *told, f"{there} of {n}"])
+    if cells:
+        output.rows(["quantity", *(name.replace("_", " ") for name in _TOLD), "found"], cells)
+    if points:
+        for direction in found.direction.values:
+            lost = found.contact_loss_probability.sel(direction=direction)
+            some, half = (int((lost.values > share).sum()) for share in (0.01, 0.5))
+            output.words(
+                f"Speeds reached {_WAYS[str(direction)]}: at {some} of {points} more than 1 % of "
+                f"the designs lose contact, at {half} more than half."
+            )
+    draw = scatter_figure.bands if points else scatter_figure.quantities
+    save(found, lambda plot: draw(found).axes[0])

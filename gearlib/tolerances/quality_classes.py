@@ -1,0 +1,156 @@
+"""Tolerances by the classes that a drawing names: thickness, centre distance, form of the flanks.
+
+Sources: DIN 3967 (1978), allowances E_sns and tolerances T_sn of the tooth thickness, tables 1 and
+2; DIN 3964 (1980), centre distance js 5 to js 11, half of the degrees IT of ISO 286-1; ISO
+1328-1:2013 for the form of the profile, by `SpurGear.form_deviation`. Numbers of no table here are
+given as limits, see `gearlib.scatter`.
+"""
+
+import re
+
+from gearlib import checks
+
+_UM = 1e-6
+#: Reference diameters up to which a row goes, m.
+_DIAMETERS = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)
+_SERIES = ("a", "ab", "b", "bc", "c", "cd", "d", "e", "f", "g", "h")
+#: -E_sns in um, DIN 3967, table 1.
+_ALLOWANCES = (
+    (100, 85, 70, 58, 48, 40, 33, 22, 10, 5, 0),
+    (135, 110, 95, 75, 65, 54, 44, 30, 14, 7, 0),
+    (180, 150, 125, 105, 85, 70, 60, 40, 19, 9, 0),
+    (250, 200, 170, 140, 115, 95, 80, 56, 26, 12, 0),
+    (330, 280, 230, 190, 155, 130, 110, 75, 35, 17, 0),
+    (450, 370, 310, 260, 210, 175, 145, 100, 48, 22, 0),
+    (600, 500, 420, 340, 290, 240, 200, 135, 64, 30, 0),
+    (820, 680, 560, 460, 390, 320, 270, 180, 85, 41, 0),
+)
+#: T_sn in um of the rows 21 to 30, DIN 3967, table 2: each row two steps on in one series.
+_STEPS = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
+_FINER = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
+#: Series and first number of each row of diameters.
+_ROWS = (
+    (_STEPS, 0),
+    (_STEPS, 1),
+    (_FINER, 0),
+    (_STEPS, 2),
+    (_FINER, 1),
+    (_STEPS, 3),
+    (_FINER, 2),
+    (_STEPS, 4),
+)
+_FIRST, _LAST = 21, 30
+#: Distances up to which a row goes, m, and IT 5 to IT 11 in um, ISO 286-1.
+_DISTANCES = {
+    0.018: (8, 11, 18, 27, 43, 70, 110),
+    0.03: (9, 13, 21, 33, 52, 84, 130),
+    0.05: (11, 16, 25, 39, 62, 100, 160),
+    0.08: (13, 19, 30, 46, 74, 120, 190),
+    0.12: (15, 22, 35, 54, 87, 140, 220),
+    0.18: (18, 25, 40, 63, 100, 160, 250),
+    0.25: (20, 29, 46, 72, 115, 185, 290),
+    0.315: (23, 32, 52, 81, 130, 210, 320),
+    0.4: (25, 36, 57, 89, 140, 230, 360),
+    0.5: (27, 40, 63, 97, 155, 250, 400),
+}
+_LEAST_DISTANCE, _FIRST_DEGREE = 0.01, 5
+_THICKNESS = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s*(\d\d)")
+
+
+def thickness_limits(diameter, designation):
+    """Return (least, largest) allowance of the normal tooth thickness, m; DIN 3967.
+
+    Parameters
+    ----------
+    diameter : float
+        Of the reference circle, m; up to 2.5.
+    designation : str
+        Tolerance number and allowance series, such as "27cd".
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    most = _DIAMETERS[-1]
+    diameter = checks.number("diameter", diameter, f"> 0 and <= {most} m", lambda d: 0 < d <= most)
+    match = _THICKNESS.fullmatch(designation.strip()) if isinstance(designation, str) else None
+    number = int(match[1] or match[4]) if match else 0
+    words = (
+        f"a number from {_FIRST} to {_LAST} and a series from a to h of DIN 3967, such as '27cd'"
+    )
+    checks.require(_FIRST <= number <= _LAST, "thickness", designation, words)
+    row = next(i for i, end in enumerate(_DIAMETERS) if diameter <= end)
+    upper = -_ALLOWANCES[row][_SERIES.index(match[2] or match[3])]
+    steps, begin = _ROWS[row]
+    return _UM * (upper - steps[begin + number - _FIRST]), _UM * upper
+
+
+def distance_limits(distance, designation):
+    """Return (lower, upper) deviation of a centre distance, m; DIN 3964.
+
+    Parameters
+    ----------
+    distance : float
+        m; from 0.01 to 0.5.
+    designation : str
+        "js5" to "js11".
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    ends = tuple(_DISTANCES)
+    low, high = _LEAST_DISTANCE, ends[-1]
+    words = f"from {low} to {high} m"
+    distance = checks.number("centre_distance", distance, words, lambda a: low <= a <= high)
+    degrees = [f"js{_FIRST_DEGREE + i}" for i in range(len(_DISTANCES[ends[0]]))]
+    checks.one_of("centre_distance", designation, degrees)
+    row = _DISTANCES[next(end for end in ends if distance <= end)]
+    half = _UM * row[degrees.index(designation)] / 2.0
+    return -half, half
+
+
+def by_class(mesh, *, thickness=None, centre_distance=None, form=False):
+    """Return tolerances by the classes of a drawing, for `gearlib.scatter` and a `DrawnPair`.
+
+    Parameters
+    ----------
+    mesh : gearlib.geometry.Mesh
+    thickness : str or pair of str, optional
+        Of both gears, or of pinion and wheel, by DIN 3967: "27cd". What backlash there is follows
+        from it where the `DrawnPair` has ``backlash=None``.
+    centre_distance : str, optional
+        By DIN 3964: "js7".
+    form : bool, default False
+        Whether the form of the profile deviates, by the `quality` of the gears. Its tolerance
+        limits the height of a wave and says nothing of its shape: here the first mesh harmonic of
+        the flanks takes all of it, cosine and sine within half of the larger tolerance.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    mesh = checks.drawn_mesh(mesh)
+    found: dict = {}
+    if thickness is not None:
+        both = (thickness,) * 2 if isinstance(thickness, str) else thickness
+        both = checks.many("thickness", both, 2)
+        for part, own in zip(("pinion", "wheel"), both, strict=True):
+            low, high = thickness_limits(getattr(mesh, part).reference_diameter, own)
+            found[f"{part}.thickness_allowance"] = {"min": low, "max": high}
+    if centre_distance is not None:
+        lower, upper = distance_limits(mesh.centre_distance, centre_distance)
+        limits = {"nominal": mesh.centre_distance, "upper": upper, "lower": lower}
+        found["centre_distance"] = limits
+    if form:
+        half = max(gear.form_deviation for gear in (mesh.pinion, mesh.wheel)) / 2.0
+        for name in ("deviation_cosine", "deviation_sine"):
+            found[name] = {"min": -half, "max": half}
+    return found

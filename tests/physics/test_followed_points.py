@@ -1,0 +1,165 @@
+"""Special points followed to other designs: against whole branches, differences, other calls."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.analysis.orbits import following
+from gearlib.analysis.orbits import special_points as special
+from gearlib.analysis.orbits.main_resonance import Resonance
+from gearlib.tolerances.quantities import FOUND, NONE, QUANTITIES, Followed
+from tests.paper import PAPER
+
+DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
+#: The largest motion of the first lies at its fold, that of the second on the way to it.
+WIDE = DAMPED.replace(material_damping=7e3, backlash=200e-6)
+FIELDS = [one.name for one in dataclasses.fields(PAPER) if one.name != "teeth"]
+OF_PAIRS = tuple(name for name in QUANTITIES if name != "load_sharing")
+
+
+def drawn(model, share, seed):
+    """Return a design whose numbers all scatter by so much."""
+    factors = 1.0 + share * np.random.default_rng(seed).standard_normal(len(FIELDS))
+    return model.replace(
+        **{name: getattr(model, name) * x for name, x in zip(FIELDS, factors, strict=True)}
+    )
+
+
+@pytest.fixture(scope="module")
+def followed():
+    speed = float(DAMPED.speed(0.9))
+    return {model: Followed(model, FIELDS, OF_PAIRS, speed=speed) for model in (DAMPED, WIDE)}
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_jumps_and_onset_are_those_of_a_whole_branch(followed, seed):
+    model = drawn(DAMPED, 0.03, seed)
+    values = dict(zip(OF_PAIRS, followed[DAMPED](model)[0], strict=True))
+    down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.6)
+    orbit = gearlib.periodic_orbit(model, 0.75)
+    assert orbit.pattern == (1,)
+    up = gearlib.continue_orbit(orbit, to=1.0)
+    folds = [np.flatnonzero(one.label.values == special.FOLD)[0] for one in (up, down)]
+    touch = np.flatnonzero(up.label.values == special.GRAZING)[0]
+    places = up.tuning[folds[0]], down.tuning[folds[1]], up.tuning[touch]
+    for name, place in zip(("jump_up", "jump_down", "onset_of_contact_loss"), places, strict=True):
+        assert values[name] == pytest.approx(float(model.speed(place)), rel=1e-9), name
+    # Of points of a curve the highest is a little lower than its top.
+    before = down.displacement_max.values[: folds[1] + 1]
+    top = float(before.max()) * model.static_deflection
+    assert top <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * top
+
+
+@pytest.mark.parametrize("model", [DAMPED, WIDE])
+def test_derivatives_are_those_of_designs_nearby(followed, model):
+    follow = followed[model]
+    for name, own in zip(FIELDS, follow.gradient.T, strict=True):
+        step = 1e-5 * getattr(model, name)
+        ends = [
+            follow(model.replace(**{name: getattr(model, name) + sign * step}))[0]
+            for sign in (1.0, -1.0)
+        ]
+        size = np.abs(own) + 1e-3 * np.abs(follow.nominal) / getattr(model, name)
+        # Rounding of differences, and their third derivative.
+        assert (np.abs((ends[0] - ends[1]) / (2.0 * step) - own) < 1e-6 * size).all(), name
+
+
+def test_the_fold_moves_as_fold_sensitivities_say(followed):
+    orbit = gearlib.periodic_orbit(DAMPED, 1.3)
+    branch = gearlib.continue_orbit(orbit, to=0.6)
+    at = int(np.flatnonzero(branch.label.values == special.FOLD)[0])
+    ratios = ("damping_ratio", "contact_ratio", "stiffness_ratio", "backlash_ratio")
+    table = gearlib.fold_sensitivities(DAMPED, branch, at, ratios)
+    start = followed[DAMPED].starts["jump_down"]
+    own = start.slopes(ratios)[2]
+    known = [float(table[f"d_tuning_d_{name}"]) for name in ratios]
+    assert own == pytest.approx(known, rel=1e-6)
+
+
+def test_the_onset_knows_nothing_of_backlash_and_scales(followed):
+    follow = followed[DAMPED]
+    scale = {"load": 3.0, "backlash": 3.0}
+    twin = DAMPED.replace(**{name: getattr(DAMPED, name) * x for name, x in scale.items()})
+    ratios = dict(zip(OF_PAIRS, follow(twin)[0] / follow.nominal, strict=True))
+    for name in ("jump_up", "jump_down", "onset_of_contact_loss", "dynamic_factor"):
+        assert ratios[name] == pytest.approx(1.0, abs=1e-9), name
+    for name in ("peak", "force", "transmission_error", "contact_margin"):
+        assert ratios[name] == pytest.approx(3.0, rel=1e-9), name
+    column = follow.gradient[OF_PAIRS.index("onset_of_contact_loss"), FIELDS.index("backlash")]
+    assert column == 0.0
+
+
+def test_what_has_no_jumps_says_so(followed):
+    values, codes = followed[DAMPED](DAMPED.replace(material_damping=1.1e4))
+    found = dict(zip(OF_PAIRS, zip(values, codes, strict=True), strict=True))
+    for name in ("jump_up", "jump_down", "onset_of_contact_loss"):
+        assert np.isnan(found[name][0]) and found[name][1] == NONE
+    # The linear resonance has a top of its own.
+    value, code = found["peak"]
+    assert code == FOUND
+    model = DAMPED.replace(material_damping=1.1e4)
+    run = gearlib.sweep(model, np.linspace(0.85, 1.05, 81), periods=300, record_periods=1)
+    assert value == pytest.approx(
+        float(run.displacement_max.max()) * model.static_deflection, rel=1e-4
+    )
+
+
+def test_a_search_finds_what_is_followed(followed):
+    model = drawn(DAMPED, 0.05, 1)
+    found = Resonance(model)
+    names = ("jump_up", "jump_down", "onset_of_contact_loss")
+    places = (found.jump_up, found.jump_down, found.onset)
+    values = dict(zip(OF_PAIRS, followed[DAMPED](model)[0], strict=True))
+    for name, place in zip(names, places, strict=True):
+        assert values[name] == pytest.approx(float(model.speed(place[2])), rel=1e-9)
+
+
+def test_the_duty_point_is_that_of_a_settled_run(followed):
+    values = dict(zip(OF_PAIRS, followed[DAMPED].nominal, strict=True))
+    point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
+    assert values["dynamic_factor"] == pytest.approx(float(point.dynamic_factor), rel=1e-9)
+    assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
+    assert values["transmission_error"] == pytest.approx(float(point.error_peak_to_peak), rel=1e-9)
+    assert values["contact_margin"] < 0.0 < float(point.lost_share)
+
+
+def test_a_train_at_a_duty_point():
+    train = gearlib.planetary(
+        stiffness_ratio=(0.7, 0.8), pin_errors=[(5e-6, 3e-6), (0.0, 0.0), (0.0, 0.0)]
+    )
+    names = ("load", "material_damping", "error of mesh sun 1")
+    quantities = ("force", "dynamic_factor", "transmission_error", "contact_margin", "load_sharing")
+    speed = float(train.speed(0.6))
+    follow = Followed(train, names, quantities, speed=speed)
+    run = gearlib.simulate(
+        train, 0.6, periods=800, record_periods=1, initial_state="static", samples_per_period=8
+    )
+    span = float(run.displacement_max[0] - run.displacement_min[0])
+    known = [
+        float(run.dynamic_force_max.max()) * train.load,
+        float(run.dynamic_factor.max()),
+        span * train.static_deflection,
+        float(run.displacement_min.min()) * train.static_deflection,
+        float(run.load_sharing.max()),
+    ]
+    # A run of 800 periods still settles.
+    assert follow.nominal == pytest.approx(known, rel=1e-5)
+    for name, own in zip(names, follow.gradient.T, strict=True):
+        (ahead, right), (behind, left) = (
+            following.moved(train, name, share) for share in (2e-5, -2e-5)
+        )
+        slope = (follow(ahead)[0] - follow(behind)[0]) / (right - left)
+        assert slope == pytest.approx(own, rel=1e-5, abs=1e-12 * abs(own).max()), name
+
+
+def test_what_cannot_be_followed_is_refused():
+    with pytest.raises(ValueError, match="^speed = None is not allowed: force is one of the duty"):
+        Followed(DAMPED, (), ("force",))
+    with pytest.raises(ValueError, match="load_sharing' is not allowed: it is one of trains"):
+        Followed(DAMPED, (), ("load_sharing",), speed=1000.0)
+    with pytest.raises(
+        ValueError, match="^quantities = 'jump_up' is not allowed for this GearTrain"
+    ):
+        Followed(gearlib.planetary(), (), ("jump_up",))

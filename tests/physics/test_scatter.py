@@ -1,0 +1,193 @@
+"""`gearlib.scatter`: bands against plain loops of `sweep`, shards, probabilities of branches."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.data import storage
+from gearlib.tolerances import bands
+from gearlib.tolerances.designs import Designs
+from gearlib.tolerances.scatter import gather, refused, scatter, shard
+from tests.paper import PAPER
+
+PAIR = PAPER.replace(material_damping=3953.7)
+MANY = {
+    "load": {"mean": 3300.0, "std": 150.0},
+    "backlash": {"nominal": 40e-6, "upper": 10e-6, "lower": -4e-6},
+    "damping_ratio": {"min": 0.03, "max": 0.17},
+    "correlations": [["load", "backlash", 0.4]],
+}
+NU = np.linspace(0.6, 1.1, 11)
+BOX = ((-6.0, 6.0), (-6.0, 6.0))
+RUNS = {"tunings": NU, "quantities": (), "directions": ("up", "down", "seeded")}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return scatter(PAIR, MANY, n=200, **RUNS)
+
+
+def loops(designs, count):
+    """Return heights, K_v and whether contact is lost by plain loops of `sweep`."""
+    points = designs.points(0, count)
+    speeds, rows = PAIR.replace(load=3300.0, material_damping=0.0).speed(NU), []
+    for point, values in zip(points, designs.values(points), strict=True):
+        model = designs.model(values)
+        for direction in RUNS["directions"]:
+            how = {"direction": direction}
+            if direction == "seeded":
+                how = {"initial_state": tuple(12.0 * point[-2:] - 6.0)}
+            one = gearlib.sweep(model, speeds=speeds, periods=120, record_periods=20, **how)
+            height = (one.displacement_max - one.displacement_min) * one.static_deflection
+            rows.append((height, one.dynamic_force_max, one.bounces > 0.0))
+    return np.array(rows).reshape(count, 3, 3, NU.size).transpose(2, 0, 1, 3)
+
+
+def test_bands_are_those_of_plain_loops():
+    designs = Designs(PAIR, MANY)
+    height, factor, lost = loops(designs, 24)
+    found = scatter(PAIR, MANY, n=24, **RUNS)
+    for name, own in (("height_band", height), ("factor_band", factor)):
+        # Single precision.
+        assert np.allclose(found[name], np.quantile(own, bands.QUANTILES, axis=0), rtol=3e-7)
+    assert np.array_equal(found.contact_loss_probability, lost.mean(axis=0))
+    up, down = height[:, 0], height[:, 1]
+    two = np.abs(up - down) > 0.02 * np.maximum(up, down)
+    assert two.any() and np.allclose(found.two_motions_probability, two.mean(axis=0))
+
+
+def test_any_shards_give_the_same_bytes(whole, tmp_path):
+    cuts = [(100, 200), (0, 3), (3, 100)]
+    for i, ends in enumerate(cuts):
+        part = shard(PAIR, MANY, 200, *ends, threads=i + 1, **RUNS)
+        storage.write(part, tmp_path / f"{i}.nc")
+    parts = [storage.read(tmp_path / f"{i}.nc") for i in range(3)]
+    storage.write(gather(parts), tmp_path / "parts.nc")
+    storage.write(whole, tmp_path / "whole.nc")
+    assert (tmp_path / "parts.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
+    with pytest.raises(ValueError, match="samples 0 to 199, each once"):
+        gather(parts[:2])
+    with pytest.raises(ValueError, match="of one scatter"):
+        gather([shard(PAIR, MANY, 200, 0, 3, seed=1, **RUNS), *parts[::2]])
+
+
+def test_probabilities_of_motions_are_shares_of_the_designs(whole):
+    two, motion = whole.two_motions_probability, whole.motion_probability
+    assert np.allclose(motion.sum("motion"), 1.0)
+    assert float(two.max()) > 0.3 and not two[-1]
+    # Starts tell of two motions where up and down do, and go to both.
+    both = motion.sel(motion=["lower", "higher"]).sum("motion")
+    assert (both <= two + 1e-12).all() and (both > 0.0)[two > 0.2].all()
+    assert (motion.sel(motion="higher") > 0.0)[two > 0.3].all()
+    lost = whole.contact_loss_probability
+    # What is carried down from the resonance loses contact at least as often.
+    assert (lost.sel(direction="down") >= lost.sel(direction="up") - 0.02).all()
+    assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 200).all()
+
+
+def test_units_do_not_count():
+    """A pair twice as long, heavy and strong: the same motion, twice as high."""
+    given = {name: MANY[name] for name in ("load", "backlash")}
+    scaled = {name: {key: 2.0 * x for key, x in one.items()} for name, one in given.items()}
+    keys = ("max_stiffness", "reduced_mass", "material_damping")
+    other = PAIR.replace(**{key: 2.0 * getattr(PAIR, key) for key in keys})
+    given["backlash"], scaled["load"] = MANY["backlash"], {"mean": 6600.0, "std": 300.0}
+    scaled["backlash"] = MANY["backlash"]
+    one, two = (scatter(*own, n=16, **RUNS) for own in ((PAIR, given), (other, scaled)))
+    for name in ("height_band", "factor_band", "motion_probability"):
+        assert np.allclose(one[name], two[name], rtol=1e-6), name
+
+
+def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
+    """Contact is lost above one load or below it: the probability is a length over a length."""
+    given = {"damping_ratio": {"min": 0.02, "max": 0.3}}
+    found = scatter(PAIR, given, n=1024, tunings=[0.95], quantities=(), directions=("up",))
+    low, high = 0.02, 0.3
+    for _ in range(40):
+        beta = (low + high) / 2.0
+        unit = 2.0 * PAIR.reduced_mass * PAIR.mean_eigenfrequency
+        pair = PAIR.replace(material_damping=beta * unit)
+        lost = gearlib.simulate(pair, 0.95, periods=120, record_periods=20).bounces > 0
+        low, high = (beta, high) if lost else (low, beta)
+    share = float(found.contact_loss_probability.squeeze())
+    assert 0.1 < share < 0.9 and abs(share - (low - 0.02) / 0.28) < 2.0 / 1024
+
+
+def test_samples_that_cannot_be_built_are_counted_and_told():
+    given = {"contact_ratio": {"mean": 1.9, "std": 0.1}}
+    found = scatter(PAIR, given, n=128, tunings=[0.9], quantities=())
+    count = int((found.refusal != "").sum())
+    assert count == int((found.contact_ratio > 2.0).sum()) > 10
+    assert (found.run_count == 128 - count).all() and not found.failed_runs.any()
+    (text,) = refused(found)
+    assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"n": 0}, "n = 0 is not allowed"),
+        ({"seed": -1}, "seed = -1 is not allowed"),
+        ({"quantities": ("height",)}, "quantities = 'height' is not allowed: it must be one of"),
+        ({"directions": ()}, "directions"),
+        ({"directions": ("up", "sideways")}, "directions = 'sideways'"),
+        ({"box": ((0.0, 0.0), (0.0, 1.0))}, "box"),
+        ({"speeds": [1000.0]}, "one of the two"),
+        ({"tunings": [0.0]}, r"tunings\[0\] = 0.0"),
+        ({"tunings": None}, "quantities"),
+        ({"record_periods": 121}, "record_periods = 121"),
+        ({"threads": 0}, "threads = 0"),
+    ],
+)
+def test_wrong_arguments_are_refused(changes, words):
+    with pytest.raises(ValueError, match=words):
+        scatter(PAIR, MANY, **({"tunings": [0.9], "quantities": ()} | changes))
+
+
+def test_other_models_go_one_by_one():
+    oscillator = gearlib.DeadZoneOscillator(
+        lower_edge=-4.0,
+        upper_stiffness=1.0,
+        damping=0.1,
+        load=1.0,
+        forcing=gearlib.Harmonics((0.5,)),
+    )
+    given = {"damping": {"min": 0.08, "max": 0.12}}
+    found = scatter(oscillator, given, n=4, tunings=[0.8, 0.9], quantities=())
+    heights = []
+    for value in found.damping.values:
+        model = oscillator.replace(damping=float(value))
+        one = gearlib.sweep(model, [0.8, 0.9], periods=120, record_periods=20, direction="up")
+        heights.append(one.displacement_max - one.displacement_min)
+    expected = np.quantile(heights, bands.QUANTILES, axis=0)
+    assert np.allclose(found.height_band.sel(direction="up"), expected, rtol=1e-6)
+    assert found.height_band.attrs["units"] == "1" and "tuning" in found.dims
+    assert math.isfinite(float(found.factor_band.max()))
+
+
+def test_quantities_go_with_the_samples_and_their_first_order():
+    given = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
+    names = ("jump_up", "onset_of_contact_loss")
+    found = scatter(PAIR, given, names, n=32)
+    parts = [shard(PAIR, given, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
+    assert gather(parts).identical(found)
+    there = found.refusal.values == ""
+    assert 0 < there.sum() < 32
+    for name in names:
+        assert np.array_equal(found[f"{name}_status"].values == -1, ~there)
+    i = int(np.argmax(there))
+    designs = Designs(PAIR, given)
+    model = designs.model(designs.values(designs.points(i, i + 1))[0])
+    # Onset: first with contact, then without.
+    speed = float(found.onset_of_contact_loss[i])
+    up = [speed * (1.0 - 1e-4), speed * (1.0 + 1e-4)]
+    run = gearlib.sweep(model, speeds=up, periods=600, record_periods=20, direction="down")
+    assert run.bounces.values.astype(bool).sum() == 1
+    # Of a natural frequency: half the share of the stiffness.
+    nominal = scatter(PAIR, {"max_stiffness": {"std": "1 %"}, "load": {"std": "1 %"}}, names, n=64)
+    for name in names:
+        share = float(nominal[f"{name}_effect"][0] / nominal[f"{name}_nominal"])
+        ratio = float(nominal[f"{name}_first_order"] / nominal[f"{name}_deviation"])
+        assert 0.004 < share < 0.006 and abs(ratio - 1.0) < 0.05

@@ -1,0 +1,182 @@
+"""Indices, first order, tightened tolerances, certified boxes: closed forms, samples, corners."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.tolerances.boxes import certify_box
+from gearlib.tolerances.indices import sobol_indices
+from gearlib.tolerances.linear_scatter import BENDS, CUSP, HOLDS, first_order_scatter
+from gearlib.tolerances.quantities import Followed
+from gearlib.tolerances.tightening import tighten
+from tests.paper import PAPER
+
+DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
+
+
+def scattered(model, share, names):
+    """Return tolerances of a standard deviation of so much of each value."""
+    return {
+        name: {"mean": getattr(model, name), "std": share * getattr(model, name)} for name in names
+    }
+
+
+def test_indices_are_those_of_a_product():
+    # Without damping the onset is a number times (C / m)^(1/2): indices of a product, by moments.
+    tolerances = {
+        "max_stiffness": {"min": 2e8, "max": 6e8},
+        "reduced_mass": {"min": 2.0, "max": 4.0},
+    }
+    found = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3, threads=1)
+
+    def moments(low, high, power):
+        mean = (high ** (power + 1) - low ** (power + 1)) / (power + 1) / (high - low)
+        return mean, (np.log(high / low) if power == -0.5 else (high**2 - low**2) / 2.0) / (
+            high - low
+        )
+
+    first, square = moments(2e8, 6e8, 0.5)
+    other, inverse = moments(2.0, 4.0, -0.5)
+    whole = square * inverse - (first * other) ** 2
+    own = (square - first**2) * other**2 / whole, (inverse - other**2) * first**2 / whole
+    index = found.first_index.values[0]
+    assert index == pytest.approx(own, abs=0.02)
+    assert found.total_index.values[0] == pytest.approx([1.0 - own[1], 1.0 - own[0]], abs=0.02)
+    low, high = found.first_index_interval.values[0].T
+    assert ((low < index) & (index < high)).all()
+    assert int(found.missing_designs[0]) == 0
+    again = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3, threads=2)
+    assert again.identical(found)
+
+
+def test_designs_without_a_jump_are_counted():
+    model = DAMPED.replace(material_damping=8.4e3)
+    tolerances = scattered(model, 0.01, ("material_damping", "contact_ratio"))
+    found = sobol_indices(model, tolerances, ("jump_up",), 16, threads=1)
+    assert 0 < int(found.missing_designs[0]) < 4 * 16
+    assert np.isfinite(found.total_index.values).all()
+
+
+def test_first_order_holds_where_tolerances_are_small():
+    names = ("max_stiffness", "stiffness_ratio", "reduced_mass", "backlash", "material_damping")
+    quantities = ("jump_up", "jump_down", "onset_of_contact_loss", "peak")
+    found = first_order_scatter(DAMPED, scattered(DAMPED, 0.005, names), quantities, 128, threads=1)
+    assert found.first_order_verdict.values.tolist() == [HOLDS] * 4
+    assert found.deviation_ratio.values == pytest.approx(1.0, abs=0.05)
+    for name in quantities:
+        share = float(found[f"{name}_deviation"] / found[f"{name}_sampled_deviation"])
+        # Of 128 balanced samples.
+        assert share == pytest.approx(1.0, abs=0.06), name
+        low, _, high = found[f"{name}_quantile"].values
+        spread = float(found[f"{name}_deviation"])
+        assert (high - low) / spread == pytest.approx(2.0 * 1.6449, rel=5e-3)
+    assert "jump_up: first order holds" in found.attrs["said"]
+
+
+def test_first_order_says_where_it_does_not_hold():
+    model = DAMPED.replace(material_damping=8.4e3)
+    found = first_order_scatter(
+        model, scattered(model, 0.01, ("material_damping",)), ("jump_up",), 32, threads=1
+    )
+    assert int(found.first_order_verdict[0]) == CUSP
+    assert "next to a cusp" in found.attrs["said"]
+    wide = {"reduced_mass": {"min": 0.3, "max": 6.0}}
+    found = first_order_scatter(PAPER, wide, ("onset_of_contact_loss",), 32, threads=1)
+    assert int(found.first_order_verdict[0]) == BENDS
+    assert found.deviation_ratio.values[0] < 0.9
+
+
+def test_tightened_tolerances_keep_their_risk():
+    speed = float(DAMPED.speed(1.13))
+    tolerances = scattered(DAMPED, 0.006, ("stiffness_ratio", "contact_ratio", "material_damping"))
+    tolerances |= scattered(DAMPED, 0.02, ("reduced_mass",))
+    found = tighten(DAMPED, tolerances, speed=speed, n=512, threads=1)
+    # A sum of normal distributions: the margin has to be 2.326 deviations.
+    follow = Followed(DAMPED, (), ("contact_margin",), speed=speed)
+    deviation = np.linalg.norm(found.effect)
+    assert float(found.of_all) == pytest.approx(follow.nominal[0] / deviation / 2.3263, rel=5e-3)
+    given, after = found.probability.values
+    low, high = found.probability_interval.values[1]
+    assert given > 0.025 > 0.02 > after and low < 0.01 < high
+    alone = found.tightened_share.values
+    for i in np.flatnonzero(np.isfinite(alone)):
+        rest = np.delete(found.effect.values, i)
+        left = (follow.nominal[0] / 2.3263) ** 2 - rest @ rest
+        assert alone[i] == pytest.approx(np.sqrt(left) / abs(found.effect.values[i]), rel=2e-2)
+    assert np.isfinite(alone).any()
+
+
+def test_what_no_tolerance_changes_is_refused():
+    speed = float(DAMPED.speed(0.95))
+    with pytest.raises(ValueError, match="^limit = 0.0 is not allowed: the nominal design has -"):
+        tighten(DAMPED, scattered(DAMPED, 0.02, ("load",)), speed=speed)
+
+
+def test_no_point_contradicts_a_certified_box():
+    pytest.importorskip("flint")
+    names = (
+        "max_stiffness",
+        "stiffness_ratio",
+        "contact_ratio",
+        "reduced_mass",
+        "material_damping",
+    )
+    box = {name: (0.988 * getattr(DAMPED, name), 1.012 * getattr(DAMPED, name)) for name in names}
+    speed = float(DAMPED.speed(0.76))
+    found = certify_box(DAMPED, box, speed, pieces=1500)
+    assert 0.2 < found.share < 1.0 and not found
+    assert len(found.certified) and len(found.open)
+    follow = Followed(DAMPED, (), ("contact_margin",), speed=speed)
+    random, proven, lost = np.random.default_rng(1), 0, 0
+    for _ in range(1000):
+        values = random.uniform(*found.box.T)
+        model = DAMPED.replace(**dict(zip(names, map(float, values), strict=True)))
+        keeps = follow(model)[0][0] > 0.0
+        lost += not keeps
+        if found.proves(values):
+            proven += 1
+            assert keeps
+    assert proven / 1000 == pytest.approx(found.share, abs=0.06)
+    small = {name: (0.998 * getattr(DAMPED, name), 1.002 * getattr(DAMPED, name)) for name in box}
+    assert certify_box(DAMPED, small, speed)
+
+
+def test_a_box_beside_the_onset_stays_open():
+    pytest.importorskip("flint")
+    speed = float(Followed(DAMPED, (), ("onset_of_contact_loss",)).nominal[0])
+    stiffness = DAMPED.max_stiffness
+    box = {"max_stiffness": (0.99 * stiffness, 1.01 * stiffness), "load": (1e3, 1e4)}
+    found = certify_box(DAMPED, box, speed, pieces=300)
+    # Stiffer pairs have their onset at higher speeds: the upper half is certified, but for its rim.
+    assert 0.4 < found.share < 0.5
+    assert found.certified[:, 0, 0].min() > stiffness
+    assert not found.proves((0.995 * stiffness, 3e3)) and found.proves((1.009 * stiffness, 3e3))
+
+
+def test_pin_errors_are_certified_at_the_corners():
+    pytest.importorskip("flint")
+
+    def set_of(radial, tangential):
+        errors = [(radial, tangential), (0.0, 0.0)]
+        return gearlib.planetary(
+            planets=2, planet_teeth=36, stiffness_ratio=(0.7, 0.8), pin_errors=errors
+        )
+
+    speed = float(set_of(0.0, 0.0).speed(0.6))
+    found = certify_box(
+        set_of, {"radial": (-1e-5, 1e-5), "tangential": (0.0, 1e-5)}, speed, pieces=1
+    )
+    assert found and found.share == 1.0
+    train = set_of(0.0, 0.0)
+    # An error so large that a mesh lets go.
+    names = [f"error of mesh {name}" for name in train.mesh_names[:1]]
+    found = certify_box(train, {names[0]: (-1e-3, 0.0)}, speed, pieces=4)
+    assert not found and found.share < 1.0
+    with pytest.raises(ValueError, match="trains that differ in errors of assembly and torques"):
+        certify_box(
+            lambda load: dataclasses.replace(train, carrier_ratio=load),
+            {"load": (0.1, 0.2)},
+            speed,
+        )

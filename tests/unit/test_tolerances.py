@@ -1,0 +1,311 @@
+"""Tolerances: distributions against closed forms, points of the cube, designs and what refuses."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import gearlib
+from gearlib.parameters import declared
+from gearlib.tolerances import distributions
+from gearlib.tolerances.designs import Designs, DrawnPair, counted
+from gearlib.tolerances.quality_classes import by_class, distance_limits, thickness_limits
+from tests.geometry.drawings import fzg_c
+from tests.paper import PAPER
+
+KNOWN = declared(gearlib.GearPair) | {"free": None}
+PAIR = PAPER.replace(material_damping=3953.7)
+MANY = {
+    "load": {"mean": 3300.0, "std": 150.0},
+    "backlash": {"nominal": 40e-6, "upper": 10e-6, "lower": -4e-6},
+    "damping_ratio": {"min": 0.03, "max": 0.17},
+}
+
+
+def drawn(tolerances, count=4096):
+    found = distributions.read(tolerances, KNOWN)
+    size = len(found.names)
+    points = stats.qmc.Sobol(size, rng=1).random(count) + 2.0**-31
+    return found, found.values(points)
+
+
+@pytest.mark.parametrize(
+    "given, law",
+    [
+        ({"mean": 3.0, "std": 0.5}, stats.norm(3.0, 0.5)),
+        ({"min": 2.0, "max": 5.0}, stats.uniform(2.0, 3.0)),
+        ({"nominal": 3.0, "upper": 0.5, "lower": -1.0}, stats.uniform(2.0, 1.5)),
+        ({"distribution": "lognorm", "s": 0.2, "scale": 3.0}, stats.lognorm(0.2, scale=3.0)),
+        ({"distribution": "triang", "c": 0.3, "loc": 1.0}, stats.triang(0.3, loc=1.0)),
+    ],
+)
+def test_a_marginal_is_that_of_scipy(given, law):
+    found, values = drawn({"free": given})
+    (one,) = found.marginals.values()
+    u = np.linspace(0.01, 0.99, 99)
+    assert np.allclose(one.ppf(u), law.ppf(u), rtol=1e-12)
+    assert math.isclose(one.mean, law.mean()) and math.isclose(one.std, law.std())
+    # A permutation of strata but for the scrambling: the discrepancy of 4096 points.
+    assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
+
+
+def test_the_nominal_value_is_that_of_the_drawing_not_the_middle_of_its_limits():
+    found, _ = drawn({"free": {"nominal": 3.0, "upper": 0.5, "lower": -1.0}})
+    assert found.centres == [3.0] and found.marginals["free"].mean == 2.75
+
+
+def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares_of_it():
+    given = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
+    load, gap = Designs(PAIR, given).tolerances.marginals.values()
+    assert load.mean == PAIR.load and math.isclose(load.std, 0.05 * PAIR.load)
+    assert gap.centre == 40e-6 and np.allclose(gap.ends, (36e-6, 50e-6))
+    with pytest.raises(ValueError, match="tolerances.load = {'std': 1.0} is not allowed"):
+        distributions.read({"load": {"std": 1.0}}, KNOWN)
+
+
+def test_a_mirrored_tolerance_gives_mirrored_values():
+    u = np.linspace(0.01, 0.99, 50)[:, None]
+    one, other = (
+        distributions.read({"free": {"nominal": 0.0, "upper": a, "lower": b}}, KNOWN).values(u)
+        for a, b in ((3.0, -1.0), (1.0, -3.0))
+    )
+    assert np.allclose(one, -other[::-1], atol=1e-14)
+
+
+def test_a_gaussian_copula_has_the_correlations_of_closed_forms():
+    rho = 0.6
+    flat = {"min": 0.0, "max": 1.0}
+    found, values = drawn({"free": flat, "load": flat | {"min": 1e-9}, **correlated(rho)})
+    # Pearson: Spearman's rank correlation of normal scores, 6 / pi asin(rho / 2).
+    expected = 6.0 / math.pi * math.asin(rho / 2.0)
+    assert math.isclose(12.0 * found.covariance[0, 1], expected, rel_tol=1e-4)
+    assert abs(np.corrcoef(values.T)[0, 1] - expected) < 2e-3
+    bell = {"mean": 9.0, "std": 2.0}
+    found, _ = drawn({"free": bell, "load": bell, **correlated(rho)})
+    assert math.isclose(found.covariance[0, 1], 4.0 * rho, rel_tol=1e-9)
+
+
+def correlated(rho):
+    return {"correlations": [["free", "load", rho]]}
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({}, "tolerances = {} is not allowed: it must be a mapping of parameters"),
+        ({"mass": {"min": 1, "max": 2}}, "tolerances = 'mass' is not allowed: it must be one of"),
+        ({"load": {"min": 2.0, "max": 1.0}}, "tolerances.load.max = 1.0 .* must be > min = 2.0"),
+        ({"load": {"mean": 2.0, "std": 0.0}}, "tolerances.load.std = 0.0 .* finite number > 0"),
+        ({"load": {"min": -2.0, "max": 1.0}}, "tolerances.load.min = -2.0 .* > 0"),
+        ({"load": {"mean": -2.0, "std": 1.0}}, "tolerances.load = -2.0 .* must be .* > 0"),
+        ({"load": {"mean": 2.0}}, "tolerances.load = {'mean': 2.0} .* must be one of {mean, std}"),
+        ({"load": 3.0}, "tolerances.load = 3.0 .* must be one of {mean, std}"),
+        ({"load": {"mean": "2 kN", "std": 1.0}}, "tolerances.load.mean = '2 kN' .* be finite"),
+        ({"load": {"distribution": "binom"}}, "load.distribution = 'binom' .* continuous"),
+        ({"load": {"distribution": "lognorm"}}, "tolerances.load.s is missing"),
+        ({"load": {"distribution": "norm", "mu": 1.0}}, "load.mu is not allowed: the param"),
+        ({"load": {"distribution": "cauchy", "loc": 9.0}}, "tolerances.load = .* finite mean"),
+        (
+            {"load": {"min": 1, "max": 2}, "correlations": [["load", "load", 0.5]]},
+            "of two different",
+        ),
+        (
+            {"load": {"min": 1, "max": 2}, "correlations": [["load", "free", 0.5]]},
+            r"tolerances.correlations\[0\] = 'free'",
+        ),
+    ],
+)
+def test_what_is_no_tolerance_is_refused_in_a_sentence(given, words):
+    with pytest.raises(ValueError, match=words):
+        distributions.read(given, KNOWN)
+
+
+def test_a_distribution_may_begin_at_what_it_never_meets():
+    given = {"load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0}}
+    assert math.isclose(distributions.read(given, KNOWN).centres[0], 3300.0)
+
+
+def test_correlations_that_cannot_be_are_refused():
+    names = ("load", "backlash", "reduced_mass")
+    given = {name: {"mean": 1.0, "std": 0.1} for name in names}
+    a, b, c = names
+    given["correlations"] = [[a, b, 0.9], [b, c, 0.9], [a, c, -0.9]]
+    with pytest.raises(ValueError, match="positive definite, and the least eigenvalue is -0.8"):
+        distributions.read(given, KNOWN)
+
+
+def test_any_range_of_points_is_that_of_the_sequence():
+    designs = Designs(PAIR, MANY, seed=3)
+    whole = designs.points(0, 3000)
+    cuts = (0, 1, 700, 1024, 1025, 2500, 3000)
+    parts = [designs.points(*ends) for ends in zip(cuts, cuts[1:], strict=False)]
+    assert np.array_equal(np.concatenate(parts), whole)
+    # In the open cube, balanced: one point in each of 1024 strata of every dimension.
+    assert 0.0 < whole.min() and whole.max() < 1.0
+    for column in whole[:1024].T:
+        assert np.array_equal(np.sort((column * 1024).astype(int)), np.arange(1024))
+    assert not np.array_equal(Designs(PAIR, MANY, seed=4).points(0, 8), whole[:8])
+
+
+def test_names_do_not_count_and_dimensions_go_by_their_order():
+    one = {"load": MANY["load"], "backlash": MANY["backlash"]}
+    other = {"max_stiffness": MANY["load"], "backlash": MANY["backlash"]}
+    first, second = (Designs(PAIR, given) for given in (one, other))
+    points = first.points(0, 9)
+    assert np.array_equal(points, second.points(0, 9))
+    assert np.array_equal(first.values(points), second.values(points))
+
+
+def test_ratios_are_set_with_what_they_rest_on():
+    designs = Designs(PAIR, MANY | {"max_stiffness": {"min": 3e8, "max": 5e8}})
+    for row in designs.values(designs.points(0, 5)):
+        model = designs.model(row)
+        given = dict(zip(designs.names, row, strict=True))
+        assert math.isclose(model.damping_ratio, given["damping_ratio"], rel_tol=1e-14)
+        assert model.load == given["load"] and model.max_stiffness == given["max_stiffness"]
+
+
+def test_many_pairs_at_once_are_the_pairs_one_by_one():
+    designs = Designs(PAIR, MANY | {"backlash_ratio": {"min": 2.0, "max": 5.0}})
+    values = designs.values(designs.points(0, 20))
+    pairs, models, refusals = designs.pairs(values)
+    assert models is None and not any(refusals)
+    for i, row in enumerate(values):
+        model = designs.model(row)
+        for name in (*gearlib.GearPair.RATIOS, "static_deflection", "load"):
+            column = np.broadcast_to(getattr(pairs, name), len(values))
+            assert column[i] == getattr(model, name), name
+
+
+def test_derivatives_of_ratios_and_drawings_lead_to_the_fields():
+    designs = Designs(PAIR, MANY | {"reduced_mass": {"mean": 3.1, "std": 0.1}})
+    fields, jacobian = designs.fields
+    at = fields.index("material_damping"), designs.names.index
+    pair = designs.nominal
+    unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    row = jacobian[at[0]]
+    assert math.isclose(row[at[1]("damping_ratio")], unit, rel_tol=1e-8)
+    by_mass = pair.material_damping / (2.0 * pair.reduced_mass)
+    assert math.isclose(row[at[1]("reduced_mass")], by_mass, rel_tol=1e-6)
+    plain = {name: MANY[name] for name in ("load", "backlash")}
+    fields, jacobian = Designs(PAIR, plain).fields
+    assert fields == ("load", "backlash") and np.array_equal(jacobian, np.eye(2))
+
+
+def test_a_drawing_scatters_by_its_own_names():
+    gears = DrawnPair(fzg_c(), torque=302.0, damping_ratio=0.06, backlash=None)
+    given = {
+        "centre_distance": {"nominal": 91.53e-3, "upper": 11e-6, "lower": -11e-6},
+        "pinion.thickness_allowance": {"min": -60e-6, "max": -20e-6},
+        "torque": {"mean": 302.0, "std": 10.0},
+    }
+    designs = Designs(gears, given)
+    low, high = designs.model([91.52e-3, -20e-6, 302.0]), designs.model([91.54e-3, -60e-6, 302.0])
+    assert high.backlash > low.backlash > 0.0
+    # By geometry: the allowance leaves cos(alpha_n) of itself along the normal, and the centre
+    # distance 2 sin(alpha_wt).
+    angle = fzg_c().working_pressure_angle
+    expected = 40e-6 * math.cos(math.radians(20.0)) + 2.0 * math.sin(angle) * 20e-6
+    assert math.isclose(high.backlash - low.backlash, expected, rel_tol=0.01)
+    assert designs.units("pinion.thickness_allowance")[0] == "m"
+
+
+def test_trains_take_the_names_of_their_derivatives():
+    train = gearlib.two_stage(PAIR)
+    mesh = train.mesh_names[1]
+    names = "load", f"backlash of mesh {mesh}"
+    given = {names[0]: {"mean": train.load, "std": 1.0}, names[1]: {"min": 1e-5, "max": 2e-5}}
+    model = Designs(train, given).model([2.0 * train.load, 1.5e-5])
+    assert math.isclose(model.load, 2.0 * train.load)
+    assert [one.backlash for one in model.meshes] == [PAIR.backlash, 1.5e-5]
+
+
+def test_functions_take_what_scatters_as_arguments():
+    def reducer(error):
+        return gearlib.split_power_reducer(PAIR, pin_errors=((error, 0.0), (0.0, 0.0), (0.0, 0.0)))
+
+    designs = Designs(reducer, {"error": {"min": 0.0, "max": 2e-5}})
+    assert designs.nominal == reducer(1e-5)
+    with pytest.raises(ValueError, match="a function that returns a model"):
+        Designs(lambda x: x, {"x": {"min": 0.0, "max": 1.0}})
+    with pytest.raises(ValueError, match="model = 7 is not allowed"):
+        Designs(7, {})
+
+
+def test_refusals_are_counted_by_what_they_have_in_common():
+    designs = Designs(PAIR, {"contact_ratio": {"mean": 1.9, "std": 0.1}})
+    models, refusals = designs.built(designs.values(designs.points(0, 512)))
+    ((count, example),) = counted(refusals)
+    assert count == sum(model is None for model in models) and 60 < count < 100
+    assert example.startswith("contact_ratio = 2.") and "must be" in example
+
+
+@pytest.mark.parametrize(
+    ("diameter", "designation", "limits"),
+    [
+        # The example of the standard, and of textbooks.
+        (0.1, "27cd", (-170, -70)),
+        (0.1, "cd25", (-110, -70)),
+        (0.05, "26 cd", (-104, -54)),
+        (0.0501, "30a", (-580, -180)),
+        (0.01, "21h", (-3, 0)),
+        (2.5, "30h", (-1300, 0)),
+        (0.2, "28e", (-256, -56)),
+        (0.3, "26bc", (-290, -190)),
+    ],
+)
+def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation, limits):
+    found = thickness_limits(diameter, designation)
+    assert np.allclose(found, np.array(limits) * 1e-6, rtol=1e-12)
+
+
+def test_tables_of_the_thickness_grow_evenly():
+    """Preferred numbers: a series wider, or a row larger, is never less."""
+    rows = [0.005, 0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0]
+    widths = [[np.ptp(thickness_limits(d, f"{number}h")) for number in range(21, 31)] for d in rows]
+    assert (np.diff(widths, axis=0) > 0.0).all() and (np.diff(widths, axis=1) > 0.0).all()
+    ends = [[thickness_limits(d, f"21{s}")[1] for s in ("a", "c", "f", "g", "h")] for d in rows]
+    assert (np.diff(ends, axis=1) > 0.0).all() and (np.diff(ends, axis=0) <= 0.0).all()
+
+
+def test_centre_distances_follow_the_degrees_of_iso_286():
+    assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
+    # i = 0.45 D^(1/3) + 0.001 D um of the geometric mean D in mm; IT 6 to 11 are 10, 16, ... 100 i.
+    for low, high in ((50, 80), (80, 120), (180, 250), (400, 500)):
+        unit = 0.45 * math.sqrt(low * high) ** (1 / 3) + 0.001 * math.sqrt(low * high)
+        for degree, times in zip(range(6, 12), (10, 16, 25, 40, 64, 100), strict=True):
+            half = distance_limits(high * 1e-3, f"js{degree}")[1]
+            assert math.isclose(2e6 * half, times * unit, rel_tol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: thickness_limits(0.1, "27x"), "thickness = '27x' .* such as '27cd'"),
+        (lambda: thickness_limits(0.1, "31cd"), "thickness = '31cd' .* from 21 to 30"),
+        (lambda: thickness_limits(3.0, "27cd"), "diameter = 3.0 .* <= 2.5 m"),
+        (lambda: distance_limits(0.1, "h7"), "centre_distance = 'h7' .* 'js5'"),
+        (lambda: distance_limits(1.0, "js7"), "centre_distance = 1.0 .* from 0.01 to 0.5 m"),
+        (lambda: by_class(fzg_c(), form=True), "quality = None"),
+        (lambda: by_class(7, form=True), "mesh = 7"),
+    ],
+)
+def test_what_no_table_has_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def test_a_drawing_scatters_by_its_classes():
+    mesh = fzg_c(quality=7)
+    given = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
+    gears = DrawnPair(mesh, torque=302.0, damping_ratio=0.06, backlash=None)
+    designs = Designs(gears, given)
+    models, refusals = designs.built(designs.values(designs.points(0, 16)))
+    assert not any(refusals)
+    gaps = np.array([model.backlash for model in models])
+    # By the sum of both allowances, 54 + 85 to 60 + 60 um more, and the distance.
+    assert 100e-6 < gaps.min() < gaps.max() < 280e-6
+    half = mesh.pinion.form_deviation / 2.0
+    waves = [abs(model.deviation.cosines[0]) for model in models]
+    assert 0.5 * half < max(waves) <= half
