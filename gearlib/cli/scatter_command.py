@@ -30,7 +30,7 @@ class _Tolerance(click.ParamType):
                 {"parameter": name, **given, **({"shape": shape} if shape else {})}
             )
             known = tolerated.of_pair().get(name)
-            return name, one.law(f"tolerances.{name}", getattr(known, "kind", None))
+            return name, one.law(f"tolerances.{name}", known.kind if known else None)
         except ValidationError as error:
             self.fail(f"{value!r}: {error.errors()[0]['msg']}", param, ctx)
         except ValueError as error:
@@ -55,6 +55,7 @@ def _number(text):
     "--tolerance",
     "tolerances",
     type=_Tolerance(),
+    metavar="TEXT",
     multiple=True,
     help="What scatters, such as 'load std=5%', 'backlash upper=10um lower=-10um', 'contact_ratio "
     "min=1.5 max=1.6', 'load distribution=lognorm s=0.1 scale=3300'; for each parameter once.",
@@ -63,8 +64,9 @@ def _number(text):
     "--quantity",
     "quantities",
     type=click.Choice(list(QUANTITIES)),
+    metavar="NAME",
     multiple=True,
-    help="Of each design; by default jumps, onset of contact loss and peak of a pair.",
+    help=f"Of each design, of {', '.join(QUANTITIES)}; by default the first four, of a pair.",
 )
 @click.option("--samples", "n", type=int, default=1024, show_default=True, help="Designs.")
 @click.option("--speed", type=speed_options.SPEED, help="Of the duty point, rpm.")
@@ -79,7 +81,7 @@ def _number(text):
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the Sobol' points.")
 @output.options("sample")
-def scatter(model, tolerances, quantities, n, speed, start, stop, points, seed, save):
+def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
     """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
     import numpy as np
 
@@ -95,16 +97,14 @@ def scatter(model, tolerances, quantities, n, speed, start, stop, points, seed, 
             f"start = {start!r}, stop = {stop!r} is not allowed: it must be 0 < start < stop"
         )
     single = model.size == 2
-    asked = {
+    asked |= {
         "quantities": quantities or (_FOLLOWED if single else ()),
         "tunings": np.linspace(start, stop, points) if points else None,
         "directions": ("up", "down", "seeded") if single else ("up", "down"),
-        "speed": speed,
-        "seed": seed,
     }
-    stages = bool(points) + bool(asked["quantities"])
+    n, stages = asked["n"], bool(points) + bool(asked["quantities"])
     with progress.counter("designs", stages * n) as done:
-        found = gearlib.scatter(model, dict(tolerances), n=n, progress=done, **asked)
+        found = gearlib.scatter(model, dict(tolerances), progress=done, **asked)
     for text in refused(found):
         output.words(text)
     cells = []

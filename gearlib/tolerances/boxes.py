@@ -19,17 +19,13 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.closed_laws import ClosedLaw, ClosedLaws
-from gearlib.analysis.proofs.multipliers import verdict
 from gearlib.analysis.proofs.orbits import certify
-from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.signs import check_contacts
 from gearlib.kernels.codes import NORMAL
 from gearlib.models.derivatives import unchecked
 from gearlib.models.model import is_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import check_speed
+from gearlib.tolerances.kept_contact import KeptContact
 
 _BITS = 64
 #: Share of a box over which its widths are compared.
@@ -102,9 +98,10 @@ def certify_box(model, box, speed, *, pieces=2000):
         checks.require(-math.inf < low < high < math.inf, f"box[{name!r}]", one, "finite, rising")
         ends.append((low, high))
     names, ends = tuple(box), np.array(ends)
-    if isinstance(model, GearPair):
+    known = is_model(model)
+    if known and fields(model) == fields(GearPair):
         proof = _OfPair(model, names, ends, speed)
-    elif getattr(model, "train", None) is not None or callable(model) and not is_model(model):
+    elif model.mesh_names if known else callable(model):
         proof = _OfTrain(model, names, ends, speed)
     else:
         raise checks.refusal("model", model, "a GearPair, a GearTrain or a function of one")
@@ -139,30 +136,6 @@ def certify_box(model, box, speed, *, pieces=2000):
     )
 
 
-class _Laws(ClosedLaws):
-    """The laws of a pair in contact, time counted in mesh phase: every parameter appears seldom.
-
-    x'' + 2 k / (2 m omega) x' + C / (m omega^2) x = 1, with F / (m omega^2) the unit of x.
-    """
-
-    def __init__(self, pair, speed):
-        self.frequency = flint().arb(speed) * pair.teeth * flint().arb.pi() / 30
-        super().__init__(pair, 1)
-
-    def _of_pair(self, pair):
-        arb, rate = flint().arb, self.frequency
-        # In the unit of the displacement the far flank lies anywhere: only the near one is met.
-        self.lines = None, arb(0)
-        high = arb(pair.max_stiffness) / (pair.reduced_mass * rate * rate)
-        low, damping = (
-            high * pair.stiffness_ratio,
-            pair.material_damping / (2 * pair.reduced_mass * rate),
-        )
-        self._laws[NORMAL] = [ClosedLaw(c, damping, 1) for c in (high, low)]
-        ratio, pi = arb(pair.contact_ratio), arb.pi()
-        self.segments = [(arb(0), 0), (pi * (ratio - 1), 1), (pi * (3 - ratio), 0)]
-
-
 class _OfPair:
     """Boxes of the fields of a `GearPair`."""
 
@@ -183,41 +156,41 @@ class _OfPair:
         middle = ends.mean(axis=1)
         narrow = np.column_stack([middle, middle])
         narrow[i] = middle[i] + _NARROW * (ends[i] - middle[i])
-        try:
-            with precision(_BITS):
-                state = self._orbit(narrow)[0]
-        except (Uncertain, ZeroDivisionError):
-            return 1.0 / np.ptp(ends[i])
-        return float(max(one.rad() for one in state)) / np.ptp(narrow[i])
+        with precision(_BITS):
+            try:
+                kept = self._kept(narrow)
+            except (ZeroDivisionError, ValueError):
+                return 1.0 / np.ptp(ends[i])
+            return sum(map(kept.width, range(4))) / np.ptp(narrow[i])
 
     def widest(self, piece):
         """Return the number of the parameter by which a piece is best cut."""
         return int(np.argmax(self.weights * np.ptp(piece, axis=1)))
 
-    def _orbit(self, piece):
-        """Return (state, path, arcs, ends of arcs) of all orbits of a piece, in balls."""
-        arb, arb_mat = flint().arb, flint().arb_mat
+    def _kept(self, piece):
+        """Return the `KeptContact` of a piece."""
+        arb = flint().arb
         values = {one.name: getattr(self.pair, one.name) for one in fields(self.pair)}
         for name, (low, high) in zip(self.names, piece.tolist(), strict=True):
             values[name] = arb(low).union(arb(high))
-        pair = unchecked(GearPair, **values)
-        path, scale = Path(_Laws(pair, self.speed), (NORMAL,), (), 1), arb(1)
-        # Without events the equations are linear.
-        residuals, rows = path.equations([arb(0), arb(0)], scale, _BITS)
-        state = arb_mat(rows).solve(arb_mat([[-one] for one in residuals])).entries()
-        return state, path, *path.states(state, scale)
+        mass, rate = values["reduced_mass"], arb(self.speed) * self.pair.teeth * arb.pi() / 30
+        return KeptContact(
+            [
+                arb(values["max_stiffness"]) / (mass * rate * rate),
+                arb(values["stiffness_ratio"]),
+                arb(values["material_damping"]) / (2 * mass * rate),
+                arb(values["contact_ratio"]),
+            ]
+        )
 
     def holds(self, piece):
         """Return whether the statement is proven of a piece."""
-        try:
-            with precision(_BITS):
-                _, path, arcs, ends = self._orbit(piece)
-                check_contacts(path, arcs, ends, path.phases(()))
-                times = [t for _, t in arcs]
-                found = verdict(path.deviations(arcs, ends), path.determinant(times))
-        except (Uncertain, ZeroDivisionError):
-            return False
-        return found[0] == "stable"
+        with precision(_BITS):
+            try:
+                kept = self._kept(piece)
+            except (ZeroDivisionError, ValueError):
+                return False
+            return kept.stable() and kept.keeps_contact()
 
 
 class _OfTrain:

@@ -29,14 +29,13 @@ def sobol_indices(
     speed=None,
     confidence=0.95,
     seed=0,
-    threads=None,
     progress=None,
 ):
     """Return Sobol' indices of quantities by what scatters, with bootstrapped intervals.
 
     Parameters
     ----------
-    model, tolerances, quantities, seed, threads, progress
+    model, tolerances, quantities, seed, progress
         As of `gearlib.scatter`, without correlations.
     n : int, default 1024
         A power of 2; of k parameters n (k + 2) designs are followed.
@@ -84,7 +83,7 @@ def sobol_indices(
         tell(count)
 
     with notebook.bar("designs", len(values), lambda: done[0]):
-        found, _, _ = of_designs(follow, designs, values, threads, newly)
+        found, _, _ = of_designs(follow, designs, values, newly)
     found = np.moveaxis(found.reshape(k + 2, n, len(quantities)), 2, 0)
     tables = [
         _indices(one, level, designs.seed, name)

@@ -43,14 +43,13 @@ def first_order_scatter(
     *,
     speed=None,
     seed=0,
-    threads=None,
     progress=None,
 ):
     """Return how quantities scatter in first order, beside samples, and whether that holds.
 
     Parameters
     ----------
-    model, tolerances, quantities, speed, seed, threads, progress
+    model, tolerances, quantities, speed, seed, progress
         As of `gearlib.scatter`.
     n : int, default 256
         Samples beside it.
@@ -89,7 +88,7 @@ def first_order_scatter(
         tell(count)
 
     with notebook.bar("designs", len(values), lambda: done[0]):
-        found, _, refusals = of_designs(follow, designs, values, threads, newly)
+        found, _, refusals = of_designs(follow, designs, values, newly)
     built = np.array([not text for text in refusals])
     contacts = np.array([
         follow.contacts(designs.model(one)) if there else follow.contacts(designs.nominal)

@@ -5,7 +5,6 @@ Where one is lost on the way the main resonance of the design is searched anew.
 """
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
 #: Code of a design that there is not.
 NO_DESIGN = -1
-#: Designs that a thread takes at a time.
+#: Designs that are built at a time.
 _SOME = 16
 
 _SPEEDS = {"jump_up": Fold, "jump_down": Fold, "onset_of_contact_loss": Onset}
@@ -309,29 +308,22 @@ def _with_tuning(propagator, model, names, by_tuning):
     return along + np.outer(by_tuning, own)
 
 
-def of_designs(follow, designs, values, threads=None, done=lambda count: None):
-    """Return (values (n, q), codes (n, q), refusals) of many designs.
+def of_designs(follow, designs, values, done=lambda count: None):
+    """Return (values (n, q), codes (n, q), refusals) of many designs, one after the other.
 
     follow: `Followed`; designs: `gearlib.tolerances.designs.Designs`; values: of what scatters,
     shape (n, k). Where there is no design the values are NaN, the codes -1 and the text says why.
+    Threads would wait for each other: shards and processes do not.
     """
-    if threads is not None:
-        threads = checks.integer("threads", threads, 1)
-    count = len(follow.quantities)
-    found = np.full((len(values), count), np.nan)
-    codes = np.full(found.shape, NO_DESIGN, np.int8)
-    refusals = [""] * len(values)
-
-    def some(first):
-        own = slice(first, first + _SOME)
-        models, refusals[own] = designs.built(values[own])
+    found = np.full((len(values), len(follow.quantities)), np.nan)
+    codes, refusals = np.full(found.shape, NO_DESIGN, np.int8), []
+    for first in range(0, len(values), _SOME):
+        models, texts = designs.built(values[first : first + _SOME])
+        refusals += texts
         for i, model in enumerate(models, first):
             if model is not None:
                 found[i], codes[i] = follow(model)
         done(len(models))
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(some, range(0, len(values), _SOME)))
     return found, codes, refusals
 
 

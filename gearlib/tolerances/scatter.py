@@ -163,7 +163,7 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
             said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
         if quantities:
             follow = Followed(designs.nominal, designs.fields[0], quantities, speed=asked.speed)
-            found = of_designs(follow, designs, values, threads, newly)
+            found = of_designs(follow, designs, values, newly)
             data |= _of_quantities(designs, follow, found)
             refusals = refusals or found[2]
             coords["parameter"] = list(designs.names)

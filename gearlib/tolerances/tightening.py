@@ -29,14 +29,13 @@ def tighten(
     speed=None,
     n=1024,
     seed=0,
-    threads=None,
     progress=None,
 ):
     """Say which tolerance must shrink, and by how much, for few designs to be beyond a limit.
 
     Parameters
     ----------
-    model, tolerances, speed, seed, threads, progress
+    model, tolerances, speed, seed, progress
         As of `gearlib.scatter`.
     quantity : str, default "contact_margin"
         Of `gearlib.tolerances.quantities.QUANTITIES`: contact is lost where this one is below 0.
@@ -100,7 +99,7 @@ def tighten(
         tell(count)
 
     with notebook.bar("designs", len(values), lambda: done[0]):
-        found, _, _ = of_designs(follow, designs, values, threads, newly)
+        found, _, _ = of_designs(follow, designs, values, newly)
     beyond = (~(sign * (found[:, 0].reshape(-1, n) - limit) >= 0.0)).sum(axis=1)
     intervals = [binomtest(int(count), n).proportion_ci(0.95, "wilson") for count in beyond]
     alone = np.full(k, np.nan)

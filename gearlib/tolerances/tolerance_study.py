@@ -33,6 +33,6 @@ def compute(*, pair, tolerances, samples, shard, threads, drawing=None, **asked)
     return shard_of(model, tolerances, samples, first, last, threads=threads, **asked)
 
 
-def indices(*, pair, tolerances, samples, threads, drawing=None, **asked):
+def indices(*, pair, tolerances, samples, drawing=None, **asked):
     """Return Sobol' indices, see `gearlib.tolerances.indices.sobol_indices`."""
-    return sobol_indices(model_of(pair, drawing), tolerances, n=samples, threads=threads, **asked)
+    return sobol_indices(model_of(pair, drawing), tolerances, n=samples, **asked)

@@ -128,7 +128,7 @@ def at_duty_point(call, *arguments, **options):
     def of(pair):
         name = "load" if hasattr(pair, "load") else "stiffness"
         limits = {name: {"upper": "1 %", "lower": "-1 %"}}
-        return call(pair, limits, *arguments, n=2, speed=3000.0, threads=1, **options)
+        return call(pair, limits, *arguments, n=2, speed=3000.0, **options)
 
     return of
 
