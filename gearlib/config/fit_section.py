@@ -8,7 +8,7 @@ from gearlib.checks import refusal
 from gearlib.config import units
 from gearlib.config.types import Given, Option, entry, whole
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import Number, declared
+from gearlib.parameters import declared
 
 _Range = Annotated[list[Option], Field(min_length=2, max_length=2)]
 
@@ -29,16 +29,15 @@ def range_of(name, ends):
 
     ValueError for what is no number in a unit of its dimension.
     """
-    one = declared(PairParameters).get(name)
-    kind = one.kind if one else None
-    unit = kind.unit if isinstance(kind, Number) else "1"
-    allowed = "two numbers" + ("" if unit == "1" else f" in {unit}, or texts with a unit of it")
+    known = declared(PairParameters).get(name)
+    unit = known.unit if known else ""
+    allowed = "two numbers" + (f" in {unit}, or texts with a unit of it" if unit else "")
     found = []
     for end in ends:
         try:
             found.append(float(end))
         except ValueError:
-            if unit == "1":
+            if not unit:
                 raise refusal(f"free.{name}", list(ends), allowed) from None
             try:
                 found.append(units.read(end, unit))

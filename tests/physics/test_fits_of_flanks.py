@@ -60,6 +60,8 @@ def test_an_opening_tells_what_counts_there_and_spreads_the_rest():
     class Line:
         """Residuals of p alone, not of q."""
 
+        kind = "run-up"
+
         def __init__(self, target):
             self.target, self.noise = target, True
 
