@@ -13,6 +13,7 @@ import heapq
 import itertools
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from gearlib.analysis.proofs.orbits import certify
 from gearlib.kernels.codes import NORMAL
 from gearlib.models.derivatives import unchecked
 from gearlib.models.model import is_model
-from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import check_speed
 from gearlib.tolerances.kept_contact import KeptContact
 
@@ -98,9 +98,10 @@ def certify_box(model, box, speed, *, pieces=2000):
         checks.require(-math.inf < low < high < math.inf, f"box[{name!r}]", one, "finite, rising")
         ends.append((low, high))
     names, ends = tuple(box), np.array(ends)
-    if isinstance(model, GearPair):
-        proof = _OfPair(model, names, ends, speed)
-    elif getattr(model, "train", None) is not None or callable(model) and not is_model(model):
+    own = is_model(model)
+    if own and model.mesh is model:
+        proof: Any = _OfPair(model, names, ends, speed)
+    elif model.train is not None if own else callable(model):
         proof = _OfTrain(model, names, ends, speed)
     else:
         raise checks.refusal("model", model, "a GearPair, a GearTrain or a function of one")
