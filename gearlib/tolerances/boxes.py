@@ -1,8 +1,7 @@
 """`certify_box`: a stable orbit without contact loss, proven at every point of a box of parameters.
 
-Of a `GearPair` the numbers of a box are balls, with which the orbit, its distance from the flank
-line and its multipliers are enclosed; where that decides nothing the box is cut in two. Load,
-backlash and the oil's damping take no part in such an orbit.
+Of a `GearPair` the numbers of a box are balls, with which the orbit and its multipliers are
+enclosed, see `gearlib.tolerances.kept_contact`; where that decides nothing the box is cut in two.
 
 Of a train errors of assembly and loads are forces and gaps: with all flanks in contact the motion
 is affine in them, and so is its distance from every flank line. Between points at which the orbit
