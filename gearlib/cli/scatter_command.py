@@ -81,7 +81,7 @@ def _number(text):
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the Sobol' points.")
 @output.options("sample")
-def scatter(model, tolerances, quantities, n, speed, start, stop, points, seed, save):
+def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
     """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
     import numpy as np
 
@@ -97,16 +97,14 @@ def scatter(model, tolerances, quantities, n, speed, start, stop, points, seed, 
             f"start = {start!r}, stop = {stop!r} is not allowed: it must be 0 < start < stop"
         )
     single = model.size == 2
-    asked = {
+    asked |= {
         "quantities": quantities or (_FOLLOWED if single else ()),
         "tunings": np.linspace(start, stop, points) if points else None,
         "directions": ("up", "down", "seeded") if single else ("up", "down"),
-        "speed": speed,
-        "seed": seed,
     }
-    stages = bool(points) + bool(asked["quantities"])
+    n, stages = asked["n"], bool(points) + bool(asked["quantities"])
     with progress.counter("designs", stages * n) as done:
-        found = gearlib.scatter(model, dict(tolerances), n=n, progress=done, **asked)
+        found = gearlib.scatter(model, dict(tolerances), progress=done, **asked)
     for text in refused(found):
         output.words(text)
     cells = []

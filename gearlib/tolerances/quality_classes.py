@@ -75,13 +75,14 @@ def thickness_limits(diameter, designation):
     most = _DIAMETERS[-1]
     diameter = checks.number("diameter", diameter, f"> 0 and <= {most} m", lambda d: 0 < d <= most)
     match = _THICKNESS.fullmatch(designation.strip()) if isinstance(designation, str) else None
-    number = int(match[1] or match[4]) if match else 0
+    number, series = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
+    number = int(number)
     words = (
         f"a number from {_FIRST} to {_LAST} and a series from a to h of DIN 3967, such as '27cd'"
     )
     checks.require(_FIRST <= number <= _LAST, "thickness", designation, words)
     row = next(i for i, end in enumerate(_DIAMETERS) if diameter <= end)
-    upper = -_ALLOWANCES[row][_SERIES.index(match[2] or match[3])]
+    upper = -_ALLOWANCES[row][_SERIES.index(series)]
     steps, begin = _ROWS[row]
     return _UM * (upper - steps[begin + number - _FIRST]), _UM * upper
 
