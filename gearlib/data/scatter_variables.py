@@ -31,6 +31,8 @@ DESCRIPTIONS = {
     "deviation_ratio": ("1", "standard deviation in first order over that of the samples"),
     "first_order_verdict": ("1", "whether first order holds within the tolerances"),
     "of_all": ("1", "share that stays of all tolerances together"),
+    "first_order_of_all": ("1", "share that stays of all tolerances together, in first order"),
+    "first_order_share": ("1", "share that stays of a tolerance alone, in first order"),
     "tightened_share": ("1", "share that stays of a tolerance if it alone is tightened"),
     "step": ("1", "tolerances as given, or tightened alike"),
     "tightened_probability": ("1", "share of the designs beyond the limit with it alone tightened"),

@@ -1,8 +1,7 @@
 """`certify_box`: a stable orbit without contact loss, proven at every point of a box of parameters.
 
-Of a `GearPair` the numbers of a box are balls, with which the orbit, its distance from the flank
-line and its multipliers are enclosed; where that decides nothing the box is cut in two. Load,
-backlash and the oil's damping take no part in such an orbit.
+Of a `GearPair` the numbers of a box are balls, with which the orbit and its multipliers are
+enclosed, see `gearlib.tolerances.kept_contact`; where that decides nothing the box is cut in two.
 
 Of a train errors of assembly and loads are forces and gaps: with all flanks in contact the motion
 is affine in them, and so is its distance from every flank line. Between points at which the orbit
@@ -13,6 +12,7 @@ import heapq
 import itertools
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from gearlib.analysis.proofs.orbits import certify
 from gearlib.kernels.codes import NORMAL
 from gearlib.models.derivatives import unchecked
 from gearlib.models.model import is_model
-from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import check_speed
 from gearlib.tolerances.kept_contact import KeptContact
 
@@ -98,10 +97,10 @@ def certify_box(model, box, speed, *, pieces=2000):
         checks.require(-math.inf < low < high < math.inf, f"box[{name!r}]", one, "finite, rising")
         ends.append((low, high))
     names, ends = tuple(box), np.array(ends)
-    known = is_model(model)
-    if known and fields(model) == fields(GearPair):
-        proof = _OfPair(model, names, ends, speed)
-    elif model.mesh_names if known else callable(model):
+    own = is_model(model)
+    if own and model.mesh is model:
+        proof: Any = _OfPair(model, names, ends, speed)
+    elif model.train is not None if own else callable(model):
         proof = _OfTrain(model, names, ends, speed)
     else:
         raise checks.refusal("model", model, "a GearPair, a GearTrain or a function of one")

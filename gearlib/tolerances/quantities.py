@@ -85,6 +85,11 @@ class Followed:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
         if "load_sharing" in duty and not model.mesh_names:
             raise ValueError("quantities = 'load_sharing' is not allowed: it is one of trains")
+        if "transmission_error" in duty and model.equation and len(model.equation.deviation):
+            raise ValueError(
+                "quantities = 'transmission_error' is not allowed for a model with deviations of "
+                "the flanks: its displacement is that of the flanks"
+            )
         followed = set(self.quantities) - duty
         special = model.size == 2 and model.repeats == 1 and model.kind().map_rates is not None
         if followed and not special or model.kind().map_slopes is None:

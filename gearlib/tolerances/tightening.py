@@ -1,8 +1,8 @@
 """`tighten`: by how much tolerances must shrink for a quantity to keep its limit.
 
 In first order a quantity is linear in what scatters, so that the share of a tolerance that may stay
-is the root of one equation. Whether the answer is right is asked of designs that are
-followed, before and after.
+is the root of one equation. Designs that are followed correct it, by a few secants, and tell how
+many are beyond the limit before and after.
 """
 
 import math
@@ -16,6 +16,10 @@ from gearlib.data.result import result
 from gearlib.tolerances.designs import MOST, Designs
 from gearlib.tolerances.linear_scatter import Linear
 from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, of_designs
+
+#: Trials of a share, the first of them at most, and how near to the limit the designs then come, as
+#: a share of the margin.
+_TRIES, _FIRST, _CLOSE = 4, 0.95, 0.05
 
 
 def tighten(
@@ -51,11 +55,12 @@ def tighten(
     Returns
     -------
     xarray.Dataset
-        Over ``parameter``: effect, tightened_share, NaN where this tolerance alone does not do;
-        of_all, if all shrink alike. first_order_probability, and, of designs that are followed,
-        probability and probability_interval over ``step``: as given, and with all tolerances at
-        of_all; over ``parameter`` tightened_probability, with each at its share. Designs that have
-        no such motion count as beyond the limit.
+        Over ``parameter``: effect, tightened_share, the share that may stay if this tolerance
+        alone shrinks, NaN where that does not do, and tightened_probability with it; of_all, if
+        all shrink alike. probability and probability_interval over ``step``: as given, and with
+        all tolerances at of_all. All these are of designs that are followed, those that have no
+        such motion beyond the limit; first_order_share, first_order_of_all and
+        first_order_probability are the same in first order, from which they start.
 
     Raises
     ------
@@ -84,34 +89,40 @@ def tighten(
         return np.quantile(margin + parts @ shares, risk)
 
     k = len(designs.names)
-    shares = np.array([_share(lambda s, i=i: lost(_but(k, i, s))) for i in range(k)])
-    of_all = _share(lambda s: lost(np.full(k, s)))
-    # As given, all together, each that does.
-    tried = [np.ones(k), np.full(k, of_all)]
-    tried += [_but(k, i, shares[i]) for i in range(k) if np.isfinite(shares[i])]
-    values = designs.values(designs.points(0, n))
-    centres = designs.tolerances.centres
-    values = np.concatenate([centres + one * (values - centres) for one in tried])
+    ways = [lambda s: np.full(k, s), *(lambda s, i=i: _but(k, i, s) for i in range(k))]
+    first = np.array([_share(lambda s, way=way: lost(way(s))) for way in ways])
+    values, centres = designs.values(designs.points(0, n)), designs.tolerances.centres
     done, tell = [0], progress or (lambda count: None)
 
     def newly(count):
         done[0] += count
         tell(count)
 
-    with notebook.bar("designs", len(values), lambda: done[0]):
-        found, _, _ = of_designs(follow, designs, values, newly)
-    beyond = (~(sign * (found[:, 0].reshape(-1, n) - limit) >= 0.0)).sum(axis=1)
-    intervals = [binomtest(int(count), n).proportion_ci(0.95, "wilson") for count in beyond]
-    alone = np.full(k, np.nan)
-    alone[np.isfinite(shares)] = beyond[2:] / n
+    def tried(shares):
+        """Return the same of designs that are followed, and how many of them are beyond."""
+        found, _, _ = of_designs(follow, designs, centres + shares * (values - centres), newly)
+        own = np.where(np.isnan(found[:, 0]), -np.inf, sign * (found[:, 0] - limit))
+        return np.quantile(own, risk, method="lower"), int((own < 0.0).sum())
+
+    with notebook.bar("designs", n * (1 + _TRIES * (k + 1)), lambda: done[0]):
+        given = tried(np.ones(k))
+        answers = [
+            _corrected(one, given, lambda s, way=way: tried(way(s)), margin)
+            for one, way in zip(first, ways, strict=True)
+        ]
+    shares, beyond = (np.array(one, float) for one in zip(*answers, strict=True))
+    counts = (given[1], int(beyond[0]))
+    intervals = [binomtest(count, n).proportion_ci(0.95, "wilson") for count in counts]
     data = {
         "effect": ("parameter", sign * form.effects[0], {"units": QUANTITIES[quantity][0]}),
-        "tightened_share": ("parameter", shares),
-        "tightened_probability": ("parameter", alone),
-        "of_all": of_all,
+        "tightened_share": ("parameter", shares[1:]),
+        "tightened_probability": ("parameter", beyond[1:] / n),
+        "first_order_share": ("parameter", first[1:]),
+        "of_all": shares[0],
+        "first_order_of_all": first[0],
         "first_order_probability": float(np.mean(margin + parts.sum(axis=1) < 0.0)),
-        "probability": ("step", beyond[:2] / n),
-        "probability_interval": (("step", "bound"), [list(one) for one in intervals[:2]]),
+        "probability": ("step", np.array(counts) / n),
+        "probability_interval": (("step", "bound"), [list(one) for one in intervals]),
     }
     coords = {"parameter": list(designs.names), "step": ["given", "tightened"]}
     coords["bound"] = ["low", "high"]
@@ -132,3 +143,22 @@ def _share(lost):
     if lost(1.0) >= 0.0:
         return 1.0
     return brentq(lost, 0.0, 1.0, xtol=1e-9) if lost(0.0) > 0.0 else np.nan
+
+
+def _corrected(share, given, tried, margin):
+    """Return (share, designs beyond) by secants of designs, from a share in first order on."""
+    if given[0] >= 0.0:
+        return 1.0, given[1]
+    if np.isnan(share):
+        return share, np.nan
+    last, share = (1.0, given[0]), min(share, _FIRST)
+    for left in reversed(range(_TRIES)):
+        worst, beyond = tried(share)
+        if 0.0 <= worst <= _CLOSE * margin or not left:
+            break
+        slope = (worst - last[1]) / (share - last[0]) if share != last[0] else 0.0
+        last = share, worst
+        # Aimed a little inside of the limit; where designs are gone, or nothing changes, halved.
+        ahead = share + (0.5 * _CLOSE * margin - worst) / slope if slope < 0.0 else 0.5 * share
+        share = min(max(ahead if np.isfinite(ahead) else 0.5 * share, 0.0), 1.0)
+    return share, beyond

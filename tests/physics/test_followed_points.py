@@ -163,3 +163,21 @@ def test_what_cannot_be_followed_is_refused():
         ValueError, match="^quantities = 'jump_up' is not allowed for this GearTrain"
     ):
         Followed(gearlib.planetary(), (), ("jump_up",))
+
+
+def test_taylor_steps_find_the_same(followed):
+    # Another code: nonlinear damping, so little of it that it changes nothing.
+    twin = gearlib.OneDegreePair(pair=DAMPED, cubic_damping=1e-9)
+    names = ("jump_up", "jump_down", "onset_of_contact_loss", "peak", "dynamic_factor")
+    follow = Followed(twin, ("load", "material_damping"), names, speed=float(DAMPED.speed(0.9)))
+    own = [OF_PAIRS.index(name) for name in names]
+    assert follow.nominal == pytest.approx(followed[DAMPED].nominal[own], rel=1e-8)
+    columns = [FIELDS.index(name) for name in follow.names]
+    known = followed[DAMPED].gradient[np.ix_(own, columns)]
+    assert follow.gradient == pytest.approx(known, rel=1e-6, abs=1e-9 * np.abs(known).max())
+
+
+def test_models_with_deviations_have_no_plain_transmission_error():
+    model = gearlib.OneDegreePair(pair=DAMPED, deviation=gearlib.Harmonics(cosines=(1e-6,)))
+    with pytest.raises(ValueError, match="not allowed for a model with deviations of the flanks"):
+        Followed(model, (), ("transmission_error",), speed=3000.0)

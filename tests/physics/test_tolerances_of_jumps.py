@@ -98,16 +98,20 @@ def test_tightened_tolerances_keep_their_risk():
     # A sum of normal distributions: the margin has to be 2.326 deviations.
     follow = Followed(DAMPED, (), ("contact_margin",), speed=speed)
     deviation = np.linalg.norm(found.effect)
-    assert float(found.of_all) == pytest.approx(follow.nominal[0] / deviation / 2.3263, rel=5e-3)
-    given, after = found.probability.values
-    low, high = found.probability_interval.values[1]
-    assert given > 0.025 > 0.02 > after and low < 0.01 < high
-    alone = found.tightened_share.values
+    nominal = follow.nominal[0]
+    assert float(found.first_order_of_all) == pytest.approx(nominal / deviation / 2.3263, rel=5e-3)
+    alone = found.first_order_share.values
     for i in np.flatnonzero(np.isfinite(alone)):
         rest = np.delete(found.effect.values, i)
-        left = (follow.nominal[0] / 2.3263) ** 2 - rest @ rest
+        left = (nominal / 2.3263) ** 2 - rest @ rest
         assert alone[i] == pytest.approx(np.sqrt(left) / abs(found.effect.values[i]), rel=2e-2)
     assert np.isfinite(alone).any()
+    # Of designs: no more are beyond than may be, and not many fewer.
+    given, after = found.probability.values
+    low, high = found.probability_interval.values[1]
+    assert given > 0.025 and 0.005 < after <= 0.0101 and low < 0.01 < high
+    own = np.isfinite(found.tightened_share)
+    assert (found.tightened_probability.values[own] <= 0.0101).all()
 
 
 def test_what_no_tolerance_changes_is_refused():
