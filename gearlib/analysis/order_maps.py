@@ -13,8 +13,8 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import order_slopes, sampled_signals
-from gearlib.analysis.steady_course import as_run_up
 from gearlib.analysis.revolutions import Turning
+from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.kernels.closed_form import course_orders
 from gearlib.kernels.closed_form.mesh_constants import mesh

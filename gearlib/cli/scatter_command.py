@@ -30,7 +30,7 @@ class _Tolerance(click.ParamType):
                 {"parameter": name, **given, **({"shape": shape} if shape else {})}
             )
             known = tolerated.of_pair().get(name)
-            return name, one.law(f"tolerances.{name}", known and known.kind)
+            return name, one.law(f"tolerances.{name}", known.kind if known else None)
         except ValidationError as error:
             self.fail(f"{value!r}: {error.errors()[0]['msg']}", param, ctx)
         except ValueError as error:

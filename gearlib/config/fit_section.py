@@ -29,7 +29,8 @@ def range_of(name, ends):
 
     ValueError for what is no number in a unit of its dimension.
     """
-    kind = getattr(declared(PairParameters).get(name), "kind", None)
+    one = declared(PairParameters).get(name)
+    kind = one.kind if one else None
     unit = kind.unit if isinstance(kind, Number) else "1"
     allowed = "two numbers" + ("" if unit == "1" else f" in {unit}, or texts with a unit of it")
     found = []

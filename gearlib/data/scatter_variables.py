@@ -20,7 +20,6 @@ DESCRIPTIONS = {
     "lost": ("1", "whether contact is lost"),
     "settled": ("1", "whether the motion has settled"),
     "run_status": ("1", "how the run ended, -1 where there is no such design"),
-    "quantity": ("1", "name of the quantity"),
     "bound": ("1", "end of the interval"),
     "first_index": ("1", "share of the variance by the parameter alone"),
     "total_index": ("1", "share of the variance by the parameter alone and with others"),
@@ -38,6 +37,13 @@ DESCRIPTIONS = {
     "probability": ("1", "share of the designs beyond the limit"),
     "probability_interval": ("1", "95 % interval of the share of the designs beyond the limit"),
     "first_order_probability": ("1", "the same in first order"),
+    "estimate": ("1", "polynomial chaos, or the runs themselves"),
+    "mean_error": ("1", "error of the mean over the exact one"),
+    "deviation_error": ("1", "error of the standard deviation over the exact one"),
+    "distribution_error": ("1", "largest error of the share of designs below a value"),
+    "designs_run": ("1", "designs that are run"),
+    "polynomial_order": ("1", "order of the polynomial"),
+    "loss_probability": ("1", "share of the designs that lose contact"),
 }
 
 #: The same of the quantities of each design, see `gearlib.tolerances.quantities`.

@@ -176,5 +176,5 @@ def profiles(found, *names, points=9, figure=None):
 
 
 def _check(call, found):
-    if not hasattr(found, "waterfall") or not hasattr(found, "profile"):
+    if not {"waterfall", "profile"} <= set(dir(found)):
         raise ValueError(f"found is not allowed: gearlib.plot.{call} draws a fit of gearlib.fit")

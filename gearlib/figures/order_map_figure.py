@@ -12,10 +12,12 @@ _UNITS = {"displacement": "m", "dynamic_force": "N", "velocity": "m s-1", "accel
 #: Levels this far below the highest are one colour, dB.
 _RANGE = 80.0
 _MESH_ORDERS = 3
+#: Circles of a measured map on each of them.
+_CIRCLES = 30
 
 
 @style.styled()
-def order_map(found, *, figure=None, vertical="order", levels=None):
+def order_map(found, *, figure=None, vertical="order", levels=None, measured=None):
     """Draw an order map as it is read at the rig: runs up and down side by side.
 
     Mesh orders z, 2z, ... are lines with their names, thinner ones their sidebands z - 1, z + 1 and
@@ -29,6 +31,9 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
     vertical : {"order", "frequency"}
     levels : tuple of float, optional
         Lowest and highest level, dB; by default 80 dB from the highest down.
+    measured : xarray.Dataset, optional
+        Order map of the same variable of a rig: circles on the mesh orders, in the colours of their
+        levels, which vanish where both agree, and dots for the overall level.
 
     Returns
     -------
@@ -38,22 +43,31 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
     Raises
     ------
     ValueError
-        If the dataset is no order map of one mesh.
+        If a dataset is no order map of one mesh, or the measured one of another variable.
     """
     checks.one_of("vertical", vertical, ("order", "frequency"))
-    if getattr(getattr(found, "amplitude", None), "dims", ()) != ("time", "order"):
-        raise ValueError(
-            "found is not allowed: it must be a dataset of gearlib.order_map, one mesh"
-        )
+    for name, one in (("found", found), ("measured", found if measured is None else measured)):
+        if getattr(getattr(one, "amplitude", None), "dims", ()) != ("time", "order"):
+            raise ValueError(
+                f"{name} is not allowed: it must be a dataset of gearlib.order_map, one mesh"
+            )
+        for key in ("variable", "amplitude"):
+            if one.attrs[key] != found.attrs[key]:
+                raise checks.refusal(f"measured.{key}", one.attrs[key], repr(found.attrs[key]))
     unit = found.overall.attrs.get("units") or _UNITS[found.attrs["variable"]]
     reference, name = _REFERENCES.get(unit, (1.0, unit))
     power = found.attrs["amplitude"] == "power"
-    height = found.amplitude.values / (reference**2 if power else reference)
-    with np.errstate(divide="ignore"):
-        level = (10.0 if power else 20.0) * np.log10(height)
-        overall = 20.0 * np.log10(found.overall.values / reference)
-    rpm, order = found.rpm.values, found.order.values
-    falls = np.gradient(rpm) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
+
+    def read(one):
+        """Return (levels, overall levels, rpm, where the speed falls)."""
+        height, rpm = one.amplitude.values / (reference**2 if power else reference), one.rpm.values
+        with np.errstate(divide="ignore"):
+            level = (10.0 if power else 20.0) * np.log10(height)
+            overall = 20.0 * np.log10(one.overall.values / reference)
+        return level, overall, rpm, np.gradient(rpm) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
+
+    level, overall, rpm, falls = read(found)
+    order = found.order.values
     ways = [(mask, words) for mask, words in ((~falls, "up"), (falls, "down")) if mask.any()]
     high = level[:, 1:].max() if levels is None else levels[1]
     low = high - _RANGE if levels is None else levels[0]
@@ -79,6 +93,8 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
         _lines(column[0], float(found.teeth), speed, order[-1], vertical)
         column[0].set_title(f"speed goes {words}")
         column[1].plot(speed, overall[mask][at], color="C0")
+        if measured is not None:
+            _lay_over(column, measured, read(measured), words == "down", vertical, (low, high))
         column[1].set_xlabel("speed (rpm)")
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n(dB re 1 {name})")
@@ -88,6 +104,23 @@ def order_map(found, *, figure=None, vertical="order", levels=None):
     words = found.attrs["variable"].replace("_", " ")
     figure.colorbar(shown, ax=grid[0], label=f"{words}, {kind}\n(dB re 1 {name})")
     return figure
+
+
+def _lay_over(column, measured, levels, falls, vertical, ends):
+    """Lay a measured map over one direction of another."""
+    level, overall, rpm, down = levels
+    at = np.flatnonzero(down == falls)
+    at = at[np.argsort(rpm[at])]
+    few = at[:: -(-at.size // _CIRCLES)] if at.size else at
+    scale = rpm[few] / 60.0 if vertical == "frequency" else np.ones(few.size)
+    for k in range(1, _MESH_ORDERS + 1):
+        number = k * float(measured.teeth)
+        i = int(np.abs(measured.order.values - number).argmin())
+        if abs(measured.order.values[i] - number) < 1e-6:
+            shown = np.clip(level[few, i], *ends)
+            look = {"cmap": "magma", "vmin": ends[0], "vmax": ends[1], "edgecolors": "white"}
+            column[0].scatter(rpm[few], scale * number, 12.0, shown, lw=0.4, zorder=3, **look)
+    style.dots(column[1], rpm[at], overall[at], ".", "#8C8C8C", 2.0, zorder=1, label="measured")
 
 
 def _lines(axes, teeth, speed, highest, vertical):

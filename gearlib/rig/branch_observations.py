@@ -18,6 +18,9 @@ from gearlib.runs.sweeping import sweep
 
 #: A step from one point to the next that is a jump: share of the value, and times the step before.
 _JUMP, _STEEP = 0.15, 3.0
+#: What grows with the motion or, the first of them, falls.
+_LOW = ("displacement_min", "dynamic_force_min")
+_HIGH = (*_LOW, "_max", *(f"{ORDER}_{k}" for k in range(1, 10)))
 #: Mesh periods at each speed: what deviates dies out, Newton's method does the rest.
 SETTLING = {"periods": 200, "record_periods": 1}
 
@@ -80,9 +83,13 @@ class BranchStatistics:
         return float(self.sensor[name].get("noise_std", 0.0))
 
     def _part(self, way, own, speeds):
-        """Part a sweep at its largest jump, if there is one."""
-        table = np.array([self.measured[name][own] for name in self.names])
-        i = _jump(table, [3.0 * self._noise(name) for name in self.names])
+        """Part a sweep at its largest jump, up of rising speeds, if there is one."""
+        high = [name for name in self.names if self.channels[name][0].endswith(_HIGH)]
+        signs = [-1.0 if self.channels[name][0] in _LOW else 1.0 for name in high]
+        names = high or self.names
+        table = np.array([self.measured[name][own] for name in names])
+        table[: len(signs)] *= np.array(signs).reshape(-1, 1)
+        i = _jump(table, [3.0 * self._noise(name) for name in names], way if high else 0)
         if i is None:
             self.branches.append(own)
             return
@@ -133,27 +140,36 @@ class BranchStatistics:
 
 
 def _followed(model, speeds, names, samples=1):
-    """Return the points of one branch from its first speed on."""
+    """Return the points of one branch from its first speed on.
+
+    It ends where a motion jumps up while the speed rises, down while it falls; the other way a
+    motion comes to a branch that leads on, as where it begins to strike the far flank.
+    """
     tunings = speeds / float(model.speed(1.0))
     rising = len(speeds) < 2 or tunings[-1] > tunings[0]
     run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **SETTLING)
     order = slice(None) if rising else slice(None, None, -1)
     states = run.final_state.values[order]
     heights = run.displacement_max.values[order].reshape(len(speeds), -1).T
-    end = _jump(heights, np.zeros(len(heights)))
+    end = _jump(heights, np.zeros(len(heights)), 1 if rising else -1)
     kept = len(speeds) if end is None else end
     points = [OrbitAtSpeed(model, speeds[i], states[i], names, samples) for i in range(kept)]
     return points + [points[-1]] * (len(speeds) - kept)
 
 
-def _jump(table, least):
-    """Return the first point behind the largest jump of rows of values, None without one."""
+def _jump(table, least, way=0):
+    """Return the first point behind the largest jump of rows of values, None without one.
+
+    `way`: 1 of jumps up alone, -1 of jumps down.
+    """
     if table.shape[1] < 2:
         return None
     steps = np.abs(np.diff(table, axis=1))
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     usual = np.median(steps, axis=1)[:, None]
     jumps = (steps > _JUMP * sizes) & (steps > _STEEP * usual) & (steps > np.array(least)[:, None])
+    if way:
+        jumps &= way * np.diff(table, axis=1) > 0.0
     if not jumps.any():
         return None
     return int(np.where(jumps, steps / sizes, 0.0).max(axis=0).argmax()) + 1

@@ -130,12 +130,14 @@ def regressed(turns, values, bounds, teeth):
     """Return (mesh orders, shape (blocks, ORDERS), what the variance of noise is lowered by).
 
     Samples lie anywhere: of each block, between two of the `bounds`, a regression on offset, the
-    first waves of the shaft and mesh orders. The variance of either part of an order is half the
-    share.
+    first waves of the shaft and mesh orders. Samples weigh as much as the part of the block that
+    is next to them, so that of waves that grow it has the Fourier integral. The variance of either
+    part of an order is half the share.
     """
-    ends = np.searchsorted(turns, bounds)
-    blocks = len(ends) - 1
-    dense = float((np.diff(ends) / np.diff(bounds)).min() / teeth)
+    cells = np.concatenate([[-np.inf], 0.5 * (turns[1:] + turns[:-1]), [np.inf]])
+    blocks = len(bounds) - 1
+    inside = np.diff(np.searchsorted(turns, bounds))
+    dense = float((inside / np.diff(bounds)).min() / teeth)
     count = min(2 * ORDERS, int(dense / _DENSE))
     said = f"of {_DENSE * ORDERS:g} or more"
     checks.require(count >= ORDERS, "displacement", f"{dense:.3g} samples in a mesh period", said)
@@ -145,12 +147,15 @@ def regressed(turns, values, bounds, teeth):
     found, share = np.zeros((blocks, ORDERS), complex), np.zeros(blocks)
     real = np.arange(ORDERS) + 1 + shaft
     imaginary = real + waves.size
-    for k in range(blocks):
-        own = slice(ends[k], ends[k + 1])
+    for k, (low, high) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        own = slice(np.searchsorted(cells, low, "right") - 1, np.searchsorted(cells, high))
+        weights = np.diff(np.clip(cells[own.start : own.stop + 1], low, high))[:, None]
         turn = np.exp(2j * np.pi * np.outer(turns[own], waves))
         columns = np.hstack([np.ones((len(turn), 1)), turn.real, turn.imag])
-        inverse = np.linalg.inv(columns.T @ columns)
-        best = inverse @ (columns.T @ values[own])
+        heavy = weights * columns
+        inverse = np.linalg.inv(columns.T @ heavy)
+        best = inverse @ (heavy.T @ values[own])
         found[k] = 0.5 * (best[real] - 1j * best[imaginary])
-        share[k] = 0.5 * np.diag(inverse)[[*real, *imaginary]].mean()
+        spread = np.diag(inverse @ (heavy.T @ heavy) @ inverse)
+        share[k] = 0.5 * spread[[*real, *imaginary]].mean()
     return found, share

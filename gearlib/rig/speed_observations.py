@@ -15,8 +15,10 @@ from gearlib.analysis.orbits.orbit_sensitivities import fold_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.tracing import Lost
+from gearlib.kernels import orbit as columns
 from gearlib.rig.fitted_curves import Place
 from gearlib.rig.orbit_at_speed import OrbitAtSpeed
+from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 
 #: Name of a speed -> (what it is of a `Resonance`, its condition).
@@ -31,6 +33,8 @@ _ABOVE, _BELOW = 1.5, 0.7
 _AROUND = np.linspace(0.7, 1.3, 61)
 #: Mesh periods at each speed of it.
 _SETTLING = {"periods": 200, "record_periods": 1}
+#: Behind a fold, a share of its tuning.
+_BEHIND = 0.998
 #: Residual of a speed that the model has not.
 _NONE = 100.0
 
@@ -54,6 +58,10 @@ class Speeds:
     def size(self):
         """How many residuals there are."""
         return len(self.speeds)
+
+    def forget(self):
+        """Search the speeds of the next model anew."""
+        self._last = {}
 
     def residuals(self, model, names):
         """Return (residuals, derivatives by the parameters named), None where there are none."""
@@ -90,9 +98,14 @@ class Speeds:
     def _followed(self, model, names):
         """Return name -> (speed, derivatives) with one degree of freedom."""
         places = {name: start.at(model)[0] for name, start in self._last.items()}
-        if any(places.get(name) is None for name in self.speeds):
+        lost = any(places.get(name) is None for name in self.speeds)
+        if lost or _goes_on(model, places.get("jump_down")):
             resonance = Resonance(model)
             places = {name: getattr(resonance, SPEEDS[name][0]) for name in self.speeds}
+            if _goes_on(model, places.get("jump_down")):
+                branch, folds = self._folds(model, ["jump_down"])
+                for name, at in folds.items():
+                    places[name] = np.append(branch.state.values[at], branch.tuning.values[at])
         found, self._last = {}, {}
         rate, moved = float(model.speed(1.0)), following.speed_slopes(model, names)
         for name, y in places.items():
@@ -105,26 +118,33 @@ class Speeds:
     def _searched(self, model, names):
         """Return the same with more coordinates."""
         rate, found = float(model.speed(1.0)), {}
-        jumps = {name: one / rate for name, one in self.speeds.items() if name.startswith("jump")}
-        if jumps:
-            orbit = periodic_orbit(model, _ABOVE * max(jumps.values()))
-            branch = continue_orbit(orbit, to=_BELOW * min(jumps.values()))
-            folds = np.flatnonzero(branch.label.values == FOLD)
-            places = branch.tuning.values[folds]
-            # From above a resonance is entered at its lower fold and left at its upper one.
-            for name, tuning in jumps.items():
-                own = slice(0 if name == "jump_down" else 1, 2 * (folds.size // 2), 2)
-                if places[own].size:
-                    at = int(folds[own][np.abs(places[own] - tuning).argmin()])
-                    table = fold_sensitivities(model, branch, at, names) if names else {}
-                    by = np.array([float(table[f"d_tuning_d_{one}"]) for one in names])
-                    place = float(branch.tuning[at])
-                    slopes = rate * by + place * following.speed_slopes(model, names)
-                    found[name] = place * rate, slopes
+        jumps = [name for name in self.speeds if name.startswith("jump")]
+        branch, places = self._folds(model, jumps)
+        for name, at in places.items():
+            table = fold_sensitivities(model, branch, at, names) if names else {}
+            by = np.array([float(table[f"d_tuning_d_{one}"]) for one in names])
+            place = float(branch.tuning[at])
+            slopes = rate * by + place * following.speed_slopes(model, names)
+            found[name] = place * rate, slopes
         if len(jumps) < len(self.speeds):
             onset = self._onset(model, names)
             found |= {"onset_of_contact_loss": onset} if onset else {}
         return found
+
+    def _folds(self, model, jumps):
+        """Return (branch, name of a jump -> number of its fold, next to what was measured)."""
+        if not jumps:
+            return None, {}
+        tunings = {name: self.speeds[name] / float(model.speed(1.0)) for name in jumps}
+        orbit = periodic_orbit(model, _ABOVE * max(tunings.values()))
+        branch = continue_orbit(orbit, to=_BELOW * min(tunings.values()))
+        folds, found = np.flatnonzero(branch.label.values == FOLD), {}
+        # From above a resonance is entered at its lower fold and left at its upper one.
+        for name, tuning in tunings.items():
+            own = folds[: 2 * (folds.size // 2)][name != "jump_down" :: 2]
+            if own.size:
+                found[name] = int(own[np.abs(branch.tuning.values[own] - tuning).argmin()])
+        return branch, found
 
     def _onset(self, model, names):
         """Return (speed, derivatives) of the onset nearest to what was measured, or None."""
@@ -144,3 +164,15 @@ class Speeds:
         place = brentq(at, speeds[i], speeds[i + 1], xtol=1e-12 * own, rtol=1e-14)
         _, slopes, by_speed = OrbitAtSpeed(model, place, state, names).least
         return place, -slopes / by_speed
+
+
+def _goes_on(model, y):
+    """Return whether a motion that jumps at its fold, going down, jumps up to a higher branch."""
+    if y is None:
+        return False
+    asked = {"record_periods": 1, "initial_state": tuple(y[:2])}
+    heights = [
+        run(model, share * y[2], 1, periods=periods, **asked).table[columns.X_MAX]
+        for share, periods in ((1.0, 1), (_BEHIND, _SETTLING["periods"]))
+    ]
+    return heights[1] > heights[0]

@@ -13,6 +13,8 @@ module               responsibility
 ``linear_scatter``   `first_order_scatter`: by derivatives alone, beside samples
 ``tightening``       `tighten`: which tolerance must shrink, and by how much
 ``boxes``            `certify_box`: a box of parameters, proven
+``kept_contact``     the orbit of a pair that keeps contact, over a box
+``expansions``       where polynomial chaos fails, beside samples
 ``tolerance_study``  what the workflow asks of them,
 ``tolerance_table``  and its table
 ===================  ================================================================

@@ -98,9 +98,10 @@ def certify_box(model, box, speed, *, pieces=2000):
         checks.require(-math.inf < low < high < math.inf, f"box[{name!r}]", one, "finite, rising")
         ends.append((low, high))
     names, ends = tuple(box), np.array(ends)
-    if isinstance(model, GearPair):
+    known = is_model(model)
+    if known and fields(model) == fields(GearPair):
         proof = _OfPair(model, names, ends, speed)
-    elif getattr(model, "train", None) is not None or callable(model) and not is_model(model):
+    elif model.mesh_names if known else callable(model):
         proof = _OfTrain(model, names, ends, speed)
     else:
         raise checks.refusal("model", model, "a GearPair, a GearTrain or a function of one")

@@ -42,7 +42,8 @@ def _flow(x, v, c, b, t):
 class _Map:
     """The map of a mesh period of four numbers: its segments (c, length), matrix and constants."""
 
-    def __init__(self, s, kappa, b, ratio, pi):
+    def __init__(self, numbers, pi):
+        s, kappa, b, ratio = numbers
         half = pi * (ratio - 1)
         self.b, self.segments = b, [(s, half), (kappa * s, 2 * pi - 2 * half), (s, half)]
         (x, v), *moved = (self.states(*one)[-1] for one in ((0, 0), (1, 0), (0, 1)))
@@ -53,13 +54,14 @@ class _Map:
         """Return the states at the beginnings of all segments and at the end."""
         states = [(x, v)]
         for c, length in self.segments:
-            states.append(_flow(*states[-1], c, self.b, length))
+            x, v = _flow(x, v, c, self.b, length)
+            states.append((x, v))
         return states
 
     def at(self, i, start, share):
         """Return displacement and velocity at a share of a segment."""
-        c, length = self.segments[i]
-        return _flow(*start, c, self.b, length * share)
+        (x, v), (c, length) = start, self.segments[i]
+        return _flow(x, v, c, self.b, length * share)
 
 
 class KeptContact:
@@ -73,14 +75,14 @@ class KeptContact:
         self.numbers, pi = numbers, arb.pi()
         if not numbers[0] * numbers[1] > numbers[2] * numbers[2]:
             raise ZeroDivisionError
-        self.middle = _Map(*(one.mid() for one in numbers), pi)
-        self.wide = _Map(*numbers, pi)
+        self.middle = _Map([one.mid() for one in numbers], pi)
+        self.wide = _Map(numbers, pi)
         self.apart = [arb(0, one.rad()) for one in numbers]
         with _of_first_order():
             self.ahead = []
             for j in range(4):
                 along = [series([one, int(i == j)]) for i, one in enumerate(numbers)]
-                self.ahead.append(_Map(*along, series([pi])))
+                self.ahead.append(_Map(along, series([pi])))
         entries = [
             self._about(value, [one.entries[i] for one in self.ahead])
             for i, value in enumerate(self.middle.entries)

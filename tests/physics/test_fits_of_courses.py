@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib
 from gearlib.analysis.revolutions import Turning
+from gearlib.rig.order_observations import regressed
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.shaft_phase import turned
 from gearlib.rig.steady_observations import SteadyOrders, courses_of
@@ -81,6 +82,16 @@ def test_orders_are_those_of_samples_at_any_times(rate):
     assert np.isnan(one.fitted(TRUTH)[~one.kept]).all()
     with pytest.raises(ValueError, match="5.75 samples in a mesh period.* of 10 or more"):
         RunUpOrders(TRUTH, run_up(0.0, 1, rate=7e3))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, 0.9])
+def test_orders_of_a_wave_that_grows_are_fourier_integrals(shift):
+    turns = (np.arange(3 * 500 + 2) + shift) / 500.0
+    grown = 1.0 + 0.2 * turns
+    found = regressed(turns, grown * np.cos(2.0 * np.pi * 24.0 * turns), np.arange(4), 24)[0]
+    # The integral of (1 + t / 5) cos(2 pi 24 t) e^{-2 pi i 24 t} over one turn.
+    expected = 0.5 * (1.1 + 0.2 * np.arange(3)) + 0.05j / (2.0 * np.pi * 24.0)
+    np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=3e-5)
 
 
 def test_a_run_up_may_begin_at_any_phase():

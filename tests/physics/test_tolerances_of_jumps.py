@@ -7,6 +7,7 @@ import pytest
 
 import gearlib
 from gearlib.tolerances.boxes import certify_box
+from gearlib.tolerances.expansions import expansion_errors
 from gearlib.tolerances.indices import sobol_indices
 from gearlib.tolerances.linear_scatter import BENDS, CUSP, HOLDS, first_order_scatter
 from gearlib.tolerances.quantities import Followed
@@ -195,3 +196,16 @@ def test_pin_errors_are_certified_at_the_corners():
             {"load": (0.1, 0.2)},
             speed,
         )
+
+
+def test_polynomials_fail_at_the_jump_and_nowhere_else():
+    pytest.importorskip("chaospy")
+    names = ("max_stiffness", "reduced_mass", "material_damping")
+    jump, _ = Followed(DAMPED, (), ("jump_up", "jump_down")).nominal
+    speeds = [0.85 * jump, jump, 1.2 * jump]
+    found = expansion_errors(DAMPED, scattered(DAMPED, 0.01, names), speeds, (1, 3), 512)
+    chaos, samples = found.distribution_error.values
+    # Of 512 exact runs; those of a fit are 8 and 40.
+    assert (chaos[1, [0, 2]] < 0.01).all() and (samples[1, [0, 2]] > 0.02).all()
+    assert chaos[1, 1] > 0.15 > samples[1, 1]
+    assert 0.2 < found.loss_probability[1] <= 1.0

@@ -47,3 +47,27 @@ def test_over_hertz_and_powers(there_and_back):
         plot.order_map(there_and_back, vertical="time")
     with pytest.raises(ValueError, match="a dataset of gearlib.order_map"):
         plot.order_map(there_and_back.drop_vars("amplitude"))
+
+
+def test_a_measured_map_lies_over_the_computed_one(there_and_back):
+    found = there_and_back
+    louder = found.assign(amplitude=2.0 * found.amplitude, overall=found.overall + 1.0)
+    plain, both = plot.order_map(found), plot.order_map(found, measured=louder)
+    for axes, before in zip(both.axes[:2], plain.axes[:2], strict=True):
+        assert axes.axis() == before.axis()
+        _, *circles = axes.collections
+        assert len(circles) == 2 and 10 < circles[0].get_offsets().shape[0] <= 30
+        for number, one in zip((24.0, 48.0), circles, strict=True):
+            speed, order = one.get_offsets().T
+            assert (order == number).all()
+            at = [int(np.abs(found.rpm.values - x).argmin()) for x in speed]
+            level = 20.0 * np.log10(louder.amplitude.sel(order=number).values[at])
+            np.testing.assert_allclose(one.get_array(), np.clip(level, *one.get_clim()), atol=1e-9)
+    (_, dots) = both.axes[2].lines
+    rises = np.gradient(found.rpm.values) >= 0.0
+    part = louder.isel(time=np.flatnonzero(rises)).sortby("rpm")
+    np.testing.assert_allclose(10.0 ** (dots.get_ydata() / 20.0), part.overall, rtol=1e-12)
+    with pytest.raises(ValueError, match="measured.variable = 'displacement' is not allowed"):
+        plot.order_map(found, measured=louder.assign_attrs(variable="displacement"))
+    with pytest.raises(ValueError, match="measured is not allowed: it must be a dataset"):
+        plot.order_map(found, measured=louder.drop_vars("amplitude"))
