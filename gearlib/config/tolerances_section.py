@@ -197,6 +197,10 @@ class Tolerances(Grid):
             found["correlations"] = [[*one.parameters, one.rho] for one in self.correlations]
         return found
 
+    def needs_scipy(self):
+        """Return whether laws can be checked by scipy alone."""
+        return bool(self.correlations) or any(one.distribution for one in self.parameters)
+
     def shards(self):
         """Return the names of the shards, ranges of samples."""
         firsts = range(0, self.samples, self.shard)

@@ -57,6 +57,16 @@ try:
 
         if refused := refused_tables(CONFIG.measured):
             raise configuration.ConfigError("\n".join(refused))
+    if workflow.is_main_process and CONFIG.tolerances.needs_scipy():
+        # So do laws of scipy and correlations.
+        from gearlib.config.studies.of_tolerances import question
+        from gearlib.tolerances import distributions
+
+        laws = question(CONFIG)["tolerances"]
+        try:
+            laws and distributions.read(laws, dict.fromkeys(laws))
+        except ValueError as error:
+            raise configuration.ConfigError(str(error)) from None
     # Captions of the report read this, and find what the configuration leaves out as well.
     config.update(CONFIG.model_dump())
 except configuration.ConfigError as error:
