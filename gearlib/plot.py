@@ -24,6 +24,7 @@ from gearlib.figures import (
 from gearlib.figures import (
     schematic as train_schematic,
 )
+from gearlib.figures.expansion_figure import expansions
 from gearlib.figures.fit_figure import fit, profiles, waterfall
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
@@ -32,6 +33,7 @@ from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
+    "expansions",
     "fit",
     "harris_map",
     "orbit",

@@ -43,6 +43,8 @@ DESCRIPTIONS = {
     "mean_error": ("1", "error of the mean over the exact one"),
     "deviation_error": ("1", "error of the standard deviation over the exact one"),
     "distribution_error": ("1", "largest error of the share of designs below a value"),
+    "height_quantile": ("m", "quantiles of the peak-to-peak displacement, estimated"),
+    "exact_height_quantile": ("m", "quantiles of the peak-to-peak displacement, exact runs"),
     "designs_run": ("1", "designs that are run"),
     "polynomial_order": ("1", "order of the polynomial"),
     "loss_probability": ("1", "share of the designs that lose contact"),

@@ -16,6 +16,8 @@ from gearlib.tolerances.designs import Designs
 #: Runs for each term of a polynomial.
 _RUNS = 2
 WAYS = ("polynomial_chaos", "samples")
+#: Of the distributions that are told.
+_QUANTILES = np.linspace(0.005, 0.995, 199)
 
 
 def expansion_errors(
@@ -41,8 +43,10 @@ def expansion_errors(
     xarray.Dataset
         Over ``estimate``, ``polynomial_order`` and ``speed``: mean_error and deviation_error of the
         peak-to-peak displacement, over their exact values, and distribution_error, the largest
-        difference of the shares of designs below a value; over ``polynomial_order``: designs_run.
-        Over ``speed``: loss_probability, the share of designs that lose contact.
+        difference of the shares of designs below a value; with ``quantile`` too height_quantile,
+        of the peak-to-peak displacement, m. Over ``speed`` and ``quantile``: exact_height_quantile;
+        over ``polynomial_order``: designs_run. Over ``speed``: loss_probability, the share of
+        designs that lose contact.
 
     Raises
     ------
@@ -70,6 +74,7 @@ def expansion_errors(
     joint = chaospy.Iid(chaospy.Normal(0.0, 1.0), k)
     scores, shape = special.ndtri(points).T, (len(WAYS), len(orders), speeds.size)
     errors = {name: np.empty(shape) for name in ("mean", "deviation", "distribution")}
+    told = np.empty((*shape, _QUANTILES.size))
     runs = []
     for i, order in enumerate(orders):
         terms = chaospy.generate_expansion(order, joint)
@@ -86,13 +91,20 @@ def expansion_errors(
                 errors["deviation"][way, i, j] = abs(own.std() - spread) / spread
                 distance = stats.ks_2samp(own, exact[:, j], method="asymp").statistic
                 errors["distribution"][way, i, j] = distance
+                told[way, i, j] = np.quantile(own, _QUANTILES)
     over = ("estimate", "polynomial_order", "speed")
     data: dict = {f"{name}_error": (over, values) for name, values in errors.items()}
     data |= {
+        "height_quantile": ((*over, "quantile"), told),
+        "exact_height_quantile": (
+            ("speed", "quantile"),
+            np.quantile(exact, _QUANTILES, axis=0).T,
+        ),
         "designs_run": ("polynomial_order", np.array(runs, np.int32)),
         "loss_probability": ("speed", lost.mean(axis=0)),
     }
     coords = {"estimate": list(WAYS), "polynomial_order": list(orders), "speed": speeds}
+    coords["quantile"] = _QUANTILES
     said = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "periods": periods}
     title = "Errors of polynomial chaos at a jump and away from it"
     return result(title, designs.nominal, data, coords, method=f"chaospy, {direction}", **said)

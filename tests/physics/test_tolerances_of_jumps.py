@@ -213,3 +213,12 @@ def test_polynomials_fail_at_the_jump_and_nowhere_else():
     assert (chaos[1, [0, 2]] < 0.01).all() and (samples[1, [0, 2]] > 0.02).all()
     assert chaos[1, 1] > 0.15 > samples[1, 1]
     assert 0.2 < found.loss_probability[1] <= 1.0
+    # Between the motions, where no design is, the polynomial has many; beside the jump it has all.
+    exact, stand_in = found.exact_height_quantile, found.height_quantile[0, -1]
+    np.testing.assert_allclose(stand_in[[0, 2]], exact[[0, 2]], rtol=0.01)
+    low, high = float(exact[1].min()), float(exact[1].max())
+    gap = [
+        int(((one > low + 0.3 * (high - low)) & (one < high - 0.2 * (high - low))).sum())
+        for one in (exact[1], stand_in[1])
+    ]
+    assert gap[0] < 3 and gap[1] > 30
