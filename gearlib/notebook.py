@@ -48,6 +48,21 @@ def counted(words, items, total):
             count += 1
 
 
+@contextmanager
+def telling(words, total, tell=None):
+    """Yield what takes how many are newly done, shows it, and tells it to `tell`, where given."""
+    done = 0
+
+    def newly(count):
+        nonlocal done
+        done += count
+        if tell is not None:
+            tell(count)
+
+    with bar(words, total, lambda: done):
+        yield newly
+
+
 def _follow(words, total, done, ended):
     from IPython.display import display
 

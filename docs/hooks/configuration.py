@@ -106,8 +106,8 @@ def _words(node, whole):
 
 def _short(value):
     if isinstance(value, dict) or (isinstance(value, list) and isinstance(value[0], dict)):
-        names = value if isinstance(value, dict) else [entry["name"] for entry in value]
-        value = [*names]
+        # Entries of a list go by their first key, which names them.
+        value = [*value] if isinstance(value, dict) else [[*entry.values()][0] for entry in value]
     if isinstance(value, bool):
         value = str(value).lower()
     values = value if isinstance(value, list) else [value]

@@ -76,13 +76,7 @@ def sobol_indices(
     a, b = both[:, :k], both[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
     values = designs.tolerances.values(points.reshape(-1, k))
-    done, tell = [0], progress or (lambda count: None)
-
-    def newly(count):
-        done[0] += count
-        tell(count)
-
-    with notebook.bar("designs", len(values), lambda: done[0]):
+    with notebook.telling("designs", len(values), progress) as newly:
         found, _, _ = of_designs(follow, designs, values, newly)
     found = np.moveaxis(found.reshape(k + 2, n, len(quantities)), 2, 0)
     tables = [

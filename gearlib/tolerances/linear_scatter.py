@@ -81,13 +81,7 @@ def first_order_scatter(
     # One parameter off its centre, the others at theirs.
     ends = np.where(ends == 0.5, designs.tolerances.centres, designs.tolerances.values(ends))
     values = np.concatenate([samples, ends])
-    done, tell = [0], progress or (lambda count: None)
-
-    def newly(count):
-        done[0] += count
-        tell(count)
-
-    with notebook.bar("designs", len(values), lambda: done[0]):
+    with notebook.telling("designs", len(values), progress) as newly:
         found, _, refusals = of_designs(follow, designs, values, newly)
     built = np.array([not text for text in refusals])
     contacts = np.array([

@@ -141,18 +141,12 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
         raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
     points = designs.points(first, last)
     values = designs.values(points)
-    done, tell = [0], progress or (lambda count: None)
-
-    def newly(count):
-        done[0] += count
-        tell(count)
-
     stages = (runs is not None) + bool(quantities)
     data, coords = _of_parameters(designs, values), {"sample": np.arange(first, last)}
     said = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     said |= {"samples": n, "seed": designs.seed}
     refusals = None
-    with notebook.bar("samples", stages * (last - first), lambda: done[0]):
+    with notebook.telling("samples", stages * (last - first), progress) as newly:
         if runs is not None:
             count = runs.rates.size * len(runs.directions)
             check_memory(f"{last - first:,} samples", last - first, 2 * count, "samples")

@@ -92,11 +92,6 @@ def tighten(
     ways = [lambda s: np.full(k, s), *(lambda s, i=i: _but(k, i, s) for i in range(k))]
     first = np.array([_share(lambda s, way=way: lost(way(s))) for way in ways])
     values, centres = designs.values(designs.points(0, n)), designs.tolerances.centres
-    done, tell = [0], progress or (lambda count: None)
-
-    def newly(count):
-        done[0] += count
-        tell(count)
 
     def tried(shares):
         """Return the same of designs that are followed, and how many of them are beyond."""
@@ -104,7 +99,7 @@ def tighten(
         own = np.where(np.isnan(found[:, 0]), -np.inf, sign * (found[:, 0] - limit))
         return np.quantile(own, risk, method="lower"), int((own < 0.0).sum())
 
-    with notebook.bar("designs", n * (1 + _TRIES * (k + 1)), lambda: done[0]):
+    with notebook.telling("designs", n * (1 + _TRIES * (k + 1)), progress) as newly:
         given = tried(np.ones(k))
         answers = [
             _corrected(one, given, lambda s, way=way: tried(way(s)), margin)
