@@ -21,9 +21,7 @@ from gearlib.figures import (
     style,
     time_courses_figure,
 )
-from gearlib.figures import (
-    schematic as train_schematic,
-)
+from gearlib.figures import schematic as train_schematic
 from gearlib.figures.expansion_figure import expansions
 from gearlib.figures.fit_figure import fit, profiles, waterfall
 from gearlib.figures.order_map_figure import order_map
