@@ -200,13 +200,13 @@ class OfFunction:
     def __init__(self, function):
         self.function = function
         try:
-            own = inspect.signature(function).parameters.values()
+            asked = list(inspect.signature(function).parameters.values())
         except (TypeError, ValueError):
-            own = ()
+            asked = []
         # What is given by position, or by any name, has no name here.
-        own = [one for one in own if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
-        self.needed = [one.name for one in own if one.default is one.empty]
-        names = [one.name for one in own]
+        asked = [one for one in asked if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
+        self.needed = [one.name for one in asked if one.default is one.empty]
+        names = [one.name for one in asked]
         if not names:
             raise checks.refusal("model", function, "a function with arguments that have names")
         try:
