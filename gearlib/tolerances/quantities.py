@@ -115,10 +115,9 @@ class Followed:
             own = None if down is found.jump_down else down
             self.starts["fall"] = _start(Fold(), model, own)
             for name in set(_PEAKS) & followed:
-                which, place = _PEAKS[name], None
-                if down is not None or found.jump_down is None:
-                    place = top(model, which, found.start, down)
-                at_fold = place is down is not None
+                which = _PEAKS[name]
+                place = top(model, which, found.start, found.jump_down)
+                at_fold = place is found.jump_down is not None
                 self.starts[name] = None if at_fold else _start(Top(which), model, place)
         values, _, places = self._of(model)
         self.nominal = values
@@ -169,18 +168,12 @@ class Followed:
             return self._at(model, "duty", known)
         if name in _SPEEDS:
             return self._at(model, _NAMES.get(name, name), known)
-        fold, lost = None, NONE
-        if self.starts["first_fold"] is not None:
-            fold, lost = self._at(model, "jump_down", known)
-        on_the_same = (fold is not None and fold.kind == "fall") == bool(self.starts["fall"])
-        if self.starts[name] is not None and on_the_same:
+        if self.starts[name] is not None:
             place, code = self._at(model, name, known)
             if code == FOUND and _stable(model, place.y):
                 return place, code
-        if self.starts["first_fold"] is None:
-            fold, lost = self._at(model, "jump_down", known)
-        if lost == LOST:
-            return None, LOST
+        # Of the branch on which the resonance is entered: a higher one need not have a top.
+        fold, _ = self._at(model, "first_fold", known)
         start = None if fold is not None else self._searched(model, known).start
         y = top(model, _PEAKS[name], start, None if fold is None else fold.y)
         if y is None:

@@ -49,7 +49,7 @@ def test_jumps_and_onset_are_those_of_a_whole_branch(followed, seed):
     for name, place in zip(("jump_up", "jump_down", "onset_of_contact_loss"), places, strict=True):
         assert values[name] == pytest.approx(float(model.speed(place)), rel=1e-9), name
     # Of points of a curve the highest is a little lower than its top.
-    before = down.displacement_max.values[: last + 1]
+    before = down.displacement_max.values[: folds[1] + 1]
     top = float(before.max()) * model.static_deflection
     assert top <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * top
 

@@ -72,7 +72,7 @@ def test_a_motion_that_jumps_up_to_the_far_flank_falls_later(
     size = damping * 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
     gap = backlash * pair.static_deflection
     pair = pair.replace(material_damping=size, backlash_damping=size, backlash=gap)
-    asked = ("jump_up", "jump_down", "peak")
+    asked = ("jump_up", "jump_down")
     found = gearlib.scatter(pair, {"load": {"std": "0.1 %"}}, asked, n=4)
     assert all((found[f"{name}_status"] == 0).all() for name in asked)
     # A sweep down over both jumps: the amplitude rises at the first and falls at the second.
@@ -84,7 +84,6 @@ def test_a_motion_that_jumps_up_to_the_far_flank_falls_later(
     # Of the load alone no speed depends, but by the backlash over the deflection.
     speed = float(found.jump_down_nominal)
     assert low - 2.0 < speed < high + 2.0 < pair.speed(first)
-    assert float(found.peak_nominal) > 0.999 * height[tunings < 1.0].max() * pair.static_deflection
     assert float(found.jump_down_deviation) == pytest.approx(
         float(found.jump_down_first_order), rel=0.5
     )
