@@ -1,5 +1,7 @@
 """`gearlib scatter`: how jumps, contact loss and peaks scatter with tolerances."""
 
+import math
+
 import click
 from pydantic import ValidationError
 
@@ -24,6 +26,8 @@ class _Tolerance(click.ParamType):
         if not rest or any(not sign or not text for _, sign, text in pairs):
             self.fail(f"{value!r} is no tolerance such as 'load std=5%'", param, ctx)
         given = {key: _number(text) for key, _, text in pairs}
+        if len(given) < len(pairs):
+            self.fail(f"{value!r} says the same twice: each key must be given once", param, ctx)
         shape = {key: given.pop(key) for key in list(given) if key not in _KEYS}
         try:
             one = ToleratedParameter.model_validate(
@@ -43,9 +47,11 @@ _KEYS = {name for name in ToleratedParameter.model_fields if name not in ("param
 
 def _number(text):
     try:
-        return float(text)
+        found = float(text)
     except ValueError:
         return text
+    # What is no number is refused as it was written.
+    return found if math.isfinite(found) else text
 
 
 @click.command()
@@ -91,6 +97,10 @@ def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
 
     if not tolerances:
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
+    names = [name for name, _ in tolerances]
+    for name in names:
+        if names.count(name) > 1:
+            raise click.UsageError(f"--tolerance {name} is there twice: it must be given once")
     start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
     if not 0.0 < start < stop:
         raise click.UsageError(

@@ -53,10 +53,13 @@ DESCRIPTIONS = {
 #: The same of the quantities of each design, see `gearlib.tolerances.quantities`.
 QUANTITIES = {
     "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
-    "jump_down": ("min-1", "speed of the jump of the main resonance, running down"),
+    "jump_down": ("min-1", "speed at which the main resonance falls, running down"),
     "onset_of_contact_loss": ("min-1", "speed at which contact is first lost, running up"),
-    "peak": ("m", "largest displacement of the main resonance"),
-    "peak_dynamic_factor": ("1", "largest dynamic factor K_v of the main resonance"),
+    "peak": ("m", "largest displacement of the main resonance, up to its first fold"),
+    "peak_dynamic_factor": (
+        "1",
+        "largest K_v of the main resonance, up to its first fold",
+    ),
     "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
     "force": ("N", "largest mesh force at the duty point"),
     "transmission_error": ("m", "transmission error from peak to peak at the duty point"),

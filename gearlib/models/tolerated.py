@@ -26,7 +26,7 @@ RATIOS = {
     "backlash_ratio": "backlash",
 }
 _LEFT_OUT = ("mean", "nominal")
-_PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))\s*%")
+_PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
 def _declared(kind, words, symbol):
@@ -93,22 +93,29 @@ def complete(key, given, own=None):
         raise given
     kind = next((one for one in KINDS if given and {*given} <= {*one}), ())
     missing = [name for name in kind if name not in given]
-    if not kind or any(name not in _LEFT_OUT or own is None for name in missing):
+    if not kind or any(name not in _LEFT_OUT for name in missing):
         raise checks.refusal(key, given, WORDS)
+    if missing and own is None:
+        raise ValueError(f"{key}.{missing[0]} is missing: the model has no value of its own")
     given |= dict.fromkeys(missing, own)
     whole: dict = {}
     for name in kind:
-        value = given[name]
-        share = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
-        if share and name in ("std", "upper", "lower"):
-            value = float(share[1]) / 100.0 * abs(whole[kind[0]])
-        whole[name] = checks.number(f"{key}.{name}", value, "finite", math.isfinite)
+        value, words = given[name], "finite"
+        if name in ("std", "upper", "lower"):
+            words = "a finite number, or a share such as '5 %'"
+            share = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
+            if share:
+                value = float(share[1]) / 100.0 * abs(whole[kind[0]])
+        whole[name] = checks.number(f"{key}.{name}", value, words, math.isfinite)
     if "std" in whole:
-        checks.require(whole["std"] > 0.0, f"{key}.std", whole["std"], "a finite number > 0")
+        words = f"> 0, of mean = {whole['mean']!r}"
+        checks.require(whole["std"] > 0.0, f"{key}.std", given["std"], words)
     else:
         low, high = ("min", "max") if "min" in whole else ("lower", "upper")
-        words = f"> {low} = {whole[low]!r}"
-        checks.require(whole[low] < whole[high], f"{key}.{high}", whole[high], words)
+        words = f"> {low} = {given[low]!r}"
+        if "nominal" in whole:
+            words += f", of nominal = {whole['nominal']!r}"
+        checks.require(whole[low] < whole[high], f"{key}.{high}", given[high], words)
     return whole
 
 

@@ -10,15 +10,13 @@ from scipy.optimize import brentq
 
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.continuation import continue_orbit
-from gearlib.analysis.orbits.main_resonance import Resonance
+from gearlib.analysis.orbits.main_resonance import Resonance, higher
 from gearlib.analysis.orbits.orbit_sensitivities import fold_sensitivities
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.tracing import Lost
-from gearlib.kernels import orbit as columns
 from gearlib.rig.fitted_curves import Place
 from gearlib.rig.orbit_at_speed import OrbitAtSpeed
-from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 
 #: Name of a speed -> (what it is of a `Resonance`, its condition).
@@ -33,8 +31,6 @@ _ABOVE, _BELOW = 1.5, 0.7
 _AROUND = np.linspace(0.7, 1.3, 61)
 #: Mesh periods at each speed of it.
 _SETTLING = {"periods": 200, "record_periods": 1}
-#: Behind a fold, a share of its tuning.
-_BEHIND = 0.998
 #: Residual of a speed that the model has not.
 _NONE = 100.0
 
@@ -99,10 +95,10 @@ class Speeds:
         """Return name -> (speed, derivatives) with one degree of freedom."""
         places = {name: start.at(model)[0] for name, start in self._last.items()}
         lost = any(places.get(name) is None for name in self.speeds)
-        if lost or _goes_on(model, places.get("jump_down")):
+        if lost or _goes_on(model, places):
             resonance = Resonance(model)
             places = {name: getattr(resonance, SPEEDS[name][0]) for name in self.speeds}
-            if _goes_on(model, places.get("jump_down")):
+            if _goes_on(model, places):
                 branch, folds = self._folds(model, ["jump_down"])
                 for name, at in folds.items():
                     places[name] = np.append(branch.state.values[at], branch.tuning.values[at])
@@ -166,13 +162,7 @@ class Speeds:
         return place, -slopes / by_speed
 
 
-def _goes_on(model, y):
+def _goes_on(model, places):
     """Return whether a motion that jumps at its fold, going down, jumps up to a higher branch."""
-    if y is None:
-        return False
-    asked = {"record_periods": 1, "initial_state": tuple(y[:2])}
-    heights = [
-        run(model, share * y[2], 1, periods=periods, **asked).table[columns.X_MAX]
-        for share, periods in ((1.0, 1), (_BEHIND, _SETTLING["periods"]))
-    ]
-    return heights[1] > heights[0]
+    y = places.get("jump_down")
+    return y is not None and higher(model, y) is not None

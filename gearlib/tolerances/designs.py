@@ -199,7 +199,16 @@ class OfFunction:
 
     def __init__(self, function):
         self.function = function
-        names = list(inspect.signature(function).parameters)
+        try:
+            asked = list(inspect.signature(function).parameters.values())
+        except (TypeError, ValueError):
+            asked = []
+        # What is given by position, or by any name, has no name here.
+        asked = [one for one in asked if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
+        self.needed = [one.name for one in asked if one.default is one.empty]
+        names = [one.name for one in asked]
+        if not names:
+            raise checks.refusal("model", function, "a function with arguments that have names")
         try:
             own = parameters.declared(function)
         except (AttributeError, TypeError):
@@ -216,7 +225,15 @@ class OfFunction:
 
     def __call__(self, changes):
         """Return the model of these arguments."""
-        return self.function(**changes)
+        missing = [name for name in self.needed if name not in changes]
+        if missing:
+            raise ValueError(
+                f"tolerances.{missing[0]} is missing: the function has no value of its own"
+            )
+        try:
+            return self.function(**changes)
+        except ArithmeticError as error:
+            raise ValueError(f"{type(error).__name__} in the function: {error}") from error
 
 
 class Designs:
@@ -235,10 +252,13 @@ class Designs:
         self.tolerances = distributions.read(tolerances, self.source.known, self.source.own)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)
+        for name, field in RATIOS.items():
+            if isinstance(self.source, OfModel) and {name, field} <= {*self.names}:
+                raise ValueError(
+                    f"tolerances.{field} is not allowed beside tolerances.{name}: both set the "
+                    "same; give one of them"
+                )
         self.nominal = self.model(self.tolerances.centres)
-        if not is_model(self.nominal):
-            words = "a function that returns a model such as GearPair"
-            raise checks.refusal("model", model, words)
 
     def points(self, first, last):
         """Return the points of a range of indices, shape (n, k + 2), the last two of a start."""
@@ -258,7 +278,11 @@ class Designs:
 
     def model(self, values):
         """Return the model of one row of values; ValueError if there is none."""
-        return self.source(dict(zip(self.names, map(float, values), strict=True)))
+        found = self.source(dict(zip(self.names, map(float, values), strict=True)))
+        if not is_model(found):
+            words = "a model such as GearPair, of each sample"
+            raise checks.refusal("the value of the function", found, words)
+        return found
 
     def pairs(self, values):
         """Return (pairs, models, refusals) of rows of values.

@@ -107,7 +107,7 @@ def read(tolerances, known, own=lambda name: None):
             checks.one_of("tolerances", name, tuple(known))
             key = f"tolerances.{name}"
             if hasattr(given, "items") and "distribution" in given:
-                one = _named(key, dict(given))
+                one = _named(key, given)
             else:
                 whole = tolerated.complete(key, given, own(name))
                 one, given = _plain(whole), whole
@@ -127,7 +127,8 @@ def _plain(whole):
 
 
 def _named(key, given):
-    name = given.pop("distribution")
+    whole, name = given, given["distribution"]
+    given = {own: value for own, value in given.items() if own != "distribution"}
     kind = getattr(stats, name, None) if isinstance(name, str) else None
     if not isinstance(kind, stats.rv_continuous):
         words = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
@@ -145,10 +146,11 @@ def _named(key, given):
         if own not in numbers:
             raise ValueError(f"{key}.{own} is missing: {name!r} needs {', '.join(allowed[:-2])}")
     frozen = kind(**numbers)
-    middle, mean, std = (float(x) for x in (frozen.median(), frozen.mean(), frozen.std()))
+    with np.errstate(all="ignore"):
+        middle, mean, std = (float(x) for x in (frozen.median(), frozen.mean(), frozen.std()))
     if not all(map(math.isfinite, (middle, mean, std))) or std <= 0.0:
         words = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
-        raise checks.refusal(key, given, words)
+        raise checks.refusal(key, whole, words)
     # Ends of a support need not be met, as 0 of a lognormal one.
     return Marginal(frozen.ppf, middle, mean, std, (-math.inf, math.inf))
 

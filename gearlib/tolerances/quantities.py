@@ -12,7 +12,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
-from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, top
+from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, fall, higher, top
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.kernels import orbit as columns
@@ -29,6 +29,9 @@ _SOME = 16
 
 _SPEEDS = {"jump_up": Fold, "jump_down": Fold, "onset_of_contact_loss": Onset}
 _NAMES = {"onset_of_contact_loss": "onset"}
+#: What is searched of a `Resonance`. A motion that jumps up at its first fold falls at that of a
+#: higher branch, ``fall``.
+_SEARCHED = {"onset": "onset", "jump_up": "jump_up", "first_fold": "jump_down"}
 _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 _DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin", "load_sharing")
 #: Share of a value over which differences are taken.
@@ -105,8 +108,12 @@ class Followed:
             self.starts["duty"] = Start(At(float(speed), orbit.period), model, orbit.state)
         if followed:
             found = Resonance(model)
-            for name, kind in (("onset", Onset), ("jump_up", Fold), ("jump_down", Fold)):
-                self.starts[name] = _start(kind(), model, getattr(found, name))
+            for name, field in _SEARCHED.items():
+                kind = Onset if name == "onset" else Fold
+                self.starts[name] = _start(kind(), model, getattr(found, field))
+            down = fall(model, found.jump_down)
+            own = None if down is found.jump_down else down
+            self.starts["fall"] = _start(Fold(), model, own)
             for name in set(_PEAKS) & followed:
                 which = _PEAKS[name]
                 place = top(model, which, found.start, found.jump_down)
@@ -165,26 +172,40 @@ class Followed:
             place, code = self._at(model, name, known)
             if code == FOUND and _stable(model, place.y):
                 return place, code
-        fold, _ = self._at(model, "jump_down", known)
+        # Of the branch on which the resonance is entered: a higher one need not have a top.
+        fold, _ = self._at(model, "first_fold", known)
         start = None if fold is not None else self._searched(model, known).start
         y = top(model, _PEAKS[name], start, None if fold is None else fold.y)
         if y is None:
             return None, LOST
-        return _Place(y, "jump_down" if fold is not None and y is fold.y else name), FOUND
+        return _Place(y, fold.kind if fold is not None and y is fold.y else name), FOUND
 
     def _at(self, model, kind, known):
         """Return (place, code) of what is followed; where it is lost, of a search."""
-        if kind not in known:
+        if kind not in known and kind == "jump_down":
+            known[kind] = self._down(model, known)
+        elif kind not in known:
             start = self.starts[kind]
             y, code = (None, None) if start is None else start.at(model)
             if y is not None:
                 known[kind] = _Place(y, kind), FOUND
-            elif kind in ("onset", "jump_up", "jump_down"):
-                y = getattr(self._searched(model, known), kind)
+            elif kind in _SEARCHED:
+                y = getattr(self._searched(model, known), _SEARCHED[kind])
                 known[kind] = (None, NONE) if y is None else (_Place(y, kind), FOUND)
             else:
                 known[kind] = None, NONE if code == following.VANISHED else LOST
         return known[kind]
+
+    def _down(self, model, known):
+        """Return (place, code) of the fold at which the motion falls."""
+        place, code = self._at(model, "first_fold", known)
+        if place is None or higher(model, place.y) is None:
+            return place, code
+        start = self.starts["fall"]
+        y = None if start is None else start.at(model)[0]
+        if y is None or higher(model, y) is not None:
+            y = fall(model, place.y)
+        return (None, LOST) if y is None else (_Place(y, "fall"), FOUND)
 
     def _searched(self, model, known):
         if "search" not in known:

@@ -61,6 +61,34 @@ def test_designs_without_a_jump_are_counted():
     assert np.isfinite(found.total_index.values).all()
 
 
+@pytest.mark.parametrize(
+    "ratio, contact_ratio, damping, backlash, first",
+    [(0.429, 1.228, 0.069, 1.11, 0.86), (0.605, 1.797, 0.049, 3.96, 0.645)],
+)
+def test_a_motion_that_jumps_up_to_the_far_flank_falls_later(
+    ratio, contact_ratio, damping, backlash, first
+):
+    pair = PAPER.replace(stiffness_ratio=ratio, contact_ratio=contact_ratio)
+    size = damping * 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    gap = backlash * pair.static_deflection
+    pair = pair.replace(material_damping=size, backlash_damping=size, backlash=gap)
+    asked = ("jump_up", "jump_down")
+    found = gearlib.scatter(pair, {"load": {"std": "0.1 %"}}, asked, n=4)
+    assert all((found[f"{name}_status"] == 0).all() for name in asked)
+    # A sweep down over both jumps: the amplitude rises at the first and falls at the second.
+    tunings = np.arange(0.6, 1.2, 0.002)
+    curve = gearlib.sweep(pair, tunings, direction="down", periods=200, record_periods=1)
+    height = curve.displacement_max.values
+    i = int(np.argmax(np.diff(height) / height[1:]))
+    low, high = curve.tuning.values[i : i + 2] * float(pair.speed(1.0))
+    # Of the load alone no speed depends, but by the backlash over the deflection.
+    speed = float(found.jump_down_nominal)
+    assert low - 2.0 < speed < high + 2.0 < pair.speed(first)
+    assert float(found.jump_down_deviation) == pytest.approx(
+        float(found.jump_down_first_order), rel=0.5
+    )
+
+
 def test_first_order_holds_where_tolerances_are_small():
     names = ("max_stiffness", "stiffness_ratio", "reduced_mass", "backlash", "material_damping")
     quantities = ("jump_up", "jump_down", "onset_of_contact_loss", "peak")

@@ -152,8 +152,11 @@ def test_tolerances_are_read_with_their_units(run):
         ("load", "is no tolerance such as 'load std=5%'"),
         ("load std=3um", "must be a number in N, a text with its unit"),
         ("torque std=5%", "must be one of"),
+        ("load std=nan", "tolerances.load.std = 'nan' is not allowed: it must be a number in N"),
+        ("load std=1% std=2%", "says the same twice"),
+        ("backlash std=2%", "--tolerance backlash is there twice"),
     ):
-        done = run("scatter", *PAIR, "-t", wrong)
+        done = run("scatter", *PAIR, "-t", "backlash std=1%", "-t", wrong)
         assert done.exit_code == 2 and words in " ".join(done.output.split()), done.output
 
 

@@ -2,7 +2,8 @@
 
 The orbit that never loses contact is linear: it is known at every tuning, and shows between which
 two contact is lost about the resonance. From both the branch is walked along into the resonance,
-up to its first fold, where the motion jumps.
+up to its first fold, where the motion jumps: down or, where it comes to strike the far flank, up to
+a higher branch, from whose fold it falls.
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ from gearlib.analysis.orbits.tracing import Lost, advance, correct, tangent
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.simulation import run
 
 #: Tunings at which the linear orbit is looked at; of these the resonance is where it is highest.
 _TUNINGS = np.geomspace(0.5, 1.8, 160)
@@ -27,6 +29,10 @@ _RESONANCE = (_TUNINGS > 0.65) & (_TUNINGS < 1.5)
 _FIRST, _LARGEST, _GROWTH, _LEAST, _MOST = 0.02, 0.25, 1.6, 1e-5, 600
 #: How often a step that passes a fold is halved.
 _HALVINGS = 30
+#: Behind a fold, a share of its tuning, and mesh periods until a motion that jumps has settled.
+_BEHIND, _SETTLING = 0.998, 200
+#: How often a motion may jump up before it falls.
+_CLIMBS = 4
 #: Step of differences.
 _DIFFERENCE = 1e-6
 _ROUNDING = 1e-12
@@ -120,15 +126,52 @@ class Resonance:
 
     def _fold(self, y, way, other):
         """Return the first fold from the end of the linear orbit on one side."""
-        before = None
-        for here in walk(Branch(self.model), y, way):
-            if before is not None and before.turning * here.turning < 0.0:
-                return _turning_point(self.model, before, here)
-            if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
-                # It has come out on the other side.
-                return None
-            before = here
+        return _first_fold(self.model, y, way, other)
+
+
+def higher(model, y):
+    """Return (displacement, dx/dtau, tuning) to which a motion jumps up at a fold, or None.
+
+    The speed falls, and the motion falls with it at most folds; where it begins to strike the far
+    flank it jumps up to a higher branch instead.
+    """
+    asked = {"record_periods": 1, "initial_state": tuple(y[:2])}
+    before, behind = (
+        run(model, share * y[2], 1, periods=periods, **asked)
+        for share, periods in ((1.0, 1), (_BEHIND, _SETTLING))
+    )
+    if behind.table[columns.X_MAX] <= before.table[columns.X_MAX]:
         return None
+    return np.append(behind.end, _BEHIND * y[2])
+
+
+def fall(model, y):
+    """Return the fold at which a motion falls while the speed does, from its first fold y on.
+
+    None where it is lost on the way up, as on motions that repeat after more mesh periods.
+    """
+    for _ in range(_CLIMBS):
+        above = None if y is None else higher(model, y)
+        if above is None:
+            return y
+        try:
+            y = _first_fold(model, above, -1.0)
+        except (Lost, np.linalg.LinAlgError):
+            return None
+    return None
+
+
+def _first_fold(model, y, way, other=None):
+    """Return the first fold of a branch towards one side, None where it comes out at `other`."""
+    before = None
+    for here in walk(Branch(model), y, way):
+        if before is not None and before.turning * here.turning < 0.0:
+            return _turning_point(model, before, here)
+        if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
+            # It has come out on the other side.
+            return None
+        before = here
+    return None
 
 
 def _turning_point(model, a, b):

@@ -118,6 +118,7 @@ class Propagator(Base):
 
     def differentiate(self, z, directions, tangents, span, record):
         """Differentiate a run from z; see `Base.differentiate`."""
+        directions = np.asarray(directions)
         one_sided = self._one_sided(z, directions, tangents)
         constants = slopes(self.model, directions)
         found, code, grazing = sensitivity.differentiate(
