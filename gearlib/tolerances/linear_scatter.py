@@ -22,6 +22,8 @@ _POINTS = 2**15
 _ENDS = (-2.0, 2.0)
 #: How far the deviation in first order may be off, and what it may miss: shares of the deviation.
 _OFF, _MISSED = 0.05, 0.3
+#: A deviation below this share of the value is rounding.
+_ROUNDING = 1e-12
 VERDICTS = ("holds", "bends", "across_a_grazing", "next_to_a_cusp", "none")
 HOLDS, BENDS, GRAZING, CUSP, NONE = range(len(VERDICTS))
 _SENTENCES = (
@@ -101,8 +103,11 @@ def first_order_scatter(
         between = np.cov(rest[sampled], line[sampled])
         variance = form.deviations[i] ** 2
         whole = np.sqrt(variance + between[0, 0] + 2.0 * between[0, 1])
-        ratio = float(form.deviations[i] / whole)
-        missed = float(np.sqrt(np.mean(rest**2)) / whole)
+        ratio, missed = 1.0, 0.0
+        # What no parameter moves scatters by rounding alone.
+        if not whole <= _ROUNDING * abs(follow.nominal[i]):
+            ratio = float(form.deviations[i] / whole)
+            missed = float(np.sqrt(np.mean(rest**2)) / whole)
         gone = int((built & ~there).sum())
         code = _verdict(ratio, missed, gone, contacts[:, i], follow, i)
         table.append((ratio, missed, n - own.size, code, gone))

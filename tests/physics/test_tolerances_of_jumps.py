@@ -105,6 +105,12 @@ def test_first_order_holds_where_tolerances_are_small():
     assert "jump_up: first order holds" in found.attrs["said"]
 
 
+def test_what_nothing_moves_holds_in_first_order():
+    # Lengths go with the load, and no speed does.
+    found = first_order_scatter(DAMPED, {"load": {"std": "5 %"}}, ("jump_up",), 4)
+    assert int(found.first_order_verdict[0]) == HOLDS and float(found.deviation_ratio[0]) == 1.0
+
+
 def test_first_order_says_where_it_does_not_hold():
     model = DAMPED.replace(material_damping=8.4e3)
     found = first_order_scatter(
