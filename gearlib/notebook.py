@@ -39,15 +39,6 @@ def bar(words, total, done):
         _shown.release()
 
 
-def counted(words, items, total):
-    """Yield the `total` items, and show how many have been worked on."""
-    count = 0
-    with bar(words, total, lambda: count):
-        for item in items:
-            yield item
-            count += 1
-
-
 @contextmanager
 def telling(words, total, tell=None):
     """Yield what takes how many are newly done, shows it, and tells it to `tell`, where given."""
@@ -61,6 +52,14 @@ def telling(words, total, tell=None):
 
     with bar(words, total, lambda: done):
         yield newly
+
+
+def counted(words, items, total):
+    """Yield the `total` items, and show how many have been worked on."""
+    with telling(words, total) as newly:
+        for item in items:
+            yield item
+            newly(1)
 
 
 def _follow(words, total, done, ended):

@@ -31,7 +31,7 @@ _HOPELESS = 1e30
 #: noise allows; where it is unknown, the first few.
 _MOST, _FEW = 8, 3
 #: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %.
-LEVEL = float(chi2.ppf(0.95, 1))
+_LEVEL = float(chi2.ppf(0.95, 1))
 #: Times the least sum of squares from which another fit cannot come near it.
 _FAR = 30.0
 #: Reduced chi-square up to which a model describes the data.
@@ -199,7 +199,7 @@ def _is_endless(found, name):
     if rest is None or rest[0] @ rest[0] > _FAR * found.redchi * found.ndata:
         return False
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
-    return deepest < problem.high[i] and found.profile(name, [problem.high[i]])[0] < LEVEL
+    return deepest < problem.high[i] and found.profile(name, [problem.high[i]])[0] < _LEVEL
 
 
 def observations_of(model, data):

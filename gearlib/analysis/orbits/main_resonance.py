@@ -164,7 +164,10 @@ def fall(model, y):
 def _first_fold(model, y, way, other=None):
     """Return the first fold of a branch towards one side, None where it comes out at `other`."""
     before = None
-    for here in walk(Branch(model), y, way):
+    branch = Branch(model)
+    orbit = branch.evaluate(y)
+    along = tangent(orbit.jacobian, np.array([0.0, 0.0, way]))
+    for here, _ in walk(branch, orbit, along):
         if before is not None and before.turning * here.turning < 0.0:
             return _turning_point(model, before, here)
         if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
@@ -201,21 +204,19 @@ def _onset(model, found, least, outer, inner):
     return None if solved is None else solved[0]
 
 
-def walk(branch, y, way):
-    """Yield orbits along a branch from y on, towards larger (1) or smaller tunings."""
-    orbit = branch.evaluate(y)
-    along, h = tangent(orbit.jacobian, np.array([0.0, 0.0, way])), _FIRST
-    yield orbit
+def walk(branch, orbit, along):
+    """Yield (orbit, direction) along a branch, from an orbit on in a direction, shape (3,)."""
+    y, h = orbit.y, _FIRST
+    yield orbit, along
     for _ in range(_MOST):
         try:
-            y, orbit, new, corrections = advance(branch, y, along, h)
+            y, orbit, along, corrections = advance(branch, y, along, h)
         except Lost:
             h *= 0.5
             if h < _LEAST:
                 return
             continue
-        along = new
-        yield orbit
+        yield orbit, along
         if corrections <= 3:
             h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:2]).max()))
 
@@ -300,23 +301,14 @@ def top(model, which, start, fold=None):
 
 def _climb(branch, orbit, along, which):
     """Return y where an extremum stops to grow along a branch."""
-    y, rise, h = orbit.y, orbit.slopes()[which] @ along, _FIRST
-    for _ in range(_MOST):
-        try:
-            new_y, new, ahead, _ = advance(branch, y, along, h)
-        except Lost:
-            h *= 0.5
-            if h < _LEAST:
-                raise
-            continue
-        new_rise = new.slopes()[which] @ ahead
-        if new_rise <= 0.0:
-            share = rise / (rise - new_rise)
-            guess, near = y + share * (new_y - y), np.abs(new_y - y).max()
-            found = solve(Top(which), branch.model, guess, near)
+    y = rise = None
+    for here, ahead in walk(branch, orbit, along):
+        new_rise = here.slopes()[which] @ ahead
+        if y is not None and new_rise <= 0.0:
+            share, way = rise / (rise - new_rise), here.y - y
+            found = solve(Top(which), branch.model, y + share * way, np.abs(way).max())
             if found is None:
                 raise Lost("the top was not found")
             return found[0]
-        y, along, rise = new_y, ahead, new_rise
-        h = min(_GROWTH * h, _LARGEST)
+        y, rise = here.y, new_rise
     raise Lost("the branch has no top")

@@ -1,6 +1,5 @@
 """From a model to the arrays that the explorer draws of it; no browser here."""
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -83,7 +82,7 @@ def _orders(model, run, lengths):
         return None
     if int(run.period) and lengths.recorded % int(run.period) == 0:
         return orders(run)
-    length = round(float(run.mesh_frequency * 60.0 / (math.tau * run.speed)))
+    length = round(model.periods_per_revolution)
     revolution = simulate(
         model,
         float(run.tuning),
