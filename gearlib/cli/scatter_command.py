@@ -5,7 +5,7 @@ import math
 import click
 from pydantic import ValidationError
 
-from gearlib.cli import model_options, output, progress, speed_options
+from gearlib.cli import model_options, output, progress, refusals, speed_options
 from gearlib.config.tolerances_section import QUANTITIES, Tolerances, ToleratedParameter
 from gearlib.models import tolerated
 
@@ -54,7 +54,7 @@ def _number(text):
     return found if math.isfinite(found) else text
 
 
-@click.command()
+@click.command(cls=refusals.Command)
 @model_options.options
 @click.option(
     "-t",

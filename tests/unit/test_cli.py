@@ -169,6 +169,9 @@ def test_gears_are_drawn_by_options_of_every_command(run):
     assert done.exit_code == 0 and Path("stiffness.svg").exists(), done.output
     pair = gearlib.GearPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
     expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    asked = ["-t", "load std=5%", "--samples", "2", "--points", "0", "--quantity", "jump_up"]
+    done = run("scatter", *DRAWN, *asked)
+    assert done.exit_code == 0 and "gear pair z 23/61, m 2.5 mm\n" in done.output, done.output
     for given in (DRAWN, ["--config", "mine.yaml"]):
         done = run("simulate", *given, "--speed", "4000", "-o", "run.nc", "--force")
         assert done.exit_code == 0 and "gear pair z 23/61, m 2.5 mm\n" in done.output, done.output
