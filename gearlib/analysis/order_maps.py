@@ -97,7 +97,7 @@ def order_map(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    needed, begins = {variable, "time", "speed", "phase", "load_ratio"}, 0.0
+    needed, begins = {variable, "time", "speed", "phase"}, 0.0
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
     run = as_run_up(run)

@@ -77,14 +77,13 @@ def at_equal_angles(data, variable, highest, *, tacho=None, teeth=1):
         )
     count = min(2 * math.ceil(0.5 / float(steps.min())), _MOST)
     first = own[0]
-    at = first + np.arange(int((own[-1] - first) * count * (1.0 + 1e-12)) + 1) / count
+    at = first + np.arange(int((own[-1] - first) * count) + 1) / count
     when = CubicSpline(own, time)(at)
     found = xr.Dataset(
         {
             "time": ("time", when),
             "speed": ("time", 60.0 / CubicSpline(own, time)(at, 1)),
             "phase": ("time", math.tau * teeth * (at - first)),
-            "load_ratio": ("time", np.ones(at.size)),
             variable: ("time", CubicSpline(own, values)(at), dict(data[variable].attrs)),
             "status": ((), 0),
             "teeth": ((), float(teeth)),

@@ -34,7 +34,7 @@ def as_run_up(run):
     }
     data["dynamic_force"] = over, run.dynamic_force.values * float(run.force_scale), {"units": "N"}
     data |= {"contact": (over, run.contact.values), "phase": ("time", phase)}
-    data |= {"speed": ("time", 0.0 * phase + rpm), "load_ratio": ("time", 0.0 * phase + 1.0)}
+    data["speed"] = "time", 0.0 * phase + rpm
     data |= {name: ("event", run[name].values) for name in ("event_from", "event_to")}
     data["event_time"] = "event", (run.event_phase.values - float(run.phase[0])) / omega
     data["event_velocity"] = "event", run.event_velocity.values * (length * omega)

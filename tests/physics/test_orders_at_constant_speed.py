@@ -47,6 +47,13 @@ def test_steps_and_other_models_go_by_their_samples():
         assert float(gap.max()) <= 2.0 * float(found.amplitude_error.max())
 
 
+def test_orders_of_a_train_are_those_of_its_meshes():
+    train = gearlib.planetary(planets=2, stiffness_ratio=(0.7, 0.8))
+    run = gearlib.simulate(train, 0.6, periods=70, record_periods=60, samples_per_period=32)
+    found = gearlib.order_map(run)
+    assert found.mesh.values.tolist() == list(train.mesh_names)
+
+
 def test_what_does_not_turn_has_no_orders():
     model = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
     with pytest.raises(ValueError, match=r"or of gearlib\.simulate"):

@@ -321,10 +321,11 @@ def test_a_ramp_of_the_load_does_not_begin_anew():
 
 @pytest.mark.parametrize(("model", "start"), [(TRAIN, "static"), (RELIEVED, (0.0, 0.0))])
 def test_a_course_in_parts_is_one_course(model, start):
-    load = [(0.0, 0.3), (0.02, 1.4), (0.05, 0.7)]
+    load = [(0.01, 0.3), (0.02, 1.4), (0.05, 0.7)]
     whole = {"load": load, "initial_state": start, "samples_per_period": 4}
     one = gearlib.run_up(model, speed=[(0.0, 100.0), (0.06, 2500.0)], **whole)
-    # So that steps begin elsewhere.
+    # So that steps begin elsewhere; before its first row the load is that of this row.
+    whole["load"] = [(0.0, 0.3), *load]
     cut = [(t, 100.0 + 4e4 * t) for t in np.linspace(0.0, 0.06, 38).tolist()]
     two = gearlib.run_up(model, speed=cut, **whole)
     for name in ("displacement_max", "dynamic_force_min", "mean_force", "fraction_normal"):

@@ -39,6 +39,21 @@ def test_a_chirp_has_its_orders():
     assert np.abs(track.amplitude - math.sqrt(0.5)).max() < 2e-5
 
 
+def test_the_last_revolution_counts_and_powers_have_squared_units():
+    # Sums of floats end a little before or behind the last whole revolution.
+    for seconds in (0.7, 1.1, 2.0, 2.9):
+        t = np.linspace(0.0, seconds, 20_001)
+        wave = {"acceleration": ("sample", 3.0 * np.sin(math.tau * 50.0 * t), {"units": "m s-2"})}
+        data = xr.Dataset(wave, {"time": ("sample", t), "speed": ("sample", 0.0 * t + 600.0)})
+        found = gearlib.order_map(data, variable="acceleration", amplitude="power", highest=8)
+        assert found.sizes["time"] == round(10.0 * seconds)
+        assert np.abs(found.amplitude.sel(order=5) - 4.5).max() < 1e-6
+    assert found.amplitude.units == "(m s-2)2"
+    data.acceleration.attrs["units"] = "m"
+    shown = gearlib.order_map(data, variable="acceleration", amplitude="power", highest=8)
+    assert shown.amplitude.units == "m2"
+
+
 def test_a_wave_between_two_orders_is_seen_by_both():
     data, _ = chirp(order=12.5)
     found = gearlib.order_map(data, variable="acceleration", amplitude="peak", highest=20)
