@@ -114,6 +114,14 @@ def test_residuals_of_time_courses_have_exact_derivatives(tuning, way, gain):
     one, near = SteadyOrders(TRUTH, steady(tuning, 1, gain, way)), TRUTH.replace(reduced_mass=3.15)
     rest = one.residuals(TRUTH, ())[0]
     assert rest @ rest < 4.0 * (rest.size - one.eliminated)
+    # What is drawn are the waves that were compared, measured and fitted.
+    (shown,) = one.curves(TRUTH)
+    assert shown.at[0] == 0.0 and shown.at[-1] == 1.0
+    for height, own in zip(shown.heights, (one.measured, one.fitted(TRUTH)), strict=True):
+        waves = np.fft.rfft(height[:-1], norm="forward")
+        np.testing.assert_allclose(
+            waves[1 : own.size + 1], own[0], rtol=0, atol=1e-9 * height.max()
+        )
     slopes = one.residuals(near, names)[1]
     for k, name in enumerate(names):
         value = getattr(near, name)
