@@ -65,4 +65,5 @@ QUANTITIES = {
     "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
     "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
     "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
+    "least_load_sharing": ("1", "least mean force of a mesh over that of its branches, duty point"),
 }
