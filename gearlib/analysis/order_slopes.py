@@ -1,16 +1,21 @@
 """What the orders of a run-up of a pair change by, in closed forms as the orders themselves."""
 
+import itertools
 import json
 import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.course_orders import MOST_NODES
+from gearlib.analysis.course_orders import rules
 from gearlib.kernels.closed_form.course_waves import Waves
 from gearlib.models import acceleration
+from gearlib.models.pair import GearPair
 from gearlib.models.propagators import course_slopes, courses
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sensitivities import quotient
+
+#: Variables as kernels number them.
+_KERNELS = "displacement", "velocity", "acceleration", "dynamic_force"
 
 
 def names_of(run, variable):
@@ -21,16 +26,14 @@ def names_of(run, variable):
     )
 
 
-def rules():
-    """Return nodes and weights on (0, 1), shape (MOST_NODES + 1, 2, MOST_NODES)."""
-    table = np.zeros((MOST_NODES + 1, 2, MOST_NODES))
-    for n in range(1, MOST_NODES + 1):
-        nodes, weights = np.polynomial.legendre.leggauss(n)
-        table[n, :, :n] = 0.5 * (nodes + 1.0), 0.5 * weights
-    return table
+def known(model, run):
+    """Return whether the derivatives of the orders of a run-up are closed forms, too."""
+    loads = json.loads(run.attrs["parameters"])["load"]
+    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
+    return isinstance(model, GearPair) and not ramps
 
 
-def exact(pair, run, names, what, span, shape):
+def exact(pair, run, names, variable, span, shape):
     """Return what Fourier coefficients of a run-up change by, complex, shape (k, b, n), SI.
 
     Parameters
@@ -40,23 +43,23 @@ def exact(pair, run, names, what, span, shape):
         Of `gearlib.run_up`, whose load changes by steps only; it is run again.
     names : tuple of str
         Parameters, k of them.
-    what : int
-        Of displacement, velocity, acceleration, force: which.
+    variable : str
+        Of displacement, velocity, acceleration, dynamic_force: which.
     span : float
         Mesh phase of a block.
     shape : tuple of (int, int, float)
         Blocks b, orders n, and mesh phase that the first order has in a unit.
     """
     asked = json.loads(run.attrs["parameters"])
-    pieces = courses.pieces_of(pair, np.array(asked["speed"]), np.array(asked["load"]))
     driven, radius = asked["driven_mass"], asked["base_radius"]
     push = acceleration.of_mesh(pair, driven, radius) if driven else np.zeros(1)
-    runner, state = courses.propagator_of(pair), tuple(asked["initial_state"])
-    z = np.array(runner.start(state), float)
-    z[1] *= pieces[0].speed
-    found = list(courses.run_through(runner, pieces, z, 1, MAX_EVENTS, push, float(pair.teeth)))
+    state, once = tuple(asked["initial_state"]), courses.equal_steps(1)
+    course = np.array(asked["speed"]), np.array(asked["load"])
+    runner, pieces, z = courses.set_out(pair, *course, state)
+    found = list(courses.run_through(runner, pieces, z, once, MAX_EVENTS, push, float(pair.teeth)))
     (blocks, count, step), highest = shape, math.sqrt(pair.max_stiffness / pair.mean_stiffness)
     sums = np.zeros((blocks, 2, count, len(names)))
+    what = _KERNELS.index(variable)
     waves = Waves(what, span, step, highest, rules(), sums)
     course_slopes.of_pair(pair, names, found, state, 0, driven, radius, waves)
     omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
