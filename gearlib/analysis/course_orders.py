@@ -5,6 +5,7 @@ angle, which has no elementary integral under an acceleration. Gauss's rule take
 with as many nodes as motion and wave ask for; nothing is sampled across a jump.
 """
 
+import copy
 import functools
 import json
 import math
@@ -18,8 +19,16 @@ from gearlib.kernels.order_sums import FEW, add_waves
 from gearlib.models.from_values import model_of
 from gearlib.models.one_mesh_system import matrix
 from gearlib.models.propagators import courses
-from gearlib.runs.run_up import inertia_of
+from gearlib.models.propagators.course_matrices import of_matrices
+from gearlib.runs.run_up import inertia_of, summaries
 
+#: name -> its column of the samples of kernels.
+VARIABLES = {
+    "displacement": orbit.SAMPLE_X,
+    "velocity": orbit.SAMPLE_V,
+    "acceleration": orbit.SAMPLE_A,
+    "dynamic_force": orbit.SAMPLE_FORCE,
+}
 #: Nodes by which Gauss's rules grow: few sizes are done at once.
 _STEP = 4
 #: Of an arc below this theta nothing is taken: rounding of a long run hides where it is.
@@ -61,8 +70,9 @@ def of_run(run):
 class _Nodes:
     """The samples of a run-up that Gauss's rules ask for, stretch by stretch."""
 
-    def __init__(self, events, natural, harmonics, span, step, count, blocks):
-        self.events, self.natural, self.harmonics = events, natural, harmonics
+    def __init__(self, model, run, span, step, count, blocks, dense=1.0):
+        self.natural, self.harmonics = (dense * one for one in _rates(model, run)[:2])
+        self.events = np.sort(run.event_time.values) * float(model.mesh_frequency(1.0))
         self.span, self.step, self.count, self.blocks = span, step, count, blocks
 
     def __call__(self, piece, cut, length):
@@ -113,9 +123,107 @@ class _Nodes:
         block = np.floor(middle / self.span)
         begin = (cut.offset - block * self.span + phase[own]).repeat(wanted)
         self.phase = begin + (speed[number] + rate * theta) * theta
-        self.share *= speed[number] + 2.0 * rate * theta
+        self.speed = speed[number] + 2.0 * rate * theta
+        self.share *= self.speed
         self.rows = np.where(block < self.blocks, block, -1).astype(int).repeat(wanted)
         return theta, np.searchsorted(number, np.arange(len(cut.block) + 1))
+
+
+class _Sums:
+    """Integrals of b blocks, of m variables and n orders."""
+
+    def __init__(self, step, blocks, variables, count):
+        self.step, self.count = step, count
+        self.sums = np.zeros((2, blocks, variables, -(-count // FEW), FEW))
+        self.squares = np.zeros((blocks, variables))
+
+    def add(self, nodes, values):
+        """Add values at nodes, shape (k, m)."""
+        add_waves(nodes.phase, nodes.share, values, nodes.rows, self.step, self.sums, self.squares)
+
+    def coefficients(self):
+        """Return them complex, shape (b, n, m)."""
+        real, imag = np.swapaxes(self.sums.reshape(*self.sums.shape[:3], -1), 2, 3)
+        return (real + 1j * imag)[:, : self.count]
+
+
+def again(model, run, samples):
+    """Yield the stretches of a run-up, with samples as of `courses.run_through`."""
+    asked = json.loads(run.attrs["parameters"])
+    course = np.array(asked["speed"]), np.array(asked["load"])
+    push = inertia_of(model, asked["driver"], asked["driven_mass"], asked["base_radius"])
+    every = model.periods_per_revolution
+    runner, pieces, z = courses.set_out(model, *course, start_of(asked))
+    yield from courses.run_through(runner, pieces, z, samples, _NO_LIMIT, push, every)
+
+
+def start_of(asked):
+    """Return the initial state that a run-up was asked for, of its `parameters`."""
+    state = asked["initial_state"]
+    return state if isinstance(state, str) else tuple(state)
+
+
+def scale_of(model, column):
+    """Return the unit in SI of a column of samples by theta."""
+    omega, length = float(model.mesh_frequency(1.0)), model.static_deflection
+    return {
+        orbit.SAMPLE_X: length,
+        orbit.SAMPLE_V: length * omega,
+        orbit.SAMPLE_A: length * omega**2,
+        orbit.SAMPLE_FORCE: model.scales()["force_scale"],
+    }[column]
+
+
+class _Moving:
+    """Derivatives at the nodes of a run-up: what `course_matrices.of_matrices` gives samples to."""
+
+    def __init__(self, sums, kept, row, by_speed):
+        self.sums, self.kept, self.row, self.by_speed = sums, kept, row, by_speed
+
+    def when(self, i):
+        """Return theta of the nodes of a stretch."""
+        return self.kept[i][0]
+
+    def take(self, i, samples):
+        """Take derivatives by k names at fixed time, shape (n, 4, m, k)."""
+        _, nodes, drift = self.kept[i]
+        # A factor of the speeds moves the time at which a phase is reached.
+        values = samples[:, self.row] + drift[..., None] * self.by_speed
+        self.sums.add(nodes, values.reshape(len(values), -1))
+        return samples[:0]
+
+
+def slopes(model, run, names, column, blocks, span, step, count):
+    """Return what coefficients of `integrals` change by, complex, shape (k, b, n, ...), SI.
+
+    Of models that go by matrices, of what is continuous at phases that move; `names` are k.
+    """
+    nodes, kept = _Nodes(model, run, span, step, count, blocks), []
+    row = list(VARIABLES.values()).index(column)
+    growth = {orbit.SAMPLE_X: orbit.SAMPLE_V, orbit.SAMPLE_V: orbit.SAMPLE_A}.get(column)
+
+    def wanted(piece, cut, length):
+        theta, taken = nodes(piece, cut, length)
+        bounds = cut.bounds(piece, length)
+        when = theta + np.repeat(bounds[:-1] - bounds[0], np.diff(taken))
+        kept.append([when, copy.copy(nodes), None])
+        return theta, taken
+
+    for i, one in enumerate(again(model, run, wanted)):
+        own = kept[i][1]
+        reached = own.phase + np.maximum(own.rows, 0) * span
+        rate = one.samples[..., growth] if growth is not None else np.zeros(one.samples.shape[:2])
+        kept[i][2] = -rate * (reached / own.speed)[:, None]
+    found = list(again(model, run, courses.equal_steps(1)))
+    asked, meshes = json.loads(run.attrs["parameters"]), len(model.mesh_names) or 1
+    sums = _Sums(step, blocks, meshes * len(names), count)
+    by_speed = np.array([float(name == "speed") for name in names])
+    push = {name: asked[name] for name in ("driver", "driven_mass", "base_radius")}
+    waves = _Moving(sums, kept, row, by_speed)
+    of_matrices(model, names, found, summaries(found), start_of(asked), 1, waves=waves, **push)
+    changes = sums.coefficients().reshape(blocks, count, meshes, -1)
+    changes *= scale_of(model, column) / span
+    return np.moveaxis(changes if model.mesh_names else changes[:, :, 0], -1, 0)
 
 
 def integrals(model, run, column, blocks, span, step, count):
@@ -135,27 +243,16 @@ def integrals(model, run, column, blocks, span, step, count):
     count : int
         Orders, from 0.
     """
-    asked = json.loads(run.attrs["parameters"])
-    state = asked["initial_state"]
-    course = np.array(asked["speed"]), np.array(asked["load"])
-    push = inertia_of(model, asked["driver"], asked["driven_mass"], asked["base_radius"])
-    omega, length = float(model.mesh_frequency(1.0)), model.static_deflection
-    natural, harmonics, closed = _rates(model, run)
-    events = np.sort(run.event_time.values) * omega
-    shape = blocks, len(model.mesh_names) or 1
+    closed, meshes = _rates(model, run)[2], len(model.mesh_names) or 1
 
     def found(dense):
-        runner, pieces, z = courses.set_out(
-            model, *course, state if isinstance(state, str) else tuple(state)
+        nodes, sums = (
+            _Nodes(model, run, span, step, count, blocks, dense),
+            _Sums(step, blocks, meshes, count),
         )
-        nodes = _Nodes(events, dense * natural, dense * harmonics, span, step, count, blocks)
-        sums, squares = np.zeros((2, *shape, -(-count // FEW), FEW)), np.zeros(shape)
-        every = model.periods_per_revolution
-        for one in courses.run_through(runner, pieces, z, nodes, _NO_LIMIT, push, every):
-            values = np.ascontiguousarray(one.samples[..., column])
-            add_waves(nodes.phase, nodes.share, values, nodes.rows, step, sums, squares)
-        sums = (sums[0] + 1j * sums[1]).reshape(*shape, -1)[..., :count]
-        return np.moveaxis(sums, 1, 2) / span, squares / span
+        for one in again(model, run, nodes):
+            sums.add(nodes, np.ascontiguousarray(one.samples[..., column]))
+        return sums.coefficients() / span, sums.squares / span
 
     sums, squares = found(1.0)
     error = ROUNDING * np.sqrt(squares)[:, None] * np.ones(sums.shape)
@@ -167,14 +264,8 @@ def integrals(model, run, column, blocks, span, step, count):
             break
     else:
         error = error if closed else np.maximum(error, change)
-    scale = {
-        orbit.SAMPLE_X: length,
-        orbit.SAMPLE_V: length * omega,
-        orbit.SAMPLE_A: length * omega**2,
-        orbit.SAMPLE_FORCE: model.scales()["force_scale"],
-    }[column]
-    inner = run.displacement.dims[1:]
-    if not inner:
+    scale = scale_of(model, column)
+    if not model.mesh_names:
         sums, squares, error = sums[..., 0], squares[:, 0], error[..., 0]
     return scale * sums, scale**2 * squares, scale * error
 

@@ -15,15 +15,7 @@ from gearlib.analysis import course_orders, order_slopes, sampled_signals
 from gearlib.analysis.revolutions import Turning
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
-from gearlib.kernels import orbit
 
-#: name -> its column of the samples of kernels.
-VARIABLES = {
-    "displacement": orbit.SAMPLE_X,
-    "velocity": orbit.SAMPLE_V,
-    "acceleration": orbit.SAMPLE_A,
-    "dynamic_force": orbit.SAMPLE_FORCE,
-}
 #: What an amplitude is, for orders above 0, in terms of a Fourier coefficient.
 _AMPLITUDES = {
     "rms": lambda c: math.sqrt(2.0) * c,
@@ -97,7 +89,7 @@ def order_map(
         run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
         highest = most if highest is None else highest
     else:
-        checks.one_of("variable", variable, tuple(VARIABLES))
+        checks.one_of("variable", variable, tuple(course_orders.VARIABLES))
         if tacho is not None:
             raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
     if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
@@ -123,7 +115,8 @@ def order_map(
     top = checks.finite_positive("highest", top)
     count, step = int(top * revolutions + 1e-9) + 1, 1.0 / (teeth * revolutions)
     names, model = order_slopes.names_of(run, variable), course_orders.of_run(run)
-    if model is None or (names and not order_slopes.known(model, run)):
+    known = order_slopes.known(model, run, variable, names)
+    if model is None or (names and not known):
         per = math.tau * (run.phase.size - 1) / float(run.phase[-1] - run.phase[0])
         if top > 0.25 * per * teeth:
             raise ValueError(
@@ -137,8 +130,10 @@ def order_map(
         half = summed(phase[::2], values[::2], *args)[0]
         error = np.abs(found - half)
     else:
-        found, squares, error = course_orders.integrals(model, run, VARIABLES[variable], *args)
-    if names and not order_slopes.known(model, run):
+        found, squares, error = course_orders.integrals(
+            model, run, course_orders.VARIABLES[variable], *args
+        )
+    if names and not known:
         names = tuple(name for name in names if name != "speed")
         of_names = (run[f"d_{variable}_d_{name}"].values for name in names)
         slopes = [summed(run.phase.values, one, *args)[0] for one in of_names]

@@ -12,7 +12,6 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import course_orders
-from gearlib.analysis.order_maps import VARIABLES
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.models.harmonics import Harmonics
@@ -78,7 +77,8 @@ def orders(run, *, count=None):
         block = 1, math.tau * periods, 1.0 / periods, harmonics.size
         names = "dynamic_force", "displacement"
         found = [
-            course_orders.integrals(model, steady, VARIABLES[name], *block)[0][0] for name in names
+            course_orders.integrals(model, steady, course_orders.VARIABLES[name], *block)[0][0]
+            for name in names
         ]
         errors = [_ROUNDING * np.abs(one).max() * np.ones(one.shape) for one in found]
     # A period that begins later turns the phases only: they count from the mesh phase 0.

@@ -168,7 +168,7 @@ def run_up(
     if names:
         course = {"state": state, "driver": driver}
         course |= {"driven_mass": driven_mass, "base_radius": base_radius}
-        about = found, _summaries(found), samples, _SAID, code == status.OK
+        about = found, summaries(found), samples, _SAID, code == status.OK
         data |= derivatives.variables(model, names, *about, **course)
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
@@ -264,7 +264,7 @@ def inertia_of(model, driver, driven_mass, base_radius):
     )
 
 
-def _summaries(found):
+def summaries(found):
     """Return the summaries of the revolutions, shape (r, m, 10)."""
     # A revolution that goes on in another stretch has a block in each of them.
     table = np.concatenate([one.summary for one in found])
@@ -281,7 +281,7 @@ def _statistics(model, found, omega):
     """Return name -> (dims, values) over the revolutions."""
     passed = np.concatenate([np.diff(one.phase) for one in found])
     lasted = np.concatenate([np.diff(one.theta) for one in found])
-    rows = _summaries(found)
+    rows = summaries(found)
     number = np.concatenate([one.block for one in found])
     first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
