@@ -13,7 +13,7 @@ from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.data.status import flags_of
 from gearlib.tolerances.designs import MOST, Designs
-from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, names_of, of_designs
+from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs, pieces, worst
 
 QUANTILES = (0.05, 0.5, 0.95)
 #: Points of the linear form, whose quantiles are told.
@@ -74,8 +74,7 @@ def first_order_scatter(
     designs = Designs(model, tolerances, seed)
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     follow = Followed(designs.nominal, designs.fields[0], quantities, speed=speed)
-    slopes, k = gradient(follow, designs), len(designs.names)
-    form = Linear(follow.nominal, slopes, designs)
+    form, k = Linear(quantities, pieces(follow, designs), designs), len(designs.names)
     samples = designs.values(designs.points(0, n))
     ends = np.full((2 * k, k), 0.5)
     for i in range(2 * k):
@@ -151,20 +150,39 @@ def first_order_scatter(
 
 
 class Linear:
-    """Quantities as linear forms of what scatters."""
+    """Quantities as linear forms of what scatters; of several meshes that of the worst.
 
-    def __init__(self, nominal, slopes, designs):
-        self.nominal, self.slopes = nominal, slopes
+    `forms` are those of `quantities.pieces`.
+    """
+
+    def __init__(self, quantities, forms, designs):
+        self.quantities, self.forms = quantities, forms
         self.centres = designs.tolerances.centres
         covariance = designs.tolerances.covariance
-        self.deviations = np.sqrt(np.einsum("qi,ij,qj->q", slopes, covariance, slopes))
-        self.effects = slopes * np.sqrt(np.diag(covariance))
+        k = len(self.centres)
+        self.nominal = self.of(np.zeros((1, k)))[0]
         self.changes = designs.values(designs.points(0, _POINTS)) - self.centres
-        self.drawn = nominal + self.changes @ slopes.T
+        self.drawn = self.of(self.changes)
+        self.deviations = np.array([
+            np.sqrt(slopes[0] @ covariance @ slopes[0]) if len(slopes) == 1 else drawn.std()
+            for (_, slopes), drawn in zip(forms, self.drawn.T, strict=True)
+        ])  # fmt: skip
+        steps = np.diag(np.sqrt(np.diag(covariance)))
+        ahead, behind = (self.of(sign * steps).T - self.nominal[:, None] for sign in (1.0, -1.0))
+        # Where another mesh becomes the worst both sides differ: the larger one is told.
+        self.effects = np.where(np.abs(ahead) >= np.abs(behind), ahead, -behind)
+
+    def of(self, changes):
+        """Return the quantities at changes of what scatters, (n, k), shape (n, q)."""
+        found = []
+        for name, (values, slopes) in zip(self.quantities, self.forms, strict=True):
+            every = values + changes @ slopes.T
+            found.append(every[np.arange(len(every)), worst(name, every)])
+        return np.transpose(found)
 
     def values(self, values):
         """Return the quantities at values of what scatters, shape (n, q)."""
-        return self.nominal + (values - self.centres) @ self.slopes.T
+        return self.of(values - self.centres)
 
 
 def _verdict(ratio, missed, gone, contacts, follow, i):

@@ -5,7 +5,7 @@ Where one is lost on the way the main resonance of the design is searched anew.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from gearlib import checks
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
 from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, fall, higher, top
+from gearlib.analysis.orbits.mean_forces import mean_forces
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.kernels import orbit as columns
 from gearlib.models.derivatives import STEP
+from gearlib.models.trains.statics import branches
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 
 #: What a code says, 0 first.
@@ -33,11 +35,19 @@ _NAMES = {"onset_of_contact_loss": "onset"}
 #: higher branch, ``fall``.
 _SEARCHED = {"onset": "onset", "jump_up": "jump_up", "first_fold": "jump_down"}
 _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
-_DUTY = ("dynamic_factor", "force", "transmission_error", "contact_margin", "load_sharing")
-#: Share of a value over which differences are taken.
-_STEP = 1e-5
-#: Share of a standard deviation over which differences are taken.
-_APART = 1e-3
+_SHARES = {"load_sharing", "least_load_sharing"}
+_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SHARES}
+#: Of several meshes the least value counts.
+_LEAST = {"contact_margin", "least_load_sharing"}
+
+
+class _Orbit(NamedTuple):
+    """What `mean_forces` takes of an orbit."""
+
+    pair: Any
+    tuning: float
+    period: int
+    state: np.ndarray
 
 
 class _Place(NamedTuple):
@@ -55,8 +65,9 @@ class Followed:
     model : Model
         The nominal design; of a train quantities of the duty point, those of the mesh which is
         worst, the transmission error that of the reference mesh.
-    names : sequence of str
-        Parameters, as of ``model.derivatives``.
+    names : sequence
+        Parameters, as of ``model.derivatives``; of trains also directions, as of
+        ``model.direction``.
     quantities : sequence of str
         Of `QUANTITIES`.
     speed : float, optional
@@ -67,8 +78,9 @@ class Followed:
     nominal : ndarray, shape (q,)
         NaN where the nominal design has none.
     gradient : ndarray, shape (q, k)
-        Derivatives by the parameters, SI: exact, but those of the load sharing and the dynamic
-        factors of trains, which are central differences.
+        Exact derivatives by the parameters, SI; of trains those of the mesh that is worst.
+    pieces : list of (ndarray, shape (m,), ndarray, shape (m, k))
+        The same of all meshes one of which is worst, q pairs of values and derivatives.
 
     Raises
     ------
@@ -83,11 +95,12 @@ class Followed:
             raise ValueError(
                 f"model = {type(model).__name__} is not allowed: nothing turns in this model"
             )
-        duty = set(_DUTY) & set(self.quantities)
+        duty = _DUTY & set(self.quantities)
         if duty and speed is None:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
-        if "load_sharing" in duty and not model.mesh_names:
-            raise ValueError("quantities = 'load_sharing' is not allowed: it is one of trains")
+        if duty & _SHARES and not model.mesh_names:
+            name = min(duty & _SHARES)
+            raise ValueError(f"quantities = {name!r} is not allowed: it is one of trains")
         if "transmission_error" in duty and model.equation and len(model.equation.deviation):
             raise ValueError(
                 "quantities = 'transmission_error' is not allowed for a model with deviations of "
@@ -119,16 +132,32 @@ class Followed:
                 place = top(model, which, found.start, found.jump_down)
                 at_fold = place is found.jump_down is not None
                 self.starts[name] = None if at_fold else _start(Top(which), model, place)
-        values, _, places = self._of(model)
-        self.nominal = values
-        self.gradient = np.full((len(values), len(self.names)), np.nan)
-        for i, (name, place) in enumerate(zip(self.quantities, places, strict=True)):
-            if place is not None and self.names:
-                self.gradient[i] = self._slopes(name, place)
+        self.nominal, _, places = self._of(model)
+        self.pieces, k = [], len(self.names)
+        for name, place in zip(self.quantities, places, strict=True):
+            values, slopes = np.array([np.nan]), np.full((1, k), np.nan)
+            if place is not None:
+                values = self._every(name, model, place)
+                slopes = np.reshape(self._slopes(name, place) if k else [], (len(values), k))
+            self.pieces.append((values, slopes))
+        rows = zip(self.quantities, self.pieces, strict=True)
+        self.gradient = np.array([slopes[worst(name, values)] for name, (values, slopes) in rows])
 
     def __call__(self, model):
         """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found."""
         return self._of(model)[:2]
+
+    def every(self, model):
+        """Return the values of the quantities of a design by mesh, of which the worst count.
+
+        Each of shape (m,); m is 1 of what is not of meshes, and NaN what is not found.
+        """
+        return [
+            np.full(len(values), np.nan) if place is None else self._every(name, model, place)
+            for name, place, (values, _) in zip(
+                self.quantities, self._of(model)[2], self.pieces, strict=True
+            )
+        ]
 
     def contacts(self, model):
         """Return how often contact is gained and lost on the orbit of each quantity.
@@ -159,7 +188,8 @@ class Followed:
                 place, codes[i] = None, LOST
             places.append(place)
             if place is not None:
-                values[i] = self._value(name, model, place)
+                every = self._every(name, model, place)
+                values[i] = every[worst(name, every)]
         return values, codes, places
 
     def _place(self, name, model, known):
@@ -219,21 +249,19 @@ class Followed:
         condition = self.starts["duty"].condition
         return model.propagator(condition.tuning(model, place.y)), place.y, condition.period
 
-    def _value(self, name, model, place):
+    def _every(self, name, model, place):
+        """Return the values of a quantity of all meshes, of which the worst counts."""
         if name in _SPEEDS:
-            return float(model.speed(place.y[2]))
+            return np.array([float(model.speed(place.y[2]))])
         propagator, z, period = self._orbit(name, model, place)
         _, summary, _ = propagator.record(z, period, MAX_EVENTS)
-        if name == "load_sharing":
-            more = model.more_summary((), summary, 2.0 * math.pi * period)
-            return float(more[name][1].max())
-        return float(_measured(name, model, summary)[1])
+        if name in _SHARES:
+            return model.more_summary((), summary, 2.0 * math.pi * period)["load_sharing"][1]
+        return np.array([value for _, value in _measured(name, model, summary)])
 
     def _slopes(self, name, place):
-        """Return the derivatives of a quantity of the nominal design by its parameters, (k,)."""
+        """Return the derivatives of what `_every` returns by the parameters, shape (m, k)."""
         model, names, y = self.model, self.names, place.y
-        if name == "load_sharing" or name == "dynamic_factor" and model.mesh_names:
-            return self._differences(name)
         if name in _PEAKS and place.kind == name:
             # At the top the way along the branch does not count: any will do.
             found = Branch(model).evaluate(y)
@@ -244,8 +272,10 @@ class Followed:
             moved = self.starts[place.kind].slopes(names)
         if name in _SPEEDS:
             rate = float(model.speed(1.0))
-            return rate * moved[2] + y[2] * following.speed_slopes(model, names)
+            return [rate * moved[2] + y[2] * following.speed_slopes(model, names)]
         propagator, z, period = self._orbit(name, model, place)
+        if name in _SHARES:
+            return _share_slopes(model, propagator.tuning, z, period, names, moved)
         if name in _PEAKS:
             by_tuning = moved[2]
         else:
@@ -253,25 +283,22 @@ class Followed:
         along = _with_tuning(propagator, model, names, by_tuning)
         slopes, _ = extrema_slopes(propagator, z, along, moved[: len(z)], period)
         _, summary, _ = propagator.record(z, period, MAX_EVENTS)
-        mesh, value = _measured(name, model, summary)
-        rows = slopes.reshape(4, -1, len(names))[:, mesh]
-        row, scale = _measure(name, model, mesh)
+        rows = slopes.reshape(4, -1, len(names))
         twins = [model.complex_step(model.direction(one)) for one in names]
-        grown = np.array([np.imag(_measure(name, twin, mesh)[1] + 0j) / STEP for twin in twins])
-        return row @ rows * scale + value / scale * grown
-
-    def _differences(self, name):
-        """Return the same by central differences of orbits that are followed."""
         found = []
-        for one in self.names:
-            ends = []
-            for share in (_STEP, -_STEP):
-                model, step = following.moved(self.model, one, share)
-                place, _ = self._at(model, "duty", {})
-                ends.append((self._value(name, model, place), step))
-            (a, right), (b, left) = ends
-            found.append((a - b) / (right - left))
-        return np.array(found)
+        for mesh, value in _measured(name, model, summary):
+            row, scale = _measure(name, model, mesh)
+            grown = [np.imag(_measure(name, twin, mesh)[1] + 0j) / STEP for twin in twins]
+            found.append(row @ rows[:, mesh] * scale + value / scale * np.array(grown))
+        return found
+
+
+def worst(name, values):
+    """Return which mesh a quantity is of, shape (...), of values by mesh, shape (..., m)."""
+    # There are no dynamic factors without load.
+    if name in _LEAST:
+        return np.argmin(np.where(np.isnan(values), np.inf, values), axis=-1)
+    return np.argmax(np.where(np.isnan(values), -np.inf, values), axis=-1)
 
 
 def names_of(key, given, allowed):
@@ -298,16 +325,27 @@ def _stable(model, y):
 
 
 def _measured(name, model, summary):
-    """Return (number of the mesh that counts, value) of a quantity from a summary, SI."""
-    table, values = np.atleast_2d(summary), []
-    for mesh in range(len(table)):
+    """Return (number of a mesh, value) of all meshes that may count from a summary, SI."""
+    table = np.atleast_2d(summary)
+    meshes = range(len(table))
+    if name == "transmission_error" and model.mesh_names:
+        meshes = [model.mesh_names.index(model.reference)]
+    found = []
+    for mesh in meshes:
         row, scale = _measure(name, model, mesh)
-        values.append(row @ table[mesh, :4] * scale)
-    if name == "transmission_error":  # of one mesh, also where others have the same
-        mesh = model.mesh_names.index(model.reference) if model.mesh_names else 0
-    else:
-        mesh = int(np.argmin(values) if name == "contact_margin" else np.nanargmax(values))
-    return mesh, values[mesh]
+        found.append((mesh, row @ table[mesh, :4] * scale))
+    return found
+
+
+def _share_slopes(model, tuning, z, period, names, moved):
+    """Return the derivatives of the load sharing of every mesh of a train, shape (m, k)."""
+    forces, slopes = mean_forces(_Orbit(model, tuning, period, z), names, moved)
+    groups, found = branches(model), np.empty_like(slopes)
+    for group in set(groups):
+        own = [j for j, other in enumerate(groups) if other == group]
+        mean, rate = forces[own].mean(), slopes[own].mean(axis=0)
+        found[own] = (slopes[own] - np.outer(forces[own] / mean, rate)) / mean
+    return found
 
 
 def _measure(name, model, mesh):
@@ -353,19 +391,19 @@ def of_designs(follow, designs, values, done=lambda count: None):
     return found, codes, refusals
 
 
-def gradient(follow, designs):
-    """Return the derivatives of quantities by what scatters, shape (q, k).
+def pieces(follow, designs):
+    """Return `Followed.pieces` by what scatters.
 
-    They are exact where what scatters are parameters of the model, by the formulas of the drawing
-    where it is a drawing; else central differences of designs that are followed.
+    Derivatives are exact where the model has them by what scatters, by the formulas of the drawing
+    or of the function; else central differences of designs that are followed.
     """
     fields, jacobian = designs.fields
     if fields:
-        return follow.gradient @ jacobian
-    centres, columns = designs.tolerances.centres, []
-    for i, one in enumerate(designs.tolerances.marginals.values()):
-        step = np.zeros(centres.size)
-        step[i] = _APART * one.std
-        ends = [follow(designs.model(centres + sign * step))[0] for sign in (1.0, -1.0)]
-        columns.append((ends[0] - ends[1]) / (2.0 * step[i]))
-    return np.array(columns).T
+        return [(values, slopes @ jacobian) for values, slopes in follow.pieces]
+    columns: list = [[] for _ in follow.pieces]
+    for ahead, behind, apart in designs.nearby():
+        ends = zip(columns, follow.every(ahead), follow.every(behind), strict=True)
+        for column, high, low in ends:
+            column.append((high - low) / apart)
+    whole = zip(follow.pieces, columns, strict=True)
+    return [(values, np.transpose(column)) for (values, _), column in whole]

@@ -20,6 +20,7 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
+from gearlib.tolerances.linear_scatter import Linear
 from gearlib.tolerances.quantities import (
     CODES,
     NO_DESIGN,
@@ -27,6 +28,7 @@ from gearlib.tolerances.quantities import (
     Followed,
     names_of,
     of_designs,
+    pieces,
 )
 
 _FLAGS = {
@@ -94,11 +96,12 @@ def scatter(
     xarray.Dataset
         Over ``sample``: parameters, quantities, their ``<quantity>_status`` (0: found), and
         ``refusal``, why there is no such design. Scalars ``<quantity>_nominal``, ``_mean``,
-        ``_deviation`` of those found, and ``_first_order``, the deviation by exact derivatives at
-        the nominal design; ``<quantity>_effect`` over ``parameter``, what one standard deviation of
-        it comes to in first order. Over ``direction`` and ``speed``: contact_loss_probability,
-        unsettled_share, run_count, failed_runs; with ``quantile`` height_band and factor_band. Over
-        ``speed``: two_motions_probability, with seeded starts motion_probability.
+        ``_deviation`` of those found, and ``_first_order``, the deviation by derivatives at the
+        nominal design, exact where the model has them; ``<quantity>_effect`` over ``parameter``,
+        what one standard deviation of it comes to in first order. Over ``direction`` and ``speed``:
+        contact_loss_probability, unsettled_share, run_count, failed_runs; with ``quantile``
+        height_band and factor_band. Over ``speed``: two_motions_probability, with seeded starts
+        motion_probability.
 
     Raises
     ------
@@ -218,10 +221,7 @@ def _of_points(ran, over):
 def _of_quantities(designs, follow, found):
     """Return the variables of quantities, what is found of them as of `of_designs`."""
     values, codes, _ = found
-    fields, jacobian = designs.fields
-    gradient = np.asarray(follow.gradient) @ jacobian
-    covariance = designs.tolerances.covariance
-    deviations = np.sqrt(np.diag(covariance))
+    form = Linear(follow.quantities, pieces(follow, designs), designs)
     data = {}
     for i, name in enumerate(follow.quantities):
         units, words = QUANTITIES[name]
@@ -229,16 +229,14 @@ def _of_quantities(designs, follow, found):
         status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
         data[f"{name}_status"] = status
         scalars = {"nominal": (follow.nominal[i], f"of the nominal design: {words}")}
-        if fields:
-            spread = float(np.sqrt(gradient[i] @ covariance @ gradient[i]))
-            scalars["first_order"] = (spread, f"standard deviation in first order: {words}")
-            effect = _described(
-                ("parameter",),
-                gradient[i] * deviations,
-                units,
-                f"change in first order by a standard deviation of the parameter: {words}",
-            )
-            data[f"{name}_effect"] = effect
+        spread = form.deviations[i], f"standard deviation in first order: {words}"
+        scalars["first_order"] = spread
+        data[f"{name}_effect"] = _described(
+            ("parameter",),
+            form.effects[i],
+            units,
+            f"change in first order by a standard deviation of the parameter: {words}",
+        )
         for end, (value, said) in scalars.items():
             data[f"{name}_{end}"] = _described((), float(value), units, said)
     return data

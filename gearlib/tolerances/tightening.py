@@ -15,7 +15,7 @@ from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.tolerances.designs import MOST, Designs
 from gearlib.tolerances.linear_scatter import Linear
-from gearlib.tolerances.quantities import QUANTITIES, Followed, gradient, of_designs
+from gearlib.tolerances.quantities import QUANTITIES, Followed, of_designs, pieces
 
 #: Trials of a share, the first of them at most, and how near to the limit the designs then come, as
 #: a share of the margin.
@@ -58,8 +58,8 @@ def tighten(
         Over ``parameter``: effect, tightened_share, the share that may stay if this tolerance
         alone shrinks, NaN where that does not do, and tightened_probability with it; of_all, if
         all shrink alike. probability and probability_interval over ``step``: as given, and with
-        all tolerances at of_all. All these are of designs that are followed, those that have no
-        such motion beyond the limit; first_order_share, first_order_of_all and
+        all tolerances at of_all; risk, as asked. All these are of designs that are followed, those
+        that have no such motion beyond the limit; first_order_share, first_order_of_all and
         first_order_probability are the same in first order, from which they start.
 
     Raises
@@ -75,18 +75,21 @@ def tighten(
     sign = 1.0 if checks.one_of("keep", keep, ("above", "below")) == "above" else -1.0
     designs = Designs(model, tolerances, seed)
     follow = Followed(designs.nominal, designs.fields[0], (quantity,), speed=speed)
-    form = Linear(follow.nominal, gradient(follow, designs), designs)
+    form = Linear((quantity,), pieces(follow, designs), designs)
     margin = sign * (follow.nominal[0] - limit)
     if not margin > 0.0:
         raise ValueError(
             f"limit = {limit!r} is not allowed: the nominal design has {follow.nominal[0]:.6g}, "
             "beyond it, and no tolerance changes that"
         )
-    parts = sign * form.changes * form.slopes[0]
+
+    def within(shares):
+        """Return by how much designs stay within the limit in first order."""
+        return sign * (form.of(form.changes * shares)[:, 0] - limit)
 
     def lost(shares):
-        """Return by how much the worst designs of the allowed share stay within the limit."""
-        return np.quantile(margin + parts @ shares, risk)
+        """Return the same of the worst designs of the allowed share."""
+        return np.quantile(within(shares), risk)
 
     k = len(designs.names)
     ways = [lambda s: np.full(k, s), *(lambda s, i=i: _but(k, i, s) for i in range(k))]
@@ -114,8 +117,9 @@ def tighten(
         "tightened_probability": ("parameter", beyond[1:] / n),
         "first_order_share": ("parameter", first[1:]),
         "of_all": shares[0],
+        "risk": risk,
         "first_order_of_all": first[0],
-        "first_order_probability": float(np.mean(margin + parts.sum(axis=1) < 0.0)),
+        "first_order_probability": float(np.mean(within(1.0) < 0.0)),
         "probability": ("step", np.array(counts) / n),
         "probability_interval": (("step", "bound"), [list(one) for one in intervals]),
     }

@@ -111,6 +111,23 @@ def test_what_nothing_moves_holds_in_first_order():
     assert int(found.first_order_verdict[0]) == HOLDS and float(found.deviation_ratio[0]) == 1.0
 
 
+def test_of_branches_alike_the_worst_counts_in_first_order():
+    def train(first=0.0, second=0.0):
+        errors = [(0.0, first), (0.0, second), (0.0, 0.0)]
+        return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors)
+
+    pins = {name: {"mean": 0.0, "std": 2e-6} for name in ("first", "second")}
+    asked, speed = ("load_sharing", "least_load_sharing"), float(train().speed(0.6))
+    found = first_order_scatter(train, pins, asked, 8, speed=speed)
+    assert found.first_order_verdict.values.tolist() == [HOLDS] * 2
+    # All flanks keep contact: mean forces are linear in the errors, but for their sum.
+    assert found.nonlinearity.values == pytest.approx(0.0, abs=0.02)
+    for name in asked:
+        # Either pin may be the worst, on one side of it, by as much.
+        one, other = np.abs(found[f"{name}_effect"].values)
+        assert one == pytest.approx(other, rel=1e-6)
+
+
 def test_first_order_says_where_it_does_not_hold():
     model = DAMPED.replace(material_damping=8.4e3)
     found = first_order_scatter(

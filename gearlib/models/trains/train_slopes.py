@@ -96,22 +96,63 @@ def _elastic(element, name):
 
 
 def direction(train, name):
-    """Return what changes with one of `parameters`: (kind, label, field[, axis]) -> by what."""
+    """Return what changes with one of `parameters`: (kind, label, field[, axis]) -> by what.
+
+    Such a mapping itself, of a function that returns trains, is checked and returned.
+    """
+    if isinstance(name, dict):
+        return _checked(train, "of a function", name)
     if name == "tuning" or name.startswith("initial_state of "):
         return {name: 1.0}
     if name == "load":
         return {("body", b.name, "torque"): b.torque / train.load for b in train.bodies}
-    found = dict.fromkeys(_places(train, name), 1.0)
-    for key in found:
+    return _checked(train, name, dict.fromkeys(_places(train, name), 1.0))
+
+
+def _checked(train, name, found):
+    for key, slope in found.items():
         if key[0] == "mesh":
             mesh = train.meshes[train.mesh_names.index(key[1])]
-            check_edges(name, mesh, {key[2]: 1.0})
+            check_edges(name, mesh, {key[2]: slope})
             if key[2] == "stiffness_ratio" and mesh.stiffness_ratio == 1.0:
                 raise ValueError(
                     f"sensitivities = {name!r} is not allowed at stiffness_ratio = 1.0: it must be "
                     "< 1, where the stiffness has switches"
                 )
     return found
+
+
+def between(ahead, behind, apart):
+    """Return the direction from one train to another per unit of what sets them apart.
+
+    None where they differ in anything else than `FIELDS`.
+    """
+    found: dict = {}
+    fixed = []
+    for train in (ahead, behind):
+        parts = {kind: list(own.values()) for kind, own in elements(train).items()}
+        rest = {"bodies": (), "shafts": (), "meshes": ()}
+        rest = {one.name: getattr(train, one.name) for one in dataclasses.fields(train)} | rest
+        fixed.append((rest, [[_without(kind, one) for one in parts[kind]] for kind in FIELDS]))
+    if fixed[0] != fixed[1]:
+        return None
+    for kind, own in elements(ahead).items():
+        for label, one in own.items():
+            other = elements(behind)[kind][label]
+            for field in FIELDS[kind]:
+                high, low = np.ravel(getattr(one, field)), np.ravel(getattr(other, field))
+                for axis, (x, y) in enumerate(zip(high, low, strict=True)):
+                    # Beside what is rounding, and rigid on both sides.
+                    if x is not None and x != y and abs(x - y) > 1e-12 * abs(x + y):
+                        place = (axis,) if high.size > 1 else ()
+                        found[(kind, label, field, *place)] = (x - y) / apart
+    return found
+
+
+def _without(kind, element):
+    """Return the fields of an element that are not differentiated."""
+    names = (one.name for one in dataclasses.fields(element))
+    return [getattr(element, name) for name in names if name not in FIELDS[kind]]
 
 
 def settable(train):
@@ -207,7 +248,7 @@ def complex_train(train, slopes):
         }
         moved = _structure(train, bodies, of)
     frequencies, own, _ = train.excitation
-    deflection, speed = _scales(train, moved, meshes)
+    (deflection, speed), stretches = _scales(train, moved, meshes)
     made = copy(train)
     vars(made).pop("_system", None)
     vars(made).update(meshes=meshes, by_name=bodies)
@@ -218,6 +259,7 @@ def complex_train(train, slopes):
         segments=train.segments,
         excitation=(frequencies, own, constants),
         static_deflection=deflection,
+        loaded_stretches=stretches,
         reference_angular_frequency=speed,
         # Any: only the length of steps depends on it.
         norm=lambda parts: 1.0,
@@ -259,16 +301,19 @@ def _keys(element, slopes):
 
 
 def _scales(train, moved, meshes):
-    """Return the static deflection and the reference angular frequency off the real axis."""
+    """Return scales and stretches under the load off the real axis.
+
+    The scales are the static deflection and the reference angular frequency.
+    """
     lines, (squares, shapes) = train.structure.lines, train.linear_modes
     means = np.array([mesh.mean_stiffness for mesh in meshes])
     change = (moved.stiffness + lines.T @ (means[:, None] * lines)).imag
-    deflection = train.static_deflection + 0j
+    force = moved.load.imag - change @ train.linear_deflection
+    rates = train.linear_stretches @ (shapes.T @ force / squares)
+    stretches, deflection = train.loaded_stretches + 1j * rates, train.static_deflection + 0j
     if deflection != FALLBACK:
-        own = train.linear_stretches[train.mesh_names.index(train.reference)] / squares
-        force = moved.load.imag - change @ train.linear_deflection
-        rate = own @ (shapes.T @ force)
-        deflection += 1j * rate * np.sign(own @ (shapes.T @ train.structure.load))
+        own = stretches[train.mesh_names.index(train.reference)]
+        deflection += 1j * own.imag * np.sign(own.real)
     speed = train.reference_angular_frequency + 0j
     if train.reference_frequency is None:
         square = speed.real**2
@@ -283,7 +328,7 @@ def _scales(train, moved, meshes):
                 f"of that frequency: it must be given, as {speed.real / (2.0 * math.pi):.6g} (Hz)"
             )
         speed += 1j * STEP * rates[0] / (2.0 * speed.real)
-    return deflection, speed
+    return (deflection, speed), stretches
 
 
 def static_state(train, found, twin):
