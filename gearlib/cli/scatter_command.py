@@ -21,7 +21,7 @@ class _Tolerance(click.ParamType):
     name = "parameter key=value ..."
 
     def convert(self, value, param, ctx):
-        name, *rest = str(value).split()
+        name, *rest = str(value).split() or [""]
         pairs = [one.partition("=") for one in rest]
         if not rest or any(not sign or not text for _, sign, text in pairs):
             self.fail(f"{value!r} is no tolerance such as 'load std=5%'", param, ctx)

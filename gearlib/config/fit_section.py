@@ -29,9 +29,11 @@ def range_of(name, ends):
 
     ValueError for what is no number in a unit of its dimension.
     """
-    known = declared(PairParameters).get(name)
-    unit = known.unit if known else ""
+    known = {key: one.unit for key, one in declared(PairParameters).items()}
+    unit = known.get(name, "")
     allowed = "two numbers" + (f" in {unit}, or texts with a unit of it" if unit else "")
+    if name not in known:
+        allowed += f" in SI; texts have {', '.join(key for key in known if known[key])}"
     found = []
     for end in ends:
         try:

@@ -372,9 +372,8 @@ def _why(problem, model, name, low, high, struck=False):
     value, model = model.value(name), model.with_values({name: high})
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
     # Where a little less describes the data as well, no more than that is known.
-    bound = max(low, min(deepest, value) if struck else deepest)
+    bound = min(deepest, value) if struck else deepest
     how = "the far flank is never struck" if deepest > 0.0 else "contact is never lost"
-    return (
-        f"backlash is not identifiable: {how} in what is compared; it is at least {bound:.4g} m, "
-        "the largest way into the backlash there, and nothing tells how much more"
-    )
+    more = f"it is at least {bound:.4g} m, the largest way into the backlash there, and "
+    more = f"{more}nothing tells how much more" if bound > low else "nothing tells how large it is"
+    return f"backlash is not identifiable: {how} in what is compared; {more}"

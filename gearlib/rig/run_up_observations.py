@@ -41,9 +41,8 @@ class RunUpOrders(MeshOrders):
         self.turning = Turning(self.course)
         turns = self.turning.revolutions(data.time.values)
         self.blocks = int(turns[-1])
-        checks.require(
-            self.blocks > 2 * _FIRST, "revolutions", self.blocks, f"more than {2 * _FIRST}"
-        )
+        words = f"more than {2 * _FIRST} whole ones from the first sample to the last"
+        checks.require(self.blocks > 2 * _FIRST, "revolutions", self.blocks, words)
         self.measured, self.share = regressed(
             turns, self.values, np.arange(self.blocks + 1), self.teeth
         )

@@ -97,7 +97,7 @@ def first_order_scatter(
         spread = own.std() if own.size > 1 else np.nan
         there = np.isfinite(found[:, i])
         # Of the designs' deviation only what first order misses is left to chance.
-        rest, line = (found[:, i] - linear)[there], linear[there] - follow.nominal[i]
+        rest, line = (found[:, i] - linear)[there], linear[there]
         sampled = np.flatnonzero(there) < n
         between = np.cov(rest[sampled], line[sampled])
         variance = form.deviations[i] ** 2

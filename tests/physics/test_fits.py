@@ -8,6 +8,7 @@ import xarray as xr
 from scipy.stats import binom
 
 import gearlib
+from gearlib.rig.fits import goes_by_steps
 from gearlib.rig.projection import projected
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.synthetic_rigs import synthetic_rig
@@ -87,6 +88,7 @@ def test_an_unknown_gain_is_found_beside_the_parameters():
     found = gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, free, starts=0)
     for name, one in found.params.items():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr
+    assert data.synthetic == 1
     # Two parameters and the noise: 2 k n / (n - k - 1) is Akaike's penalty, corrected.
     k, n = 3, found.ndata
     assert found.bic - found.aicc == pytest.approx(k * (np.log(n) - 2.0 * n / (n - k - 1)))
@@ -148,6 +150,12 @@ def jumps_of(pair):
     folds = np.sort(branch.tuning.values[branch.label.values == 1]) * pair.speed(1.0)
     attrs = {"units": "min-1", "noise_std": 1.0}
     return xr.Dataset({n: ((), x, attrs) for n, x in zip(("jump_down", "jump_up"), folds)})  # noqa: B905
+
+
+def test_speeds_of_jumps_have_exact_derivatives_where_run_ups_have_none():
+    curved = gearlib.OneDegreePair(pair=TRUTH, cubic_damping=1e6)
+    assert not goes_by_steps(curved, jumps_of(TRUTH))
+    assert goes_by_steps(curved, synthetic_rig(TRUTH, course(TRUTH, 0.5), 1))
 
 
 def test_jumps_of_sweeps_alone_tell_two_parameters():

@@ -112,6 +112,10 @@ def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
         pair = PAIR.replace(material_damping=beta * unit)
         lost = gearlib.simulate(pair, 0.95, periods=120, record_periods=20).bounces > 0
         low, high = (beta, high) if lost else (low, beta)
+    # However short it is: of all designs just beyond the limit.
+    near = {"damping_ratio": {"min": (1.0 - 1e-6) * low, "max": (1.0 - 1e-8) * low}}
+    lost = scatter(PAIR, near, n=4, tunings=[0.95], quantities=(), directions=("up",))
+    assert float(lost.contact_loss_probability.squeeze()) == 1.0
     share = float(found.contact_loss_probability.squeeze())
     assert 0.1 < share < 0.9 and abs(share - (low - 0.02) / 0.28) < 2.0 / 1024
 
@@ -147,12 +151,20 @@ def test_wrong_arguments_are_refused(changes, words):
         scatter(PAIR, MANY, **({"tunings": [0.9], "quantities": ()} | changes))
 
 
-@pytest.mark.parametrize("names, tunings", [(("jump_up",), None), ((), [0.9]), (("peak",), [0.9])])
-def test_what_is_done_comes_to_what_was_announced(names, tunings, monkeypatch):
+@pytest.mark.parametrize(
+    "call, names, given",
+    [
+        (scatter, ("jump_up",), {"n": 3}),
+        (scatter, (), {"n": 3, "tunings": [0.9]}),
+        (scatter, ("peak",), {"n": 3, "tunings": [0.9]}),
+        (gearlib.sobol_indices, ("jump_up",), {"n": 2}),
+        (gearlib.first_order_scatter, ("jump_up",), {"n": 2}),
+    ],
+)
+def test_what_is_done_comes_to_what_was_announced(call, names, given, monkeypatch):
     told, announced, telling = [], [], notebook.telling
     monkeypatch.setattr(notebook, "telling", lambda *of: announced.append(of[1]) or telling(*of))
-    given = {"load": {"std": "5 %"}}
-    gearlib.scatter(PAIR, given, names, n=3, tunings=tunings, progress=told.append)
+    call(PAIR, {"load": {"std": "5 %"}}, names, progress=told.append, **given)
     assert sum(told) == sum(announced) > 0
 
 
@@ -165,14 +177,22 @@ def test_other_models_go_one_by_one():
         forcing=gearlib.Harmonics((0.5,)),
     )
     given = {"damping": {"min": 0.08, "max": 0.12}}
-    found = scatter(oscillator, given, n=4, tunings=[0.8, 0.9], quantities=())
-    heights = []
-    for value in found.damping.values:
-        model = oscillator.replace(damping=float(value))
-        one = gearlib.sweep(model, [0.8, 0.9], periods=120, record_periods=20, direction="up")
-        heights.append(one.displacement_max - one.displacement_min)
-    expected = np.quantile(heights, bands.QUANTILES, axis=0)
-    assert np.allclose(found.height_band.sel(direction="up"), expected, rtol=1e-6)
+    ways, box = ("up", "seeded"), ((1.0, 2.0), (2.0, 3.0))
+    asked = {"quantities": (), "directions": ways, "box": box, "periods": 6, "record_periods": 5}
+    found = scatter(oscillator, given, n=4, tunings=[0.8, 0.9], **asked)
+    run = {"periods": 6, "record_periods": 5}
+    points = Designs(oscillator, given).points(0, 4)
+    for direction in ways:
+        heights = []
+        for value, point in zip(found.damping.values, points, strict=True):
+            model = oscillator.replace(damping=float(value))
+            how = {"direction": direction}
+            if direction == "seeded":
+                how = {"initial_state": tuple(point[-2:] + [1.0, 2.0])}
+            one = gearlib.sweep(model, [0.8, 0.9], **run, **how)
+            heights.append(one.displacement_max - one.displacement_min)
+        expected = np.quantile(heights, bands.QUANTILES, axis=0)
+        assert np.allclose(found.height_band.sel(direction=direction), expected, rtol=1e-6)
     assert found.height_band.attrs["units"] == "1" and "tuning" in found.dims
     assert math.isfinite(float(found.factor_band.max()))
 

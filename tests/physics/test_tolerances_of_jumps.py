@@ -128,6 +128,19 @@ def test_of_branches_alike_the_worst_counts_in_first_order():
         assert one == pytest.approx(other, rel=1e-6)
 
 
+def test_first_order_of_any_function_is_that_of_its_parameters():
+    def changed(max_stiffness, material_damping):
+        return DAMPED.replace(max_stiffness=max_stiffness, material_damping=material_damping)
+
+    given = scattered(DAMPED, 0.005, ("max_stiffness", "material_damping"))
+    exact, found = (
+        first_order_scatter(model, given, ("jump_up", "peak"), 2) for model in (DAMPED, changed)
+    )
+    for name in ("jump_up_effect", "peak_effect"):
+        # By central differences: what they leave is the square of their step.
+        assert found[name].values == pytest.approx(exact[name].values, rel=1e-4), name
+
+
 def test_first_order_says_where_it_does_not_hold():
     model = DAMPED.replace(material_damping=8.4e3)
     found = first_order_scatter(
@@ -249,6 +262,9 @@ def test_pin_errors_are_certified_at_the_corners():
     names = [f"error of mesh {name}" for name in train.mesh_names[:1]]
     found = certify_box(train, {names[0]: (-1e-3, 0.0)}, speed, pieces=4)
     assert not found and found.share < 1.0
+    # Nor is a small curve a line: 5e-10 m in the middle.
+    with pytest.raises(ValueError, match="whose errors and torques change in proportion"):
+        certify_box(lambda x: set_of(x + 20.0 * x * x, 0.0), {"x": (0.0, 1e-5)}, speed, pieces=1)
     with pytest.raises(ValueError, match="trains that differ in errors of assembly and torques"):
         certify_box(
             lambda load: dataclasses.replace(train, carrier_ratio=load),

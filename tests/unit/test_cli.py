@@ -150,6 +150,7 @@ def test_tolerances_are_read_with_their_units(run):
     xr.testing.assert_equal(xr.load_dataset("found.nc"), expected)
     for wrong, words in (
         ("load", "is no tolerance such as 'load std=5%'"),
+        ("", "'' is no tolerance such as 'load std=5%'"),
         ("load std=3um", "must be a number in N, a text with its unit"),
         ("torque std=5%", "must be one of"),
         ("load std=nan", "tolerances.load.std = 'nan' is not allowed: it must be a number in N"),

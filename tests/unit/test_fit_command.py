@@ -92,6 +92,15 @@ def test_options_come_before_the_file(run):
     assert float(found["load"]["fitted_value [1]"]) == pytest.approx(3289.5, rel=0.01)
 
 
+def test_no_bound_of_the_backlash_is_told_where_no_tooth_leaves_its_flank(run):
+    write(TABLE[: 9 * len(TABLE) // 10])
+    asked = ["--free", "backlash=10um,90um", "--free", "reduced_mass", "--starts", "0"]
+    done = run(*asked, *REST)
+    assert done.exit_code == 0, done.output
+    said = "contact is never lost in what is compared; nothing tells how large it is"
+    assert said in " ".join(done.output.split()), done.output
+
+
 def test_a_picture_is_drawn_and_nothing_replaced(run, tmp_path):
     done = run("--starts", "0", "--plot", "fit.png")
     assert done.exit_code == 0 and "drawn in fit.png" in done.output, done.output
@@ -147,6 +156,13 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
             "free.load = ['2 kN', '5 kg'] is n",
         ),
         (None, {"fit": {"free": {"load": [2000.0]}}}, [], "fit.free.load"),
+        (
+            None,
+            {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}},
+            [],
+            "two numbers in SI; texts have max_stiffness, reduced_mass, load, backlash",
+        ),
+        (TABLE[:30], {}, [], "revolutions = 0 is not allowed: it must be more than 12 whole ones"),
         (None, {"fit": {"fre": {}}}, [], "fit.fre"),
         (
             None,

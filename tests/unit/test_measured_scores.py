@@ -196,6 +196,12 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(tmp_path, resona
     score = scores([], both, orders=[found])
     ratio = score["largest order 2z of displacement over order z"]
     assert ratio["computed"] == pytest.approx(ratio["measured"], rel=0.02)
+    # Each observable by itself.
+    other = found.assign(amplitude=found.amplitude * (found.order + 1.0))
+    other = other.assign_coords(observable=["velocity"])
+    every = scores([], both, orders=[xr.concat([found, other], "observable", data_vars="minimal")])
+    second = every["largest order 2z of velocity over order z"]["measured"]
+    assert second == pytest.approx(1.5 * ratio["measured"], rel=1e-5)
     light = found.sel(damping="light").squeeze().computed_amplitude
     assert np.abs(light / own.computed_amplitude - 1.0).sel(order=1).values.max() > 0.05
     assert len(measured_orders_figure.draw([found]).axes) == 3
