@@ -88,6 +88,11 @@ def test_an_unknown_gain_is_found_beside_the_parameters():
     found = gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, free, starts=0)
     for name, one in found.params.items():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr
+        # Student's factor of 500 degrees of freedom.
+        low, high = one.interval
+        assert (high - one.value, one.value - low) == pytest.approx(
+            [1.965 * one.stderr] * 2, rel=1e-3
+        )
     assert data.synthetic == 1
     # Two parameters and the noise: 2 k n / (n - k - 1) is Akaike's penalty, corrected.
     k, n = 3, found.ndata

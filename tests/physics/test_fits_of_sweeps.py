@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import gearlib
+from gearlib.analysis.orbits.main_resonance import Resonance
 from gearlib.rig.branch_observations import BranchStatistics
 from gearlib.rig.orbit_at_speed import STATISTICS, OrbitAtSpeed
 from gearlib.rig.speed_observations import Speeds
@@ -125,6 +126,22 @@ def test_onset_of_contact_loss_is_a_grazing():
         ends = [onset(pair.replace(**{name: getattr(pair, name) + k * step}))[0] for k in (1, -1)]
         own = (ends[0] - ends[1]) / (2.0 * step)
         assert abs(own - slope) < 1e-5 * (abs(slope) + 1e-3 * place / getattr(pair, name)), name
+
+
+JUMPS = ("jump_up", "jump_down")
+
+
+def test_folds_that_are_followed_are_those_that_are_searched():
+    names = ("reduced_mass", "material_damping", "stiffness_ratio", "load", "backlash")
+    resonance = Resonance(TRUTH)
+    rows = {name: float(TRUTH.speed(getattr(resonance, name)[2])) for name in JUMPS}
+    one = Speeds({name: xr.DataArray(x, attrs={"noise_std": 1.0}) for name, x in rows.items()})
+    followed, searched = one._followed(TRUTH, names), one._searched(TRUTH, names)
+    sizes = np.array([getattr(TRUTH, name) for name in names])
+    for name in JUMPS:
+        (speed, slopes), (own, others) = followed[name], searched[name]
+        assert own == pytest.approx(speed, rel=1e-9) == rows[name]
+        np.testing.assert_allclose(others * sizes, slopes * sizes, rtol=1e-6, atol=1e-6 * speed)
 
 
 def test_more_parameters_than_data_are_refused():

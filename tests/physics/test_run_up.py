@@ -353,6 +353,9 @@ def test_a_course_in_parts_is_one_course(model, start):
         ({"start": 1.0, "stop": 2.0, "duration": 1.0, "driver": "sun"}, "has no bodies"),
         ({"start": 1.0, "stop": 2.0, "duration": 1.0, "driven_mass": 1.0}, "base_radius = None"),
         ({"start": 1e3, "stop": 2e3, "duration": 1e7, "samples_per_period": 64}, "GB of memory"),
+        # Of 24 teeth at 1,000 rpm in the mean: 6.28 million mesh periods.
+        ({"start": 0.0, "stop": 2e3, "duration": 15_700.0}, "<= 6,250,000 mesh periods"),
+        ({"speed": []}, "speed = [] is not allowed: it must have a row"),
     ],
 )
 def test_what_is_no_course_is_refused(given, words):
