@@ -9,7 +9,7 @@ import gearlib
 from gearlib.tolerances.boxes import certify_box
 from gearlib.tolerances.expansions import expansion_errors
 from gearlib.tolerances.indices import sobol_indices
-from gearlib.tolerances.linear_scatter import BENDS, CUSP, HOLDS, first_order_scatter
+from gearlib.tolerances.linear_scatter import BENDS, CUSP, GRAZING, HOLDS, first_order_scatter
 from gearlib.tolerances.quantities import Followed
 from gearlib.tolerances.tightening import tighten
 from tests.geometry.drawings import fzg_c
@@ -151,6 +151,10 @@ def test_first_order_says_where_it_does_not_hold():
     wide = {"reduced_mass": {"min": 0.3, "max": 6.0}}
     found = first_order_scatter(PAPER, wide, ("onset_of_contact_loss",), 256)
     assert int(found.first_order_verdict[0]) == BENDS
+    onset = float(Followed(DAMPED, (), ("onset_of_contact_loss",)).nominal[0])
+    at_duty = scattered(DAMPED, 0.01, ("reduced_mass",)), ("contact_margin",)
+    grazing = first_order_scatter(DAMPED, *at_duty, 16, speed=onset)
+    assert int(grazing.first_order_verdict[0]) == GRAZING
     # The onset goes with the mass to the power -1/2: both deviations in closed form.
     mean, inverse = 2.0 * (6.0**0.5 - 0.3**0.5) / 5.7, np.log(20.0) / 5.7
     exact, line = np.sqrt(inverse - mean**2), 0.5 * 3.15**-1.5 * 5.7 / np.sqrt(12.0)
