@@ -14,7 +14,7 @@ from gearlib.analysis.order_maps import summed
 from gearlib.analysis.revolutions import Turning
 from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
-from gearlib.runs.run_up import run_up
+from gearlib.runs.run_up import run_up, speeds_of
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
 SAMPLES = 32
@@ -37,6 +37,14 @@ class RunUpOrders(MeshOrders):
             raise ValueError(
                 "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
             )
+        try:
+            end, last = speeds_of(speed=self.known["course"])[-1, 0], float(data.time[-1])
+        except ValueError as error:
+            raise ValueError(f"known.course: {error}") from None
+        # Half a sample for times that are rounded.
+        words = f">= {last:g} s, the time of the last sample"
+        near = end >= last - 0.5 * float(data.time[-1] - data.time[-2])
+        checks.require(near, "the last time of known.course", float(end), words)
         self.course, self.options = self.known["course"], self.known.get("options", {})
         self.turning = Turning(self.course)
         turns = self.turning.revolutions(data.time.values)

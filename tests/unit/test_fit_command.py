@@ -112,6 +112,7 @@ def test_a_picture_is_drawn_and_nothing_replaced(run, tmp_path):
 
 
 REST = ["--reduced-mass", "3.1", "--material-damping", "4000"]
+KNOWN = SAID["known"]
 TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
 
 
@@ -161,6 +162,20 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
             {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}},
             [],
             "two numbers in SI; texts have max_stiffness, reduced_mass, load, backlash",
+        ),
+        (
+            None,
+            {"known": KNOWN | {"course": [[0, 2450], [1, "3 rpm"]]}},
+            [],
+            "course: speed[1][1] =",
+        ),
+        (None, {"known": KNOWN | {"course": 2450}}, [], "known.course: speed = 2450"),
+        (None, {"known": KNOWN | {"course": []}}, [], "known.course: speed = [] is not allowed"),
+        (
+            None,
+            {"known": KNOWN | {"course": [[0, 2450], [0.1, 3000]]}},
+            [],
+            "the last time of known.course = 0.1 is not allowed: it must be >= 0.399994 s",
         ),
         (TABLE[:30], {}, [], "revolutions = 0 is not allowed: it must be more than 12 whole ones"),
         (None, {"fit": {"fre": {}}}, [], "fit.fre"),
