@@ -38,7 +38,9 @@ _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 _SHARES = {"load_sharing", "least_load_sharing"}
 _DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SHARES}
 #: Of several meshes the least value counts.
-_LEAST = {"contact_margin", "least_load_sharing"}
+_LEAST = {"contact_margin", "least_load_sharing", "onset_of_contact_loss"}
+#: Meshes whose least displacements differ by less lose contact together, static deflections.
+_TOGETHER = 1e-9
 
 
 class _Orbit(NamedTuple):
@@ -107,14 +109,22 @@ class Followed:
                 "the flanks: its displacement is that of the flanks"
             )
         followed = set(self.quantities) - duty
-        special = model.size == 2 and model.repeats == 1 and model.kind().map_rates is not None
+        one = model.size == 2 and model.repeats == 1
+        special = model.kind().map_rates is not None and (one or model.equation is None)
         if followed and not special or model.kind().map_slopes is None:
             raise ValueError(
                 f"quantities = {min(followed or duty)!r} is not allowed for this "
-                f"{type(model).__name__}: special points are followed of models with one degree of "
-                "freedom and derivatives, orbits at the duty point of models with derivatives"
+                f"{type(model).__name__}: what is followed are special points and orbits of models "
+                "with derivatives"
+            )
+        if {*_PEAKS} & followed and not one:
+            raise ValueError(
+                f"quantities = {min({*_PEAKS} & followed)!r} is not allowed for this "
+                f"{type(model).__name__}: peaks are followed of models with one degree of freedom"
             )
         self.starts: dict = {}
+        #: Meshes that lose contact at the same speed.
+        self._together = np.array([0])
         if duty:
             tuning = check_speed(model, "speed", speed)
             orbit = periodic_orbit(model, tuning, period=model.repeats)
@@ -124,6 +134,11 @@ class Followed:
             for name, field in _SEARCHED.items():
                 kind = Onset if name == "onset" else Fold
                 self.starts[name] = _start(kind(), model, getattr(found, field))
+            if found.onset is not None:
+                propagator = model.propagator(found.onset[-1])
+                _, summary, _ = propagator.record(found.onset[:-1], model.repeats, MAX_EVENTS)
+                apart = np.atleast_2d(summary)[:, columns.X_MIN] - model.flank_lines[0]
+                self._together = np.flatnonzero(np.ravel(apart) < _TOGETHER)
             down = fall(model, found.jump_down)
             own = None if down is found.jump_down else down
             self.starts["fall"] = _start(Fold(), model, own)
@@ -170,7 +185,8 @@ class Followed:
                 found.append(-1)
                 continue
             if name in _SPEEDS:
-                propagator, z, period = model.propagator(place.y[2]), place.y[:2], 1
+                propagator, z = model.propagator(place.y[-1]), place.y[:-1]
+                period = model.repeats
             else:
                 propagator, z, period = self._orbit(name, model, place)
             found.append(len(propagator.record(z, period, MAX_EVENTS)[0]))
@@ -252,7 +268,9 @@ class Followed:
     def _every(self, name, model, place):
         """Return the values of a quantity of all meshes, of which the worst counts."""
         if name in _SPEEDS:
-            return np.array([float(model.speed(place.y[2]))])
+            # Meshes that lose contact together do so one by one in other designs.
+            count = max(len(self._together), 1) if _SPEEDS[name] is Onset else 1
+            return np.full(count, float(model.speed(place.y[-1])))
         propagator, z, period = self._orbit(name, model, place)
         _, summary, _ = propagator.record(z, period, MAX_EVENTS)
         if name in _SHARES:
@@ -271,8 +289,11 @@ class Followed:
         else:
             moved = self.starts[place.kind].slopes(names)
         if name in _SPEEDS:
-            rate = float(model.speed(1.0))
-            return [rate * moved[2] + y[2] * following.speed_slopes(model, names)]
+            rate, grown = float(model.speed(1.0)), following.speed_slopes(model, names)
+            rows = [moved]
+            if len(self._together) > 1 and _SPEEDS[name] is Onset:
+                rows = [following.slopes(Onset(one), model, y, names) for one in self._together]
+            return [rate * row[-1] + y[-1] * grown for row in rows]
         propagator, z, period = self._orbit(name, model, place)
         if name in _SHARES:
             return _share_slopes(model, propagator.tuning, z, period, names, moved)
