@@ -12,7 +12,15 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
-from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, fall, higher, top
+from gearlib.analysis.orbits.main_resonance import (
+    Branch,
+    Resonance,
+    Top,
+    fall,
+    higher,
+    lasts,
+    top,
+)
 from gearlib.analysis.orbits.mean_forces import mean_forces
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.scatter_variables import QUANTITIES
@@ -213,7 +221,10 @@ class Followed:
         if name in _DUTY:
             return self._at(model, "duty", known)
         if name in _SPEEDS:
-            return self._at(model, _NAMES.get(name, name), known)
+            place, code = self._at(model, _NAMES.get(name, name), known)
+            if place is not None and _SPEEDS[name] is Fold and not lasts(model, place.y):
+                return None, LOST
+            return place, code
         if self.starts[name] is not None:
             place, code = self._at(model, name, known)
             if code == FOUND and _stable(model, place.y):

@@ -35,6 +35,8 @@ _HALVINGS = 30
 _BEHIND, _SETTLING = 0.998, 200
 #: How often a motion may jump up before it falls.
 _CLIMBS = 4
+#: A multiplier by which small deviations grow, over 1.
+_BEYOND = 1e-6
 #: Step of differences.
 _DIFFERENCE = 1e-6
 _ROUNDING = 1e-12
@@ -119,6 +121,17 @@ class Resonance:
     def _fold(self, y, way, other):
         """Return the first fold from the end of the linear orbit on one side."""
         return _first_fold(self.model, y, way, other)
+
+
+def lasts(model, y):
+    """Return whether a motion is stable up to a fold: no other multiplier is beyond 1.
+
+    Of several coordinates periods may double on the way, or a torus begin: the motion has left the
+    branch before.
+    """
+    multipliers = np.linalg.eigvals(Branch(model).evaluate(y).jacobian[:, :-1]) + 1.0
+    others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+    return bool((np.abs(others) < 1.0 + _BEYOND).all())
 
 
 def higher(model, y):
