@@ -433,7 +433,12 @@ def pieces(follow, designs):
     if fields:
         return [(values, slopes @ jacobian) for values, slopes in follow.pieces]
     columns: list = [[] for _ in follow.pieces]
-    for ahead, behind, apart in designs.nearby():
+    try:
+        both = list(designs.nearby())
+    except ValueError:  # beside the nominal design there is none
+        unknown = np.full((1, len(designs.names)), np.nan)
+        return [(values, unknown.repeat(len(values), axis=0)) for values, _ in follow.pieces]
+    for ahead, behind, apart in both:
         ends = zip(columns, follow.every(ahead), follow.every(behind), strict=True)
         for column, high, low in ends:
             column.append((high - low) / apart)

@@ -298,7 +298,7 @@ def _value(model, name):
 
 def moved(model, name, share):
     """Return (model with one parameter changed by about a share of it, by how much)."""
-    if model.train is not None:
+    if model.train is model:
         return _moved_train(model, model.direction(name), share)
     value = _value(model, name)
     step = share * (abs(value) or 1.0)

@@ -7,7 +7,7 @@ from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Longest pieces of a period at whose ends extrema of several coordinates are looked for, rad.
-_PIECE = 0.3
+_PIECE = 0.1
 _DRIVE = 2  # contact code + 1
 
 

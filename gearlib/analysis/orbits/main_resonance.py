@@ -10,9 +10,9 @@ import numpy as np
 
 from gearlib.analysis.orbits.following import (
     Failed,
-    bent,
     Fold,
     Onset,
+    bent,
     extrema_slopes,
     solve,
 )
