@@ -171,6 +171,9 @@ class Linear:
         ahead, behind = (self.of(sign * steps).T - self.nominal[:, None] for sign in (1.0, -1.0))
         # Where another mesh becomes the worst both sides differ: the larger one is told.
         self.effects = np.where(np.abs(ahead) >= np.abs(behind), ahead, -behind)
+        for i, (_, slopes) in enumerate(forms):
+            if len(slopes) == 1:
+                self.effects[i] = slopes[0] @ steps
 
     def of(self, changes):
         """Return the quantities at changes of what scatters, (n, k), shape (n, q)."""
