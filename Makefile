@@ -25,6 +25,8 @@
 PYTHON ?= python3
 # All cores, up to four: a worker of the tests takes up to 2 GB.
 JOBS ?= $(shell $(PYTHON) -c 'import os; print(min(4, os.cpu_count()))')
+# Of the tests, one more than cores: Slurm, browsers and killed runs make tests wait.
+WORKERS ?= $(shell expr $(JOBS) + 1)
 ARGS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed.stamp
@@ -53,7 +55,7 @@ references: $(TESTING)
 	$(BIN)/python -m tests.references $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
 
 faults: $(TESTING)
 	$(BIN)/python -m tests.faults $(ARGS)

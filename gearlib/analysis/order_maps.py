@@ -1,37 +1,21 @@
 """`order_map`, `order_track`: orders of run-ups, Fourier integrals over whole revolutions.
 
-The shaft angle is known, so that no window and no leakage enter: in a run-up of a `GearPair` each
-arc between switches and events is integrated over the angle to rounding. Elsewhere the samples of
-the time course are summed over the angle, and every second of them tells the error.
+The shaft angle is known, so that no window and no leakage enter: each arc of a run-up between
+switches and events is integrated over the angle to rounding, see `course_orders`. Elsewhere the
+samples of the time course are summed over the angle, and every second of them tells the error.
 """
 
-import itertools
 import json
 import math
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import order_slopes, sampled_signals
+from gearlib.analysis import course_orders, order_slopes, sampled_signals
 from gearlib.analysis.revolutions import Turning
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
-from gearlib.kernels.closed_form import course_orders
-from gearlib.kernels.closed_form.mesh_constants import mesh
-from gearlib.models import acceleration
-from gearlib.models.pair import GearPair
-from gearlib.models.propagators import courses
-from gearlib.models.propagators.closed_form import ratios
-from gearlib.models.propagators.course_slopes import loaded
-from gearlib.parameters import declared
 
-#: name -> what of the kernels it is.
-_VARIABLES = {
-    "displacement": course_orders.DISPLACEMENT,
-    "velocity": course_orders.VELOCITY,
-    "acceleration": course_orders.ACCELERATION,
-    "dynamic_force": course_orders.FORCE,
-}
 #: What an amplitude is, for orders above 0, in terms of a Fourier coefficient.
 _AMPLITUDES = {
     "rms": lambda c: math.sqrt(2.0) * c,
@@ -42,8 +26,6 @@ _AMPLITUDES = {
 _MESH_ORDERS = 5
 #: Phases closer than this are one.
 _CLOSE = 1e-9
-#: Error of exact coefficients, of the root mean square: instants of a long run have such digits.
-_ROUNDING = 1e-10
 
 
 def order_map(
@@ -61,9 +43,10 @@ def order_map(
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. One sample
-        suffices for a `GearPair` under a load without ramps, whose motion is integrated in closed
-        forms; else the samples are summed. Times and phases count from the first sample.
+        Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. Of a run-up one
+        sample suffices: each arc is integrated, to rounding, from a second run. Samples are summed
+        of a `LoadSharingPair`, of quadratic damping, of `gearlib.simulate` where a model has more
+        than one degree of freedom. Times and phases count from the first sample.
         Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
         interpolated at equal angles, by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
@@ -106,7 +89,7 @@ def order_map(
         run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
         highest = most if highest is None else highest
     else:
-        checks.one_of("variable", variable, tuple(_VARIABLES))
+        checks.one_of("variable", variable, tuple(course_orders.VARIABLES))
         if tacho is not None:
             raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
     if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
@@ -131,29 +114,32 @@ def order_map(
     top = _MESH_ORDERS * teeth if highest is None else highest
     top = checks.finite_positive("highest", top)
     count, step = int(top * revolutions + 1e-9) + 1, 1.0 / (teeth * revolutions)
-    pair = pair_of(run)
-    if pair is None:
+    names, model = order_slopes.names_of(run, variable), course_orders.of_run(run)
+    known = order_slopes.known(model, run, variable, names)
+    if model is None or (names and not known):
         per = math.tau * (run.phase.size - 1) / float(run.phase[-1] - run.phase[0])
         if top > 0.25 * per * teeth:
             raise ValueError(
                 f"highest = {top:g} is not allowed with {per:.4g} samples per mesh period: it must "
                 f"be at most {0.25 * per * teeth:.4g}"
             )
-        args = blocks, span, step, count
+    args = blocks, span, step, count
+    if model is None:
         phase, values = run.phase.values, run[variable].values
         found, squares, _ = summed(phase, values, *args)
         half = summed(phase[::2], values[::2], *args)[0]
         error = np.abs(found - half)
     else:
-        found, squares = integrated(pair, run, variable, blocks, span, step, count)
-        error = _ROUNDING * np.sqrt(squares)[:, None] * np.ones(found.shape)
-    names = order_slopes.names_of(run, variable)
-    if pair is None:
+        found, squares, error = course_orders.integrals(
+            model, run, course_orders.VARIABLES[variable], *args
+        )
+    if names and not known:
         names = tuple(name for name in names if name != "speed")
-        slopes = [summed(phase, run[f"d_{variable}_d_{name}"].values, *args)[0] for name in names]
+        of_names = (run[f"d_{variable}_d_{name}"].values for name in names)
+        slopes = [summed(run.phase.values, one, *args)[0] for one in of_names]
     elif names:
         shape = blocks, count, step
-        slopes = order_slopes.exact(pair, run, names, _VARIABLES[variable], span, shape)
+        slopes = order_slopes.exact(model, run, names, variable, span, shape)
     order, size = np.arange(count) / revolutions, np.abs(found)
     above = (order > 0.0).reshape(1, -1, *[1] * (size.ndim - 2))
     mean = size**2 if amplitude == "power" else size
@@ -250,16 +236,6 @@ def _course(run):
     return np.array(json.loads(run.attrs["parameters"])["speed"]), teeth
 
 
-def pair_of(run):
-    """Return the `GearPair` of a run-up in closed forms, None where there is none."""
-    values = json.loads(run.attrs.get("gear_pair", "{}"))
-    loads = json.loads(run.attrs["parameters"])["load"]
-    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
-    if values.keys() != declared(GearPair).keys() or ramps:
-        return None
-    return GearPair(**{name: float(x) if x == "inf" else x for name, x in values.items()})
-
-
 def summed(phase, values, blocks, span, step, count):
     """Return Fourier coefficients of samples by trapezia over the phase, block by block.
 
@@ -302,83 +278,3 @@ def summed(phase, values, blocks, span, step, count):
         squares[k] = np.einsum("i,im->m", share, part**2).reshape(squares[k].shape)
         shares[k] = share @ share
     return found, squares, shares
-
-
-def integrated(pair, run, variable, blocks, span, step, count):
-    """Return (coefficients, mean squares) of a `GearPair` as of `summed`, in SI."""
-    asked = json.loads(run.attrs["parameters"])
-    speeds, loads = np.array(asked["speed"]), np.array(asked["load"])
-    omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
-    constants, push = mesh(ratios(pair), 1.0), 0.0
-    if asked["driven_mass"]:
-        push = float(acceleration.of_mesh(pair, asked["driven_mass"], asked["base_radius"])[0])
-    phase = run.phase.values
-    at = np.abs(phase - math.tau * np.rint(phase / math.tau)) <= _CLOSE
-    names = ("time", "phase", "displacement", "velocity")
-    starts = np.stack([run[name].values[at] for name in names], -1)
-    names = ("event_time", "event_from", "event_to", "event_velocity")
-    events = np.stack([run[name].values.astype(float) for name in names], -1)
-    for table in (starts, events):
-        table[:, 0] *= omega
-        table[:, 3] /= length * omega
-    starts[:, 2] /= length
-    contact = float(events[0, 1]) if len(events) else float(run.contact.values[0])
-    sums, squares = np.zeros((blocks, 2, count)), np.zeros(blocks)
-    natural = math.sqrt(max(constants.high.square, constants.low.square))
-    state, what = starts[0, 2:], _VARIABLES[variable]
-    for piece in courses.pieces_of(pair, speeds, loads):
-        breaks, contact = _breaks(constants, piece, starts, events, contact)
-        breaks[0, [course_orders.X, course_orders.V]] = state
-        breaks[0, course_orders.KNOWN] = 1.0
-        middle = breaks[:-1, course_orders.PHASE] + 0.5 * np.diff(breaks[:, course_orders.PHASE])
-        rows = np.floor(middle / span).astype(int)
-        rows[rows >= blocks] = -1
-        breaks[:-1, course_orders.PHASE] -= np.maximum(rows, 0) * span
-        state = course_orders.add_waves(
-            loaded(constants, piece.load + push * piece.acceleration),
-            (piece.speed, piece.acceleration, natural),
-            breaks,
-            rows,
-            what,
-            step,
-            order_slopes.rules(),
-            sums,
-            squares,
-        )
-    force = pair.scales()["force_scale"]
-    scale = (length, length * omega, length * omega**2, force)[what]
-    return scale / span * (sums[:, 0] + 1j * sums[:, 1]), scale**2 / span * squares
-
-
-def _breaks(m, piece, starts, events, contact):
-    """Return (breaks of a piece as of `course_orders.add_waves`, the contact at its end)."""
-    end = piece.start + piece.length
-    last = float(piece.by(end)[1])
-    first, half = int(piece.phase / math.tau), m.half_high
-    turns = math.tau * np.arange(first - 1, int(last / math.tau) + 2)
-    switches = np.sort(np.concatenate([turns - half, turns + half]))
-    # A stiffness of one level has none.
-    inside = (switches > piece.phase) & (switches < last) & (0.0 < half) & (half < math.pi)
-    switches = switches[inside]
-    passed = switches - piece.phase
-    switched = piece.start + 2.0 * passed / (piece.speed + piece.speed_at(switches))
-    own = starts[(starts[:, 1] > piece.phase) & (starts[:, 1] < last)]
-    met = events[(events[:, 0] >= piece.start) & (events[:, 0] < end)]
-    rows = np.zeros((len(own) + len(switched) + len(met) + 2, course_orders.BREAK_COLUMNS))
-    rows[0, :2], rows[-1, :2] = (piece.start, piece.phase), (end, last)
-    i, j = 1 + len(own), 1 + len(own) + len(switched)
-    rows[1:i, [0, 1, 3, 4]], rows[1:i, 2] = own, 1.0
-    rows[i:j, 0], rows[i:j, 1] = switched, switches
-    coast = (met[:, 1:3] < 0.0).any(axis=1)
-    rows[j:-1, :4] = np.stack(
-        [met[:, 0], piece.by(met[:, 0])[1], np.ones(len(met)), np.where(coast, -m.gap, 0.0)], -1
-    )
-    rows[j:-1, 4] = met[:, 3]
-    which = np.full(len(rows), -1)
-    which[j:-1] = np.arange(len(met))
-    order = np.argsort(rows[:, 0], kind="stable")
-    rows, which = rows[order], np.maximum.accumulate(which[order])
-    rows[:, course_orders.CONTACT] = np.append(contact, met[:, 2])[which + 1]
-    middle = (rows[:-1, 1] + 0.5 * np.diff(rows[:, 1])) % math.tau
-    rows[:-1, course_orders.LEVEL] = (middle <= half) | (middle >= math.tau - half)
-    return rows, float(rows[-1, course_orders.CONTACT])

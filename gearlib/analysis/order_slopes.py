@@ -1,15 +1,15 @@
-"""What the orders of a run-up of a pair change by, in closed forms as the orders themselves."""
+"""What the orders of a run-up change by: integrals over its arcs, as the orders themselves."""
 
+import itertools
 import json
 import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.course_orders import MOST_NODES
+from gearlib.analysis import course_orders
 from gearlib.kernels.closed_form.course_waves import Waves
-from gearlib.models import acceleration
+from gearlib.models.pair import GearPair
 from gearlib.models.propagators import course_slopes, courses
-from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sensitivities import quotient
 
 
@@ -21,43 +21,61 @@ def names_of(run, variable):
     )
 
 
-def rules():
-    """Return nodes and weights on (0, 1), shape (MOST_NODES + 1, 2, MOST_NODES)."""
-    table = np.zeros((MOST_NODES + 1, 2, MOST_NODES))
-    for n in range(1, MOST_NODES + 1):
-        nodes, weights = np.polynomial.legendre.leggauss(n)
-        table[n, :, :n] = 0.5 * (nodes + 1.0), 0.5 * weights
-    return table
+def known(model, run, variable, names):
+    """Return whether the derivatives of the orders of a run-up are integrals, too.
+
+    Of many coordinates, or under ramps of the load, those of a variable are that jumps at no phase
+    which moves: of the acceleration flanks that meet and part move it, of the force switches of the
+    stiffness.
+    """
+    if model is None or _is_of_pair(model, run):
+        return model is not None
+    if variable != "dynamic_force":
+        return variable != "acceleration"
+    own = [name for name in names if name not in (*course_slopes.COURSE, *course_slopes.START)]
+    moved = (key for name in own for key in model.direction(name))
+    return "speed" not in names and not any("contact_ratio" in key for key in moved)
 
 
-def exact(pair, run, names, what, span, shape):
-    """Return what Fourier coefficients of a run-up change by, complex, shape (k, b, n), SI.
+def _is_of_pair(model, run):
+    loads = json.loads(run.attrs["parameters"])["load"]
+    ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
+    return isinstance(model, GearPair) and not ramps
+
+
+def exact(model, run, names, variable, span, shape):
+    """Return what Fourier coefficients of a run-up change by, complex, shape (k, b, n, ...), SI.
 
     Parameters
     ----------
-    pair : GearPair
+    model : Model
+        For which they are `known`.
     run : xarray.Dataset
-        Of `gearlib.run_up`, whose load changes by steps only; it is run again.
+        Of `gearlib.run_up`; it is run again.
     names : tuple of str
         Parameters, k of them.
-    what : int
-        Of displacement, velocity, acceleration, force: which.
+    variable : str
+        Of displacement, velocity, acceleration, dynamic_force: which.
     span : float
         Mesh phase of a block.
     shape : tuple of (int, int, float)
         Blocks b, orders n, and mesh phase that the first order has in a unit.
     """
-    asked = json.loads(run.attrs["parameters"])
-    pieces = courses.pieces_of(pair, np.array(asked["speed"]), np.array(asked["load"]))
-    driven, radius = asked["driven_mass"], asked["base_radius"]
-    push = acceleration.of_mesh(pair, driven, radius) if driven else np.zeros(1)
-    runner, state = courses.propagator_of(pair), tuple(asked["initial_state"])
-    z = np.array(runner.start(state), float)
-    z[1] *= pieces[0].speed
-    found = list(courses.run_through(runner, pieces, z, 1, MAX_EVENTS, push, float(pair.teeth)))
-    (blocks, count, step), highest = shape, math.sqrt(pair.max_stiffness / pair.mean_stiffness)
+    blocks, count, step = shape
+    if not _is_of_pair(model, run):
+        column = course_orders.VARIABLES[variable]
+        return course_orders.slopes(model, run, names, column, blocks, span, step, count)
+    asked, pair = json.loads(run.attrs["parameters"]), model
+    driven, radius, state = (
+        asked["driven_mass"],
+        asked["base_radius"],
+        tuple(asked["initial_state"]),
+    )
+    found = list(course_orders.again(pair, run, courses.equal_steps(1)))
+    highest = math.sqrt(pair.max_stiffness / pair.mean_stiffness)
     sums = np.zeros((blocks, 2, count, len(names)))
-    waves = Waves(what, span, step, highest, rules(), sums)
+    what = list(course_orders.VARIABLES).index(variable)
+    waves = Waves(what, span, step, highest, course_orders.rules(), sums)
     course_slopes.of_pair(pair, names, found, state, 0, driven, radius, waves)
     omega, length = float(pair.mesh_frequency(1.0)), pair.static_deflection
     scale = (length, length * omega, length * omega**2, pair.load)[what] / span

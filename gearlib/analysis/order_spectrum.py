@@ -1,8 +1,8 @@
 """`orders`: order spectra of mesh force and transmission error over whole mesh periods.
 
-Those of a `GearPair` are integrals in closed forms, as `order_map` has them of a run-up whose speed
-stays. Other models go by the sum over their samples; its error is the difference of every second
-sample.
+Those of one degree of freedom are integrals to rounding, as `order_map` has them of a run-up whose
+speed stays. Other models go by the sum over their samples; its error is the difference of every
+second sample.
 """
 
 import json
@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_maps import integrated, pair_of
+from gearlib.analysis import course_orders
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.models.harmonics import Harmonics
@@ -67,8 +67,8 @@ def orders(run, *, count=None):
     scales = float(run.force_scale), float(run.static_deflection)
     x, force = transmission_error(run), run.dynamic_force.values
     steady = as_run_up(run)
-    pair = pair_of(steady)
-    if pair is None:
+    model = course_orders.of_run(steady)
+    if model is None:
         sampled = [scale * values for scale, values in zip(scales, (force, x), strict=True)]
         found = [_sampled(values, harmonics.size) for values in sampled]
         half = [_sampled(values[::2], harmonics.size) for values in sampled]
@@ -76,7 +76,10 @@ def orders(run, *, count=None):
     else:
         block = 1, math.tau * periods, 1.0 / periods, harmonics.size
         names = "dynamic_force", "displacement"
-        found = [integrated(pair, steady, name, *block)[0][0] for name in names]
+        found = [
+            course_orders.integrals(model, steady, course_orders.VARIABLES[name], *block)[0][0]
+            for name in names
+        ]
         errors = [_ROUNDING * np.abs(one).max() * np.ones(one.shape) for one in found]
     # A period that begins later turns the phases only: they count from the mesh phase 0.
     turn = np.exp(-1j * harmonics / periods * float(run.phase[0]))

@@ -34,6 +34,7 @@ DESCRIPTIONS = {
     "first_order_of_all": ("1", "share that stays of all tolerances together, in first order"),
     "first_order_share": ("1", "share that stays of a tolerance alone, in first order"),
     "tightened_share": ("1", "share that stays of a tolerance if it alone is tightened"),
+    "risk": ("1", "share of the designs that may be beyond the limit"),
     "step": ("1", "tolerances as given, or tightened alike"),
     "tightened_probability": ("1", "share of the designs beyond the limit with it alone tightened"),
     "probability": ("1", "share of the designs beyond the limit"),
@@ -48,6 +49,16 @@ DESCRIPTIONS = {
     "designs_run": ("1", "designs that are run"),
     "polynomial_order": ("1", "order of the polynomial"),
     "loss_probability": ("1", "share of the designs that lose contact"),
+    "box_parameter": ("1", "name of a parameter of the box"),
+    "box_units": ("1", "units of a parameter of the box"),
+    "piece_low": ("1", "least value in the piece, in the SI unit of the parameter"),
+    "piece_high": ("1", "largest value in the piece, in the SI unit of the parameter"),
+    "certified": ("1", "whether a stable orbit without contact loss is proven in the piece"),
+    "certified_share": ("1", "share of the box in which it is proven"),
+    "sampled": ("1", "value of the parameter at a point, in its SI unit"),
+    "sampled_margin": ("m", "least displacement of the orbit at the point, NaN without one"),
+    "proven_points": ("1", "points in certified pieces"),
+    "contradictions": ("1", "points in certified pieces whose orbit does not keep contact"),
 }
 
 #: The same of the quantities of each design, see `gearlib.tolerances.quantities`.

@@ -24,6 +24,8 @@ SUMMARY_COLUMNS = 9
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
 SAMPLE_COLUMNS = 6
+#: Where it stands, from the begin of the mesh period on, at which phase a sample is wanted.
+SAMPLE_AT = SAMPLE_X
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
@@ -54,6 +56,13 @@ def unresolved(summary):
         if math.isnan(summary[k]):
             return True
     return False
+
+
+@uncounted
+def equal_steps(samples, column, whole):
+    """Fill a column of samples with the phases of equal steps of a period of length `whole`."""
+    for k in range(samples.shape[0]):
+        samples[k, column] = whole * k / samples.shape[0]
 
 
 @kernel

@@ -6,6 +6,9 @@ from gearlib import checks
 
 #: So many samples in a row at the limit of a converter are no coincidence.
 CLIPPED = 3
+#: Samples at an extreme for each that is next to it, within a step of rounding: of a smooth peak
+#: 1 / (sqrt 2 - 1) = 2.4 at most, of a quartic one 5.3.
+_CROWDED = 10
 _DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
@@ -53,16 +56,35 @@ def within_converter(where, values, channel):
 
 
 def doubt(where, values):
-    """Return a sentence where samples without known limits look clipped, else ""."""
-    finite_ones = values[np.isfinite(values)]
-    if finite_ones.size == 0 or finite_ones.min() == finite_ones.max():
+    """Return a sentence where samples without known limits look clipped, else "".
+
+    ValueError where they are: a signal that turns round by itself has not so many samples at its
+    extreme, again and again, and hardly any next to it.
+    """
+    values = values[np.isfinite(values)]
+    if values.size == 0 or values.min() == values.max():
         return ""
-    for limit, word in ((finite_ones.max(), "largest"), (finite_ones.min(), "least")):
+    found, both = "", (values == values.min()) | (values == values.max())
+    for limit, word in ((values.max(), "largest"), (values.min(), "least")):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], values == limit, [0]])))
-        longest = int((edges[1::2] - edges[::2]).max())
-        if longest >= 2 * CLIPPED:
-            return f"{where} stays at its {word} value for {longest} samples: is it clipped?"
-    return ""
+        runs = edges[1::2] - edges[::2]
+        longest, count = int(runs.max()), int(runs.sum())
+        if longest < CLIPPED:
+            continue
+        away = np.abs(values - limit)
+        near = np.count_nonzero(away <= 1.5 * away[away > 0.0].min()) - count
+        # Once or twice it may have been at rest, and what is on and off is always at one of both.
+        often = np.count_nonzero(runs >= CLIPPED) >= CLIPPED and not both.all()
+        if count > _CROWDED * near and often:
+            share = f"{100.0 * count / values.size:.2g} %"
+            raise ValueError(
+                f"{where} is clipped: {count} samples, {share}, are at its {word} value {limit:g}, "
+                f"up to {longest} in a row, and only {near} next to it; it must turn round before, "
+                "or limits in its channel must be farther out"
+            )
+        if longest >= 2 * CLIPPED and not found:
+            found = f"{where} stays at its {word} value for {longest} samples: is it clipped?"
+    return found
 
 
 def directions(where, given):

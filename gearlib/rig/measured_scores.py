@@ -143,7 +143,7 @@ def _peaks(curve, computed, name):
         one = computed.sel(direction=word)
         # At the speeds measured: where a sweep was not run it has no peak.
         model.append(sign * np.interp(speed, one.speed.values, height(one, name)))
-    std, found = attrs.get("noise_std", 0.0) or math.nan, []
+    std, found = attrs["noise_std"] or math.nan, []
     for values, noise in ((measured, std), (model, 0.0)):
         zero = np.nanmedian(np.concatenate(values)) if attrs.get("unknown_offset") else 0.0
         if not all(np.isfinite(one).any() for one in values):
@@ -160,7 +160,7 @@ def _misfit(curve, computed, name):
     if not math.isfinite(gain):
         return
     attrs, spread = curve[name].attrs, float(np.nanmax(values) - np.nanmin(values))
-    noise = attrs.get("noise_std", 0.0) / spread
+    noise = attrs["noise_std"] / spread
     ways = [("free gain and offset", "none", gain * model + offset)]
     if not attrs.get("unknown_gain") and not attrs.get("unknown_offset"):
         ways.append(("as calibrated", "sensor", model))

@@ -130,7 +130,7 @@ def run_up(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    runner = _runner(model)
+    _check_model(model)
     speeds = speeds_of(start, stop, duration, acceleration, speed)
     check_speed(model, "speed", float(speeds[:, 1].max()))
     loads = _course("load", load, "finite", math.isfinite, steps=True)
@@ -141,20 +141,18 @@ def run_up(
     if sensitivities:
         from gearlib.runs import run_up_sensitivities as derivatives
 
-        closed = runner.words == "closed forms"
+        closed = courses.propagator_of(model).words == "closed forms"
         names = derivatives.check(model, sensitivities, base_radius, closed)
-    push = _inertia(model, driver, driven_mass, base_radius)
+    push = inertia_of(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    pieces = courses.pieces_of(model, speeds, loads)
+    runner, pieces, z = courses.set_out(model, speeds, loads, state)
     meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
     columns = samples * (meshes * (6 + 4 * len(names)) + model.size)
     columns += _PER_PERIOD * meshes * (1 + len(names))
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
-    z = np.array(runner.start(state), float)
-    z[z.size // 2 :] *= pieces[0].speed
-    every = max(samples, 1) if names else samples
+    every = courses.equal_steps(max(samples, 1) if names else samples)
     found = list(
         courses.run_through(runner, pieces, z, every, limit, push, model.periods_per_revolution)
     )
@@ -170,7 +168,7 @@ def run_up(
     if names:
         course = {"state": state, "driver": driver}
         course |= {"driven_mass": driven_mass, "base_radius": base_radius}
-        about = found, _summaries(found), samples, _SAID, code == status.OK
+        about = found, summaries(found), samples, _SAID, code == status.OK
         data |= derivatives.variables(model, names, *about, **course)
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
@@ -183,8 +181,8 @@ def run_up(
     return dataset
 
 
-def _runner(model):
-    """Return the propagator of a model on its way, if it has one."""
+def _check_model(model):
+    """Check that a model may be on its way."""
     name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
@@ -192,7 +190,6 @@ def _runner(model):
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
     if model.gyroscopic:
         raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
-    return courses.propagator_of(model)
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):
@@ -249,7 +246,7 @@ def _course(name, rows, words, accept, steps=False):
     return np.array(found)
 
 
-def _inertia(model, driver, driven_mass, base_radius):
+def inertia_of(model, driver, driven_mass, base_radius):
     """Return what `courses.run_through` takes as inertia."""
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
@@ -267,7 +264,7 @@ def _inertia(model, driver, driven_mass, base_radius):
     )
 
 
-def _summaries(found):
+def summaries(found):
     """Return the summaries of the revolutions, shape (r, m, 10)."""
     # A revolution that goes on in another stretch has a block in each of them.
     table = np.concatenate([one.summary for one in found])
@@ -284,7 +281,7 @@ def _statistics(model, found, omega):
     """Return name -> (dims, values) over the revolutions."""
     passed = np.concatenate([np.diff(one.phase) for one in found])
     lasted = np.concatenate([np.diff(one.theta) for one in found])
-    rows = _summaries(found)
+    rows = summaries(found)
     number = np.concatenate([one.block for one in found])
     first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)

@@ -38,6 +38,7 @@ class BoxCertificate:
     """The parts of a box of parameters in which the statement is proven, and those left open."""
 
     names: tuple
+    units: tuple  #: of the parameters, as CF has them; "1" where a function gives them no unit
     speed: float  #: rpm
     box: np.ndarray  #: least and largest values, shape (k, 2)
     certified: np.ndarray  #: shape (c, k, 2)
@@ -98,6 +99,7 @@ def certify_box(model, box, speed, *, pieces=2000):
         ends.append((low, high))
     names, ends = tuple(box), np.array(ends)
     own = is_model(model)
+    known = model.derivatives if own else {}
     if own and model.mesh is model:
         proof: Any = _OfPair(model, names, ends, speed)
     elif model.train is not None if own else callable(model):
@@ -128,6 +130,7 @@ def certify_box(model, box, speed, *, pieces=2000):
     shape = -1, len(names), 2
     return BoxCertificate(
         names,
+        tuple(known.get(name, ("1",))[0] for name in names),
         float(speed),
         ends,
         np.array(certified).reshape(shape),

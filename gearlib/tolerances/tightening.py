@@ -58,8 +58,8 @@ def tighten(
         Over ``parameter``: effect, tightened_share, the share that may stay if this tolerance
         alone shrinks, NaN where that does not do, and tightened_probability with it; of_all, if
         all shrink alike. probability and probability_interval over ``step``: as given, and with
-        all tolerances at of_all. All these are of designs that are followed, those that have no
-        such motion beyond the limit; first_order_share, first_order_of_all and
+        all tolerances at of_all; risk, as asked. All these are of designs that are followed, those
+        that have no such motion beyond the limit; first_order_share, first_order_of_all and
         first_order_probability are the same in first order, from which they start.
 
     Raises
@@ -117,6 +117,7 @@ def tighten(
         "tightened_probability": ("parameter", beyond[1:] / n),
         "first_order_share": ("parameter", first[1:]),
         "of_all": shares[0],
+        "risk": risk,
         "first_order_of_all": first[0],
         "first_order_probability": float(np.mean(within(1.0) < 0.0)),
         "probability": ("step", np.array(counts) / n),

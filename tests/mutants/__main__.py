@@ -197,6 +197,7 @@ def main():
     parser.add_argument("rooms", nargs="*", metavar="room", help="default: all rooms")
     parser.add_argument("--count", type=int, help="mutants of a room; default: 20, of some 40")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--part", default="", help="of files with this in their path")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=150.0, help="of tests for one mutant")
     parser.add_argument("--tests", nargs="*", default=[], help="files of tests; default: all")
@@ -216,7 +217,7 @@ def main():
     killed = {tuple(row[key] for key in KEY): row for row in map(json.loads, old.splitlines())}
     waiting, results = queue.Queue(), []
     for room in rooms:
-        for one in sample(room, given.count or COUNTS.get(room, 20), given.seed):
+        for one in sample(room, given.count or COUNTS.get(room, 20), given.seed, part=given.part):
             if killed.get(one.key, {"verdict": "survived"})["verdict"] == "survived":
                 waiting.put((room, one))
             else:

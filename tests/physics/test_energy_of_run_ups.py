@@ -14,12 +14,11 @@ from tests.physics.test_run_up import CURVED, DAMPED, random_course, reference
 
 def course_of(model, speed, load, push, samples):
     """Return (time, coordinates in m) along a course, from rest."""
-    omega, runner = float(model.mesh_frequency(1.0)), courses.propagator_of(model)
-    pieces = courses.pieces_of(model, np.array(speed, float), np.array(load, float))
-    state = runner.start("static" if model.mesh_names else (0.0, 0.0))
-    state[state.size // 2 :] *= pieces[0].speed
+    omega, every = float(model.mesh_frequency(1.0)), courses.equal_steps(samples)
+    start = "static" if model.mesh_names else (0.0, 0.0)
+    runner, pieces, state = courses.set_out(model, np.array(speed), np.array(load), start)
     inertia, teeth = push / model.static_deflection, 24.0
-    found = list(courses.run_through(runner, pieces, state, samples, 10**6, inertia, teeth))
+    found = list(courses.run_through(runner, pieces, state, every, 10**6, inertia, teeth))
     steps = np.arange(samples) / samples
     theta = [(one.theta[:-1, None] + np.diff(one.theta)[:, None] * steps).ravel() for one in found]
     q = (

@@ -87,6 +87,12 @@ def test_an_unknown_gain_is_found_beside_the_parameters():
     found = gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, free, starts=0)
     for name, one in found.params.items():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr
+    # Two parameters and the noise: 2 k n / (n - k - 1) is Akaike's penalty, corrected.
+    k, n = 3, found.ndata
+    assert found.bic - found.aicc == pytest.approx(k * (np.log(n) - 2.0 * n / (n - k - 1)))
+    assert found.bic - k * np.log(n) == pytest.approx(n * np.log(min(found.waterfall) / n))
+    correlation = found.correlations[0, 1]
+    assert f"C(material_damping, reduced_mass) = {correlation:+.4f}" in str(found).splitlines()[-1]
     observation = RunUpOrders(TRUTH, data)
     assert len(observation.jumps) == 2
     rest, slopes = observation.residuals(TRUTH, tuple(free))

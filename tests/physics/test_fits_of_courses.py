@@ -94,6 +94,25 @@ def test_orders_of_a_wave_that_grows_are_fourier_integrals(shift):
     np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=3e-5)
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.4])
+def test_orders_have_the_noise_that_is_said(shift):
+    # In a run-up, three blocks with a number of samples that is not whole.
+    times = (np.arange(3 * 130 + 8) + shift) / 130.3
+    turns, teeth = times + 0.003 * times**2, 6
+    blocks = np.arange(4)
+    share = regressed(turns, np.zeros(turns.size), blocks, teeth)[1]
+    # What every order has of every sample: of white noise their sums of products are covariances.
+    parts = [regressed(turns, one, blocks, teeth)[0] for one in np.eye(turns.size)]
+    parts = np.stack([np.real(parts), np.imag(parts)], 3).reshape(turns.size, 3, -1)
+    found = np.einsum("iaj,ibk->abjk", parts, parts)
+    for a in range(3):
+        # Both parts of an order and all orders are independent, but for 130 samples that do not
+        # quite tell them apart, and a sample between two blocks, which counts in both.
+        for b in range(3):
+            wanted = 0.5 * share[a] * np.eye(8) * (a == b)
+            assert np.abs(found[a, b] - wanted).max() < 0.01 * share[a]
+
+
 def test_a_run_up_may_begin_at_any_phase():
     for phase, gain in ((1.0, 1.0), (4.0, 2.0)):
         data = run_up(phase, 2, gain)
@@ -114,6 +133,14 @@ def test_residuals_of_time_courses_have_exact_derivatives(tuning, way, gain):
     one, near = SteadyOrders(TRUTH, steady(tuning, 1, gain, way)), TRUTH.replace(reduced_mass=3.15)
     rest = one.residuals(TRUTH, ())[0]
     assert rest @ rest < 4.0 * (rest.size - one.eliminated)
+    # What is drawn are the waves that were compared, measured and fitted.
+    (shown,) = one.curves(TRUTH)
+    assert shown.at[0] == 0.0 and shown.at[-1] == 1.0
+    for height, own in zip(shown.heights, (one.measured, one.fitted(TRUTH)), strict=True):
+        waves = np.fft.rfft(height[:-1], norm="forward")
+        np.testing.assert_allclose(
+            waves[1 : own.size + 1], own[0], rtol=0, atol=1e-9 * height.max()
+        )
     slopes = one.residuals(near, names)[1]
     for k, name in enumerate(names):
         value = getattr(near, name)

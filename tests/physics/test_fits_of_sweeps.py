@@ -83,6 +83,16 @@ def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
     one = BranchStatistics(data, TRUTH)
     assert len(one.branches) == 4 and set(one.jumps) == {"jump_up", "jump_down"}
+    # What is drawn of the model does not hang on the noise that was said, and is what was measured.
+    bare = data.copy()
+    for name in one.names:
+        bare[name] = bare[name].assign_attrs(noise_std=0.0)
+    for shown, own in zip(
+        one.curves(TRUTH), BranchStatistics(bare, TRUTH).curves(TRUTH), strict=True
+    ):
+        (values, fitted), (_, same) = shown.heights, own.heights
+        np.testing.assert_allclose(same, fitted, rtol=1e-12)
+        assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
     # A model that jumps some points later is no large difference at any point.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
     rest = one.residuals(near, ())[0].reshape(2, -1)

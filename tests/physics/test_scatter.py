@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gearlib
+from gearlib import notebook
 from gearlib.data import storage
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import Designs
@@ -144,6 +145,15 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
 def test_wrong_arguments_are_refused(changes, words):
     with pytest.raises(ValueError, match=words):
         scatter(PAIR, MANY, **({"tunings": [0.9], "quantities": ()} | changes))
+
+
+@pytest.mark.parametrize("names, tunings", [(("jump_up",), None), ((), [0.9]), (("peak",), [0.9])])
+def test_what_is_done_comes_to_what_was_announced(names, tunings, monkeypatch):
+    told, announced, telling = [], [], notebook.telling
+    monkeypatch.setattr(notebook, "telling", lambda *of: announced.append(of[1]) or telling(*of))
+    given = {"load": {"std": "5 %"}}
+    gearlib.scatter(PAIR, given, names, n=3, tunings=tunings, progress=told.append)
+    assert sum(told) == sum(announced) > 0
 
 
 def test_other_models_go_one_by_one():

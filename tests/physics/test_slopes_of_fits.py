@@ -11,11 +11,13 @@ import gearlib
 from gearlib.analysis.orbits.main_resonance import Resonance
 from gearlib.analysis.order_maps import summed
 from gearlib.rig.orbit_at_speed import STATISTICS, OrbitAtSpeed
+from gearlib.rig.order_observations import MeshOrders
+from gearlib.rig.projection import projected
 from gearlib.rig.run_up_observations import ORDERS, SAMPLES, RunUpOrders
 from gearlib.rig.speed_observations import Speeds
 from gearlib.rig.synthetic_rigs import synthetic_rig
 from tests.physics.test_fits import TRUTH
-from tests.references import reference_pair_run_up, reference_slopes
+from tests.references import reference_elimination, reference_pair_run_up, reference_slopes
 from tests.references.described_models import describe
 from tests.references.reference_equations import machine_of
 
@@ -121,3 +123,76 @@ def test_mesh_orders_of_a_run_up_change_as_in_forty_digits():
     wanted = summed(phase, wanted, 1, math.tau * pair.teeth, 1.0, ORDERS + 1)[0][0, 1:]
     got = moved[block] @ list(slopes.values())
     assert np.abs(got - wanted).max() < CLOSE * np.abs(wanted).max()
+
+
+class Waves(MeshOrders):
+    """Orders, shape (6, 4), that are polynomials of two parameters; one block is left out."""
+
+    def __init__(self, gain, phase):
+        rng = np.random.default_rng(4)
+        *self.parts, noise = rng.normal(size=(5, 6, 4)) + 1j * rng.normal(size=(5, 6, 4))
+        self.gain, self.phase, self.deviation = gain, phase, 0.3
+        self.share, self.kept = rng.uniform(0.1, 2.0, 6), np.arange(6) != 2
+        turn = np.exp(0.8j * np.arange(1, 5))
+        self.measured = 1.7 * turn * self.modelled((0.7, -0.4), ())[0] + 0.3 * noise
+
+    def modelled(self, model, names):
+        (a, b, c, d), (p, q) = self.parts, model
+        slopes = np.stack([b + c * q, c * p + 3.0 * d * q**2], 2)
+        return a + b * p + c * p * q + d * q**3, slopes[:, :, : len(names)]
+
+
+def polynomials(parts, point):
+    """Return the values of the same polynomials, lists as the parts, in many digits."""
+    p, q = point
+    terms = np.array([mp.mpf(1), p, p * q, q**3], object)
+    return (np.array(parts, object) * terms.reshape(-1, *[1] * (np.ndim(parts) - 1))).sum(0)
+
+
+def apart(value, rest, slopes, point):
+    """Return the largest errors of residuals and derivatives, over the largest of these."""
+    with mp.workdps(50):
+        point, steps = [mp.mpf(x) for x in point], (_STEP * np.eye(2, dtype=int)).tolist()
+        wanted = [np.array(value(point), float)]
+        for step in steps:
+            ends = [
+                value([x + sign * h for x, h in zip(point, step, strict=True)]) for sign in (1, -1)
+            ]
+            wanted.append(
+                np.array([(a - b) / (2 * _STEP) for a, b in zip(*ends, strict=True)], float)
+            )
+    found = [rest, *slopes.T]
+    return [np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found, wanted, strict=True)]
+
+
+@pytest.mark.parametrize("gain", [False, True])
+@pytest.mark.parametrize("phase", [None, 0.8])
+def test_gain_and_shaft_phase_are_eliminated_as_in_fifty_digits(gain, phase):
+    one, point = Waves(gain, phase), (0.6, -0.5)
+    measured, parts = (np.array(x)[..., one.kept, :] for x in (one.measured, one.parts))
+    sizes = [0.3 * mp.sqrt(mp.mpf(x) / 2) for x in one.share[one.kept]]
+
+    def value(at):
+        orders = polynomials(parts, at)
+        return reference_elimination.left_of_orders(measured, orders, sizes, gain, phase)
+
+    assert max(apart(value, *one.residuals(point, ("p", "q")), point)) < CLOSE
+
+
+@pytest.mark.parametrize("gain", [False, True])
+@pytest.mark.parametrize("columns", [0, 1, 3])
+def test_gain_and_offset_are_eliminated_as_in_fifty_digits(gain, columns):
+    rng = np.random.default_rng(5)
+    measured, parts, point = rng.normal(size=12), rng.normal(size=(4, 12)), (0.7, -0.4)
+    basis = np.vstack([np.ones(12), rng.normal(size=(2, 12))])[:columns]
+
+    def value(at):
+        return reference_elimination.left(measured, list(polynomials(parts, at)), basis, gain)
+
+    a, b, c, d = parts
+    (p, q), slopes = (
+        point,
+        np.column_stack([b + c * point[1], c * point[0] + 3.0 * d * point[1] ** 2]),
+    )
+    own = projected(measured, a + b * p + c * p * q + d * q**3, slopes, basis.T, gain)
+    assert max(apart(value, *own[:2], point)) < CLOSE

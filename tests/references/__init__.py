@@ -10,6 +10,7 @@ module                      responsibility
 ``reference_run_up``        the same along a course of speed and load, and by scipy
 ``reference_pair_run_up``   a run-up of one pair and its record in many digits, for differences
 ``reference_slopes``        derivatives in 50 digits, by differences
+``reference_elimination``   gain, offset and shaft phase of a sensor by least squares
 ==========================  ======================================================================
 
 None of them imports the library. References in 50 digits that take long lie in files, 20 of their

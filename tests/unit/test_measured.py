@@ -173,12 +173,37 @@ def test_speeds_alone_are_a_set(tmp_path):
     assert (float(found.jump_up), found.jump_up.noise_std) == (3000.0, 0.0)
 
 
-def test_a_signal_that_looks_clipped_is_said_to(tmp_path):
-    time = np.linspace(0.0, 1.0, 200)
-    wave = np.clip(np.sin(20.0 * time), -2.0, 0.7)
-    table = "t,x,F\n" + "".join(f"{t},{x},0\n" for t, x in zip(time, wave, strict=True))
-    found = read_measured(rig(tmp_path, table))
-    assert "'x' stays at its largest value" in found.doubts and "'F'" not in found.doubts
+def wave(values):
+    """Return a table with 200 samples of a signal."""
+    rows = zip(np.linspace(0.0, 1.0, 200), values, strict=True)
+    return "t,x,F\n" + "".join(f"{t},{x},0\n" for t, x in rows)
+
+
+SINE = np.sin(np.linspace(0.0, 20.0, 200))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.round(SINE, 1),
+        # At rest before it begins, and on and off.
+        np.concatenate([np.full(50, -1.0), SINE[50:]]),
+        np.sign(SINE - 0.01),
+    ],
+)
+def test_a_signal_that_looks_clipped_is_said_to(tmp_path, values):
+    found = read_measured(rig(tmp_path, wave(values)))
+    assert "'x' stays at its l" in found.doubts and "'F'" not in found.doubts
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_signal_that_is_clipped_is_refused_unless_its_sensor_reaches_farther(tmp_path, sign):
+    table = wave(sign * np.minimum(SINE, 0.7))
+    says = f"'x' is clipped: 52 samples, 26 %, are at its .* value {0.7 * sign}, up to 16 in a row"
+    with pytest.raises(ValueError, match=says):
+        read_measured(rig(tmp_path, table))
+    farther = channels(x={"limits": [-2.0, 2.0]})
+    assert read_measured(rig(tmp_path, table, **farther)).doubts == ""
 
 
 BITS = {"unit": "counts", "noise": 1, "counts_per_turn": 4096, "bits": 12, "observableId": "angle"}

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 from gearlib import run_up, sweep
@@ -71,6 +72,8 @@ def test_what_needs_no_calibration_does_not_change_with_it(tmp_path, resonance):
     assert plain[free]["computed"] < 1e-12 and other[free]["computed"] < 1e-12
     peaks = other["highest displacement_max down over up"]
     assert peaks["measured"] == pytest.approx(peaks["computed"], rel=1e-5)
+    # Nobody said a noise: none is known, which is not 0.
+    assert peaks["standard_deviation"] == "" == plain[free]["standard_deviation"]
     # What needs the sensor is said of the one that has its calibration only.
     sensor = "misfit of displacement_max over its range, as calibrated"
     assert plain[sensor]["computed"] < 1e-12 and sensor not in other
@@ -79,6 +82,22 @@ def test_what_needs_no_calibration_does_not_change_with_it(tmp_path, resonance):
     shown = (away.displacement_max - away.displacement_max.fitted_offset).values
     plain = curve(tmp_path, resonance).displacement_max.values
     assert shown / away.displacement_max.fitted_gain == pytest.approx(plain, rel=1e-9)
+
+
+@pytest.mark.parametrize("own", [0, 1])
+def test_gain_and_offset_are_those_of_the_damping_that_suits_best(tmp_path, resonance, own):
+    # Of another shape: no line leads from one to the other.
+    other = resonance.assign(displacement_max=resonance.displacement_max**2)
+    both = [resonance, other.assign_coords(damping=["other"])]
+    both = xr.concat(both if own == 0 else both[::-1], "damping", data_vars="minimal")
+    unknown = {"gain": "unknown", "offset": "unknown"}
+    scale = 1e6 * float(resonance.static_deflection)
+    attrs = curve(tmp_path, resonance, 1.7, -30.0, **unknown).displacement_max.attrs
+    found = laid_over.compute(tmp_path / "rig.yaml", both).displacement_max.attrs
+    for name, value in (("fitted_gain", 1.7), ("fitted_offset", -30.0 / scale)):
+        assert found[name] == pytest.approx(attrs[name], rel=1e-12)
+        # Of six digits in the table.
+        assert found[name] == pytest.approx(value, rel=1e-5)
 
 
 def test_another_model_is_told_apart_in_standard_deviations(tmp_path, resonance):

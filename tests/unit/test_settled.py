@@ -154,7 +154,8 @@ def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
             for n in range(2976, 3000):
                 contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
                 recorded_arcs.add_arcs(m, arcs, count, summary)
-                recorded_arcs.sample_arcs(m, 2.0 * math.pi, arcs, count, samples)
+                orbit.equal_steps(samples, orbit.SAMPLE_AT, 2.0 * math.pi)
+                recorded_arcs.sample_arcs(m, arcs, count, samples)
                 seen.append(samples[:, 0].copy())
                 strobes.append((x, v))
                 events, found, previous = recorded_arcs.add_events(

@@ -1,5 +1,6 @@
 """Tolerances: distributions against closed forms, points of the cube, designs and what refuses."""
 
+import itertools
 import math
 
 import numpy as np
@@ -337,6 +338,40 @@ def test_centre_distances_follow_the_degrees_of_iso_286():
 def test_what_no_table_has_is_refused(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+def test_degrees_of_centre_distances_are_those_of_the_formula_of_iso_286():
+    # Of the tolerance factor i, by the geometric mean D of both ends of a range, mm.
+    ends = (10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)
+    for low, high in itertools.pairwise(ends):
+        size = math.sqrt(low * high)
+        factor = 0.45 * size ** (1 / 3) + 0.001 * size
+        for degree, times in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
+            found = 2e6 * distance_limits(1e-3 * high - 1e-9, f"js{degree}")[1]
+            # Rounded to 1, 5 or 10 um: the standard's own rounding is within 2 %.
+            step = 1 if found < 100 else 5 if found < 200 else 10
+            assert found == pytest.approx(round(found / step) * step)
+            assert abs(found - times * factor) < 0.75 * step + 0.02 * found, (high, degree)
+
+
+def test_thicknesses_are_those_of_the_series_of_din_3967():
+    ends, letters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5), "a ab b bc c cd d e f g".split()
+    table = [[thickness_limits(end, f"21{one}")[1] for one in letters] for end in ends]
+    allowances = np.log(-1e6 * np.array(table))
+    # One series over diameters, one over letters, both rounded: by 5 % at most.
+    ways = allowances.mean(0) + allowances.mean(1)[:, None] - allowances.mean()
+    assert np.abs(allowances - ways).max() < 0.05
+    assert all(round(x) % 5 == 0 for x in np.exp(allowances).flat if x > 65)
+    for end in ends:
+        for number in range(21, 31):
+            low, high = thickness_limits(end, f"{number}h")
+            width = 1e6 * (high - low)
+            # Preferred numbers R 10 of ISO 3, in two digits; two steps on in a row.
+            near = 10.0 ** (round(10.0 * math.log10(width)) / 10.0)
+            assert high == 0.0 and abs(width - near) < 0.06 * near, (end, number)
+            assert width < 25 or round(width, 6) % 10 == 0 or round(width, 6) == 25
+        widths = [np.ptp(thickness_limits(end, f"{number}h")) for number in range(21, 31)]
+        assert np.diff(np.log10(widths)) == pytest.approx(0.2, abs=0.05)
 
 
 def test_a_drawing_scatters_by_its_classes():

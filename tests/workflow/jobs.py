@@ -84,6 +84,12 @@ EXPERIMENTS = {
             "tolerance_table": 1,
         },
     ),
+    "kept_contact": Experiment(
+        {"kept_contact": 1},
+        {"draw_kept_contact": 1},
+        simulates=True,
+        with_k1={"kept_contact": 1},
+    ),
     "jump": Experiment({"jump": 1}, {"draw_jump": 1}, with_k1={"jump": 1}),
     "nonlinear_damping": Experiment(
         {"nonlinear_damping": 6, "nonlinear_damping_table": 1},

@@ -34,13 +34,11 @@ def mean_forces(orbit, names, slopes):
     rpm, lasts = float(train.speed(orbit.tuning)), 2.0 * np.pi * orbit.period
     seconds = lasts / float(train.mesh_frequency(orbit.tuning))
     speeds, loads = np.array([[0.0, rpm], [seconds, rpm]]), np.array([[0.0, 1.0]])
-    runner, pieces = courses.propagator_of(train), courses.pieces_of(train, speeds, loads)
-    state = tuple(orbit.state)
-    z = np.array(runner.start(state), float)
-    z[z.size // 2 :] *= pieces[0].speed
+    state, once = tuple(orbit.state), courses.equal_steps(1)
+    runner, pieces, z = courses.set_out(train, speeds, loads, state)
     push = acceleration.of_train(train, None)
     found = list(
-        courses.run_through(runner, pieces, z, 1, MAX_EVENTS, push, 2.0 * float(orbit.period))
+        courses.run_through(runner, pieces, z, once, MAX_EVENTS, push, 2.0 * float(orbit.period))
     )
     # The run may have been made in several stretches.
     table = np.concatenate([one.summary for one in found])

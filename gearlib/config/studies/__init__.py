@@ -11,7 +11,7 @@ module                responsibility
 ``of_trains``         reducer, planetary trains, a train over speed
 ``of_drawn_gears``    mesh stiffness, dynamic factor, tip relief
 ``of_rigs``           measured curves
-``of_tolerances``     how sure jumps, contact loss and peaks are
+``of_tolerances``     how sure jumps, contact loss and peaks are; where contact is kept
 ====================  =======================================================
 """
 

@@ -1,4 +1,6 @@
-"""The study of tolerances: how sure jumps, contact loss and peaks are."""
+"""The studies of tolerances: how sure jumps, contact loss and peaks are; where contact is kept."""
+
+from importlib.util import find_spec
 
 from gearlib.config.studies.study import (
     TOLERANCES,
@@ -10,8 +12,9 @@ from gearlib.config.studies.study import (
     grid_of,
     listed,
     rectangular,
+    without,
 )
-from gearlib.config.tolerances_section import Tolerances
+from gearlib.config.tolerances_section import KeptContact, Tolerances
 
 
 def _values(c):
@@ -45,18 +48,21 @@ def _refusal(c):
 
 
 def question(c):
-    """Return what the study asks, arguments of `gearlib.tolerances.tolerance_study`."""
+    """Return what both studies ask, arguments of `gearlib.tolerances.tolerance_study`."""
     section = c.tolerances
     found = {
         "pair": c.pair_parameters(section.damping),
         "tolerances": {} if _refusal(c) else section.laws(_values(c)),
-        "quantities": section.quantities,
         "seed": section.seed,
     }
     if section.of_drawing() and c.gears:
         keys = {"pinion", "wheel", "centre_distance", "backlash", "stiffness", "stiffness_options"}
         found["drawing"] = c.gears.model_dump(include=keys) | {"torque": c.gears.driving_torque()}
     return found
+
+
+def _of_designs(c):
+    return question(c) | {"quantities": c.tolerances.quantities}
 
 
 def _runs(c):
@@ -95,7 +101,7 @@ TOLERANCES_STUDY = Study(
     Job(
         "tolerance_shard",
         "gearlib.tolerances.tolerance_study:compute",
-        lambda c: question(c) | _runs(c) | {"shard": "{samples}"},
+        lambda c: _of_designs(c) | _runs(c) | {"shard": "{samples}"},
         files=("tolerances/{samples}.nc",),
     ),
     Job(
@@ -108,7 +114,7 @@ TOLERANCES_STUDY = Study(
     Job(
         "tolerance_indices",
         "gearlib.tolerances.tolerance_study:indices",
-        lambda c: question(c) | {"samples": c.tolerances.index_samples},
+        lambda c: _of_designs(c) | {"samples": c.tolerances.index_samples},
         files=("tolerance_indices.nc",),
     ),
     Table(
@@ -139,4 +145,59 @@ TOLERANCES_STUDY = Study(
         ),
     ),
     refusal=_refusal,
+)
+
+
+def _box_refusal(c):
+    """Return why there is no box about these gears, or they cannot scatter, or ""."""
+    try:
+        c.kept_contact.box(c.pair_parameters(c.tolerances.damping))
+    except ValueError as error:
+        return str(error)
+    return _refusal(c)
+
+
+def _box(c):
+    refused = _box_refusal(c)
+    return {} if refused else c.kept_contact.box(c.pair_parameters(c.tolerances.damping))
+
+
+KEPT_CONTACT = Study(
+    "kept_contact",
+    KeptContact,
+    TOLERANCES,
+    Job(
+        "kept_contact",
+        "gearlib.tolerances.tolerance_study:kept_contact",
+        lambda c: {
+            **question(c),
+            "box": _box(c),
+            **without(c.kept_contact, "across", "width"),
+            # Without python-flint nothing is proven, and all of the box is open.
+            "prove": find_spec("flint") is not None,
+        },
+    ),
+    Drawing(
+        "kept_contact_figure.draw",
+        {"found": "kept_contact.nc"},
+        "certified_box",
+        "Where contact is proven to be kept",
+        """A box of two parameters of the gears at the tuning {c.kept_contact.tuning}, with
+        the damping {c.tolerances.damping}. In the pieces that are filled it is proven, in ball
+        arithmetic, that at every point one stable orbit without contact loss exists; white pieces
+        are open. Marks: points at which the orbit is followed, and whether it keeps contact.""",
+        second=(
+            "tightened_tolerances",
+            "Which tolerance must shrink for contact to be kept",
+            lambda c: (
+                f"""Left: the share of a tolerance that may stay for at most a
+            share of {c.kept_contact.risk} of the designs to lose contact at the tuning
+            {c.kept_contact.tuning}, of all together and of one alone: by designs that are followed
+            (filled) and in first order (outline). Right: the share of {c.kept_contact.samples}
+            designs that lose contact as the tolerances are, and with each answer, with
+            intervals, and the share that may (dashed). What scatters: {_scattering(c)}."""
+            ),
+        ),
+    ),
+    refusal=_box_refusal,
 )

@@ -22,8 +22,13 @@ from gearlib.kernels.closed_form.arc_tangents import (
     switch_phase,
     switch_stiffness,
 )
-from gearlib.kernels.closed_form.course_orders import ACCELERATION, FORCE, force_of
-from gearlib.kernels.closed_form.course_waves import add_jump, add_waves
+from gearlib.kernels.closed_form.course_waves import (
+    OF_ACCELERATION,
+    OF_FORCE,
+    add_jump,
+    add_waves,
+    force_of,
+)
 from gearlib.kernels.closed_form.event_by_event import (
     ARC_COLUMNS,
     CONTACT,
@@ -201,7 +206,7 @@ def follow_stretch(
                     met[e, 0, j], met[e, 1, j] = event[0, j], event[1, j]
                     slope[j] = line_rate(rates, j, flank_of(contact, after))
                 consider(m, rates, BACKLASH, level, x, slope, best[row], extrema[row])
-                if listen and waves.what == ACCELERATION:
+                if listen and waves.what == OF_ACCELERATION:
                     fast = speed[i] + acceleration * t
                     at = phase[i] + 0.5 * (speed[i] + fast) * t
                     loss = 2.0 * (lev.a - m.drag) * (abs(after) - abs(contact))
@@ -229,8 +234,8 @@ def follow_stretch(
                     slope[j] = tangents[0, j] + v * shift[j]
                     area[row, j] += fall * shift[j]
                 consider(m, rates, contact, level, x, slope, best[row], extrema[row])
-                if listen and waves.what >= ACCELERATION:
-                    fall = fall if waves.what == FORCE else -fall
+                if listen and waves.what >= OF_ACCELERATION:
+                    fall = fall if waves.what == OF_FORCE else -fall
                     for j in range(k):
                         moved[j] = fall * sign * moves[0, j]
                     add_jump(place, moved, waves)

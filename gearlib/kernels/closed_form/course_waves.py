@@ -10,16 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.closed_form.course_orders import DISPLACEMENT as OF_DISPLACEMENT
-from gearlib.kernels.closed_form.course_orders import FORCE as OF_FORCE
-from gearlib.kernels.closed_form.course_orders import (
-    LEAST_NODES,
-    MOST_NODES,
-    WAVES,
-    force_of,
-    later,
-)
-from gearlib.kernels.closed_form.course_orders import VELOCITY as OF_VELOCITY
+from gearlib.kernels.closed_form.arc_tangents import line_of
+from gearlib.kernels.closed_form.damped_oscillator import evolve
 from gearlib.kernels.closed_form.event_by_event import (
     CONTACT,
     DISPLACEMENT,
@@ -27,9 +19,14 @@ from gearlib.kernels.closed_form.event_by_event import (
     LEVEL,
     VELOCITY,
 )
+from gearlib.kernels.closed_form.flight import fly
 from gearlib.kernels.closed_form.sensitivity import sample
 from gearlib.kernels.codes import BACKLASH
 from gearlib.kernels.jit import inlined, kernel
+
+OF_DISPLACEMENT, OF_VELOCITY, OF_ACCELERATION, OF_FORCE = range(4)
+#: Nodes of Gauss's rules, from which they begin; most of them, and waves that these resolve.
+LEAST_NODES, MOST_NODES, WAVES = 8, 48, 80.0
 
 
 class Waves(NamedTuple):
@@ -41,6 +38,24 @@ class Waves(NamedTuple):
     natural: float  #: highest natural frequency, by theta
     rules: np.ndarray  #: nodes in (0, 1) and weights, shape (MOST_NODES + 1, 2, MOST_NODES)
     sums: np.ndarray  #: of cosines and minus sines, added to, shape (b, 2, n, k)
+
+
+@inlined
+def _later(m, contact, level, x, v, t):
+    """Return the state a time t later."""
+    if contact == BACKLASH:
+        return fly(m.drag, m.pull, x, v, t)
+    lev = m.high if level == 1.0 else m.low
+    rest = line_of(m, contact) + lev.equilibrium
+    u, v = evolve(lev, x - rest, v, t)
+    return u + rest, v
+
+
+@inlined
+def force_of(m, contact, level, x):
+    """Return the elastic force of a mesh over its unit."""
+    lev = m.high if level == 1.0 else m.low
+    return 0.0 if contact == BACKLASH else lev.stiffness * (x - line_of(m, contact))
 
 
 @inlined
@@ -61,7 +76,7 @@ def _rate_of(m, what, contact, level, x, v):
 def add_waves(m, rates, moves, arc, phase, fast, acceleration, tangents, scratch, waves):
     """Add what the Fourier integrals of an arc change by, at fixed phases, by Gauss's rule.
 
-    As of `gearlib.kernels.closed_form.course_orders`; `phase` and the speed `fast` are those at
+    With nodes as of `gearlib.analysis.course_orders`; `phase` and the speed `fast` are those at
     the start of the arc.
     """
     length, sums, k = arc[DURATION], waves.sums, tangents.shape[1]
@@ -79,7 +94,7 @@ def add_waves(m, rates, moves, arc, phase, fast, acceleration, tangents, scratch
         for q in range(size):
             t = length * (part + waves.rules[size, 0, q]) / parts
             sample(m, rates, arc, t, tangents, scratch, four)
-            x, v = later(m, contact, arc[LEVEL], arc[DISPLACEMENT], arc[VELOCITY], t)
+            x, v = _later(m, contact, arc[LEVEL], arc[DISPLACEMENT], arc[VELOCITY], t)
             rate, speed = (
                 _rate_of(m, waves.what, contact, arc[LEVEL], x, v),
                 fast + acceleration * t,

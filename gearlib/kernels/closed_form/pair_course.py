@@ -40,7 +40,7 @@ def _integral(m, arcs, count, x, v):
 
 
 @kernel
-def run_course(m, begin, length, level, first, block, x, v, samples, events, limit, summary):
+def run_course(m, begin, length, level, first, block, taken, x, v, samples, events, limit, summary):
     """Run one mesh from the state (x, v) through k intervals.
 
     Parameters
@@ -52,9 +52,11 @@ def run_course(m, begin, length, level, first, block, x, v, samples, events, lim
         Of their stiffness, 0 C_min, 1 C_max.
     first, block : ndarray of int, shapes (k + 1,), (k,)
         Segments with which intervals begin; rows of the summary.
+    taken : ndarray of int, shape (k + 1,)
+        Samples with which intervals begin.
     x, v : float
-    samples : ndarray, shape (k n, 6)
-        n in equal steps of each interval.
+    samples : ndarray, shape (j, 6)
+        As of `recorded_arcs.sample_arcs`.
     events : ndarray, shape (j, 5)
         Enlarged as needed.
     limit : int
@@ -72,7 +74,7 @@ def run_course(m, begin, length, level, first, block, x, v, samples, events, lim
     if not within_range(x, v):
         return x, v, events, found, OVERFLOW
     contact = contact_of(m.gap, x, v)
-    per_interval, previous = samples.shape[0] // count, contact
+    previous = contact
     arcs = np.empty((FIRST_ARCS, ARC_COLUMNS))
     for n in range(count):
         before, used = (contact, x, v), limit + 1
@@ -97,9 +99,6 @@ def run_course(m, begin, length, level, first, block, x, v, samples, events, lim
         bounces, last = recorded_arcs.count_bounces(arcs, used, previous)
         own[orbit.BOUNCES] += bounces
         events, found, _ = recorded_arcs.add_events(arcs, used, previous, n, events, found)
-        if per_interval > 0:
-            end = first[n + 1] - 1
-            rows = samples[n * per_interval : (n + 1) * per_interval]
-            recorded_arcs.sample_arcs(m, begin[end] + length[end], arcs, used, rows)
+        recorded_arcs.sample_arcs(m, arcs, used, samples[taken[n] : taken[n + 1]])
         previous = last
     return x, v, events, found, OK

@@ -154,7 +154,8 @@ def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summa
             events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
         if per_period > 0:
             rows = samples[i * per_period : (i + 1) * per_period]
-            recorded_arcs.sample_arcs(m, 2.0 * math.pi, arcs, count, rows)
+            orbit.equal_steps(rows, orbit.SAMPLE_AT, 2.0 * math.pi)
+            recorded_arcs.sample_arcs(m, arcs, count, rows)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / seen

@@ -18,6 +18,7 @@ from gearlib.kernels.orbit import (
     FORCE_MAX,
     FORCE_MIN,
     SAMPLE_A,
+    SAMPLE_AT,
     SAMPLE_CONTACT,
     SAMPLE_FORCE,
     SAMPLE_STIFFNESS,
@@ -136,15 +137,14 @@ def in_arc(m, arc, t):
 
 
 @kernel
-def sample_arcs(m, whole, arcs, count, samples):
-    """Fill `samples`, shape (n, 6), with the states at n equal steps of a period of length `whole`.
+def sample_arcs(m, arcs, count, samples):
+    """Fill `samples`, shape (n, 6), with the states at the phases in their column `SAMPLE_AT`.
 
     At an event or a stiffness switch the state just after it is taken.
     """
-    n = samples.shape[0]
     i = 0
-    for k in range(n):
-        t = whole * k / n
+    for k in range(samples.shape[0]):
+        t = samples[k, SAMPLE_AT]
         while i + 1 < count and arcs[i + 1, START] <= t:
             i += 1
         x, v, acceleration, force = in_arc(m, arcs[i], t)

@@ -28,6 +28,7 @@ class Grid(NamedTuple):
     gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
     block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
+    taken: np.ndarray  #: int, where samples of mesh periods begin, shape (repeats + 1,) or (0,)
     columns: np.ndarray  #: int, of what is not zero in `free`, see `sparse_series.sparse_of`
     count: np.ndarray
     values: np.ndarray
@@ -60,7 +61,7 @@ class Work(NamedTuple):
     factors: np.ndarray
     sizes: np.ndarray  #: of the modes
     place: np.ndarray  #: int, how far the run is, by the names above, shape (7,)
-    ahead: np.ndarray  #: theta left of the segment, phase of the last event, that of the period
+    ahead: np.ndarray  #: theta left of the segment, phase of the last event
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
     bernstein: np.ndarray  #: those of intervals that wait, and their widths
     terms: np.ndarray  #: the series of the state, shape (degree + 1, filled up)
@@ -86,7 +87,7 @@ def grid_of(system):
     spin = system.harmonics * system.tuning
     gap = ~plain | (apart[:, one] != 0.0)
     block = np.zeros(len(system.first_segment) - 1, np.int64)
-    own = near, far, never, closing, plain, gap, spin, block
+    own = near, far, never, closing, plain, gap, spin, block, np.empty(0, np.int64)
     return Grid(length, kind, *own, **sparse_of(system), chirp=np.empty(0), pace=0)
 
 
@@ -117,7 +118,7 @@ def work_of(n, wide, m, degree=DEGREE, wanted=False):
         np.zeros(n),
         np.zeros(n),
         np.array([0, 0, -1, 0, 0, 0, 0]),
-        np.zeros(3),
+        np.zeros(2),
         np.empty(degree + 1),
         np.empty((MAX_DEPTH + 4, degree + 2)),
         terms,

@@ -106,7 +106,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     summary : ndarray, shape (m, 10)
         As of `orbit`, one row a mesh.
     samples : ndarray, shape (k, n + m + 1)
-        At equal steps of the period, as of `record.record`.
+        As of `record.record`; at equal steps of the period unless `Grid` has where they begin.
     events : ndarray, shape (k, 6)
         As of `orbit`, and the number of the mesh; the period is 0. None are recorded if it has no
         rows. How many there are stands in `Work`.
@@ -122,7 +122,8 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
     if w.place[SEGMENT] < 0:
         w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
         w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
-        w.ahead[2] = system.starts[last] - system.starts[first]
+        if grid.taken.shape[0] == 0:
+            orbit.equal_steps(samples, n + m, system.starts[last] - system.starts[first])
     while w.place[SEGMENT] < last:
         p, c, left = w.place[SEGMENT], -1, w.ahead[0]
         while left > 0.0:

@@ -77,8 +77,8 @@ def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples
     """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
 
     Curves hold over `piece`; a series lasts as long. Samples have the columns: the state, shape
-    (n,), the contact codes, shape (m,), the number of the segment. Of a summary whose extrema are
-    infinite none are looked for.
+    (n,), the contact codes, shape (m,), the number of the segment; there the phase stands at first
+    that is wanted. Of a summary whose extrema are infinite none are looked for.
     """
     m, n = system.near.shape
     tuning, done, curve = system.tuning, 0.0, w.curve
@@ -124,7 +124,7 @@ def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples
         end = at + part * tuning - 1e-12
         while w.place[TAKEN] < samples.shape[0]:
             taken = w.place[TAKEN]
-            wanted = w.ahead[2] * taken / samples.shape[0]
+            wanted = samples[taken, n + m]
             if wanted >= end:
                 break
             t = max(wanted - at, 0.0) / tuning

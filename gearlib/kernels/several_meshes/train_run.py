@@ -131,6 +131,7 @@ def run_train(
     periods, record_periods : int
         Of the reference mesh, and how many at the end are recorded; 0: none.
     samples : ndarray, shape (record_periods k, n + m + 1)
+        Where `Grid` says which are whose: with the phases that are wanted, as of `record.record`.
     events : ndarray, shape (k, 6)
         None are recorded if it has no rows.
     limit : int
@@ -166,9 +167,11 @@ def run_train(
                 for k in range(vectors.shape[1]):
                     vectors[r, k] = 1.0 if r == k else 0.0
         recording = i >= unseen
+        number = (system.first + i) % (system.first_segment.shape[0] - 1)
         begin = max(i - unseen, 0) * per_period
         end = begin + per_period if recording else begin
-        number = (system.first + i) % (system.first_segment.shape[0] - 1)
+        if grid.taken.shape[0] > 0:
+            begin, end = grid.taken[number], grid.taken[number + 1]
         rows = summary[grid.block[number] * m :]
         status = go(
             system,

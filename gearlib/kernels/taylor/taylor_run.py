@@ -151,14 +151,11 @@ def add_step(tuning, low, to_bernstein, h, contact, series, work, summary):
 
 
 @kernel
-def add_samples(tuning, whole, phase, h, contact, series, samples, taken):
-    """Fill the samples of one period, of length `whole`, that lie before phase + h.
-
-    Returns how many are filled.
-    """
+def add_samples(tuning, phase, h, contact, series, samples, taken):
+    """Fill the samples of one period that are wanted before phase + h; return how many are."""
     unit = tuning * tuning
     while taken < samples.shape[0]:
-        t = whole * taken / samples.shape[0] - phase
+        t = samples[taken, orbit.SAMPLE_AT] - phase
         if t >= h:
             break
         samples[taken, orbit.SAMPLE_X], _ = horner(series[X], t)
@@ -184,6 +181,7 @@ class Course(NamedTuple):
     end: np.ndarray  #: and where it ends
     first_segment: np.ndarray  #: int, where the mesh periods begin, shape (k + 1,)
     block: np.ndarray  #: int, which row of a summary each is in, shape (k,)
+    taken: np.ndarray  #: int, where their samples begin, shape (k + 1,); of a steady run: (0,)
     piece: np.ndarray  #: int, of c(tau), shape (p,)
     phase: np.ndarray  #: tau where segments begin, shape (p,)
     speed: np.ndarray  #: dtau/dtheta there, shape (p,)
@@ -196,7 +194,7 @@ class Course(NamedTuple):
 def steady_course(law):
     """Return the `Course` of a run at constant speed."""
     size, ends = len(law.low), (law.breaks[:-1].copy(), law.breaks[1:].copy())
-    where = np.array([0, size]), np.zeros(1, np.int64), np.arange(size)
+    where = np.array([0, size]), *np.zeros((2, 1), np.int64), np.arange(size)
     none = np.zeros(5), np.empty((0, 3))
     return Course(*ends, *where, ends[0], np.ones(size), np.ones(size), *none, True)
 
@@ -209,6 +207,19 @@ def _with_deviation(harmonics, rows):
     found[:DEVIATION, : harmonics.shape[1]] = harmonics
     found[DEVIATION, : rows.shape[0], :3] = rows
     return found
+
+
+@inlined
+def samples_of(course, samples, recorded, record_periods):
+    """Return the samples of one of the mesh periods recorded, with the phases that are wanted."""
+    if recorded < 0:
+        return samples[:0]
+    if not course.steady:
+        return samples[course.taken[recorded] : course.taken[recorded + 1]]
+    count = samples.shape[0] // max(record_periods, 1)
+    rows = samples[recorded * count : (recorded + 1) * count]
+    orbit.equal_steps(rows, orbit.SAMPLE_AT, 2.0 * math.pi)
+    return rows
 
 
 @inlined
@@ -241,8 +252,7 @@ def run_nonlinear(
     begins, ends = course.begin, course.end
     kept = min(periods, orbit.STROBE_PERIODS) if steady else 0
     strobes = np.empty((kept + 1, 2))
-    per_period = samples.shape[0] // record_periods
-    found, steps, whole = 0, 0, 2.0 * math.pi
+    found, steps = 0, 0
     contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, steps
@@ -253,8 +263,7 @@ def run_nonlinear(
         recorded = n - (periods - record_periods)
         taken, counted, number = 0, steps, n % course.block.shape[0]
         own = summary[course.block[number]]
-        if not steady:
-            whole = ends[first[number + 1] - 1]
+        rows = samples_of(course, samples, recorded, record_periods)
         for p in range(first[number], first[number + 1]):
             piece, at, end = pieces[p], begins[p], ends[p]
             while at < end:
@@ -286,9 +295,7 @@ def run_nonlinear(
                     add_step(tuning, low[piece], to_bernstein, h, during, series, work, own)
                     if orbit.unresolved(own):
                         return x, v, 0, events, 0, UNRESOLVED, steps
-                    if per_period > 0:
-                        rows = samples[recorded * per_period : (recorded + 1) * per_period]
-                        taken = add_samples(tuning, whole, at, h, during, series, rows, taken)
+                    taken = add_samples(tuning, at, h, during, series, rows, taken)
                     if during != before:
                         # Leaves a flank line from rest, at the start of the step.
                         events, found = orbit.note(events, found, n, at, before, during, 0.0, own)

@@ -37,7 +37,13 @@ from gearlib.kernels.taylor.series import (
     X,
     state_at,
 )
-from gearlib.kernels.taylor.taylor_run import add_samples, add_step, first_crossing, pace_of
+from gearlib.kernels.taylor.taylor_run import (
+    add_samples,
+    add_step,
+    first_crossing,
+    pace_of,
+    samples_of,
+)
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import (
     FACTOR,
     FACTOR_SLOPE,
@@ -205,7 +211,7 @@ def run_pairs(
     for row in range(summary.shape[0]):
         orbit.clear_summary(summary[row])
     first_segment, pieces, inside = course.first_segment, course.piece, system.inside
-    steady, ramp, whole = course.steady, course.ramp.copy(), 2.0 * math.pi
+    steady, ramp = course.steady, course.ramp.copy()
     begins, ends, renewed = course.begin, course.end, system.renewed
     force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
     lower, longest, tuning = system.lower, system.longest, system.tuning
@@ -214,7 +220,6 @@ def run_pairs(
     series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
     kept = min(periods, orbit.strobe_periods(system.repeats)) if steady else 0
     strobes = np.empty((kept + 1, 2))
-    per_period = samples.shape[0] // max(record_periods, 1)
     found, steps, s, line = 0, 0, 0, -1
     for n in range(periods):
         row = n - (periods - kept)
@@ -227,8 +232,7 @@ def run_pairs(
             maps[n, 0, 1] = maps[n, 1, 0] = 0.0
         number = (first + n) % course.block.shape[0]
         begin, own = begins[first_segment[number]], summary[course.block[number]]
-        if not steady:
-            whole = ends[first_segment[number + 1] - 1]
+        rows = samples_of(course, samples, recorded, record_periods)
         for i in range(first_segment[number], first_segment[number + 1]):
             start, p = n == 0 and i == first_segment[number], pieces[i]
             flanks, pairs = overlap[p], inside[p]
@@ -286,11 +290,7 @@ def run_pairs(
                     add_step(tuning, low, to_bernstein, h, during, series, work, own)
                     if orbit.unresolved(own):
                         return x, v, 0, events, 0, UNRESOLVED, steps
-                    if per_period > 0:
-                        rows = samples[recorded * per_period : (recorded + 1) * per_period]
-                        taken = add_samples(
-                            tuning, whole, phase - begin, h, during, series, rows, taken
-                        )
+                    taken = add_samples(tuning, phase - begin, h, during, series, rows, taken)
                 phase += h
                 if best > 1.0:
                     line = -1

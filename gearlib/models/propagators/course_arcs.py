@@ -39,10 +39,12 @@ class PairArcs(CoursePair):
             return super().through(piece, state, cut, samples, limit)
         length, count = cut.lengths(piece), len(cut.block)
         level, block = 1 - cut.source.low[1, cut.which, 0], cut.block - cut.block[0]
-        table = np.zeros((count * samples, orbit.SAMPLE_COLUMNS))
+        wanted, taken = samples(piece, cut, length)
+        table = np.zeros((len(wanted), orbit.SAMPLE_COLUMNS))
+        table[:, orbit.SAMPLE_AT] = wanted
         events = np.empty((4 * count, orbit.EVENT_COLUMNS))
         summary = np.zeros((block[-1] + 1, SUMMARY_COLUMNS))
-        where = cut.within(length)[0], length, level, cut.first, block
+        where = cut.within(length)[0], length, level, cut.first, block, taken
         rest = *(state / self.force), table, events, limit, summary
         *z, events, found, code = run_course(self.mesh, *where, *rest)
         events = events[: found if code == OK else 0]

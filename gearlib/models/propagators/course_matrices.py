@@ -209,20 +209,19 @@ class _Walk(Walk):
     """A stretch of a run-up with its tangents, revolution by revolution.
 
     Beside the arguments of `Walk`: theta that bounds the intervals, phase and speed at the bounds
-    of segments, and samples in each interval.
+    of segments, and theta of the samples.
     """
 
-    def __init__(self, slopes, motion, tangents, begins, course, per):
+    def __init__(self, slopes, motion, tangents, begins, course, when):
         super().__init__(slopes, motion, tangents)
         self.course = course
         switch = self._steps[:, KIND] == SWITCH
         phase, speed = (one[self._steps[switch, MET]] for one in course)
         own = np.array([np.ones(phase.size), -phase])
         self._times[switch] = np.divide(own, speed, out=np.zeros_like(own), where=speed > 0.0).T
-        steps = np.arange(per) / max(per, 1) * np.diff(begins)[:, None] + begins[:-1, None]
-        samples = np.zeros((steps.size, self.k, 4 * len(self.codes)))
+        samples = np.zeros((when.size, self.k, 4 * len(self.codes)))
         tables = self._recording(0, 1, len(motion.events))
-        self.tables = tables._replace(begins=begins, when=steps.ravel(), samples=samples)
+        self.tables = tables._replace(begins=begins, when=when, samples=samples)
 
     def shift(self, bound):
         """Return by what the bound of a revolution at the start of a segment moves, shape (k,)."""
@@ -268,12 +267,13 @@ class _Walk(Walk):
             self.tables.times[1 - code, j] += shift
 
 
-def of_matrices(model, names, found, table, state, per, along=None, **push):
+def of_matrices(model, names, found, table, state, per, along=None, waves=None, **push):
     """Return the `Slopes` of a run-up of a piecewise-linear model.
 
     Parameters as of `gearlib.models.propagators.course_slopes.of_pair`, the driver, and `table`,
     the summaries of the revolutions, shape (r, m, 10); `along`: what changes with each parameter,
-    by default as of `Model.direction`.
+    by default as of `Model.direction`; `waves`: what takes the samples instead, with ``when(i)``,
+    their theta in a stretch, from its begin, and ``take(i, samples)``.
     """
     k, (rows, bounds) = len(names), rows_of(found)
     by = {one: np.array([float(name == one) for name in names]) for one in COURSE}
@@ -288,13 +288,16 @@ def of_matrices(model, names, found, table, state, per, along=None, **push):
     extrema, times = np.full((count, 4, m, k), np.nan), np.zeros((count, 4, m, k))
     area, whole, apart = np.zeros((count, m, k)), np.zeros((count, k)), np.zeros((count, m), bool)
     samples, met, grazing, one_sided, at, last = [], [], False, False, 0, None
-    for one in found:
+    for number, one in enumerate(found):
         if one.piece is not last:
             last, loaded = one.piece, systems.of_piece(one.piece)
         (starts, first, which), *course = _segments(systems.base, one)
         slopes = systems.slopes(loaded, starts, first, which)
         tangents = np.vstack([moving, np.zeros((m, k))])
-        walk = _Walk(slopes, _motion(one, m), tangents, starts[first], course, per)
+        begins = starts[first]
+        steps = np.arange(per) / max(per, 1) * np.diff(begins)[:, None] + begins[:-1, None]
+        when = waves.when(number) if waves else steps.ravel()
+        walk = _Walk(slopes, _motion(one, m), tangents, begins, course, when)
         one_sided = one_sided or (at == 0 and walk.on_a_line(_ON_LINE))
         n = len(one.block)
         new = np.flatnonzero(np.diff(rows[at : at + n], prepend=-1)).tolist()
@@ -305,11 +308,12 @@ def of_matrices(model, names, found, table, state, per, along=None, **push):
             tables = best[row], extrema[row], times[row], apart[row], area[row], whole[row]
             ends = bool(bounds[at + j]) or at + j == len(rows)
             walk.revolution(i, j, shifts, tables, ends)
-        samples.append(walk.tables.samples)
+        taken = np.moveaxis(walk.tables.samples.reshape(-1, k, 4, m), 1, 3)
+        samples.append(waves.take(number, taken) if waves else taken)
         met.append(walk.tables.events)
         grazing = grazing or walk.grazing or bool(walk.tables.counts[TOUCHING])
         moving, at = walk.tangents[: 2 * half].copy(), at + n
     times[:, 3] = whole[:, None]
-    table = np.concatenate(samples).reshape(-1, k, 4, m)
-    table = np.moveaxis(table, 1, 3)
-    return Slopes(table, np.concatenate(met), extrema, times, area, grazing, one_sided)
+    return Slopes(
+        np.concatenate(samples), np.concatenate(met), extrema, times, area, grazing, one_sided
+    )

@@ -19,9 +19,8 @@ from gearlib.kernels.closed_form.arc_tangents import (
     SQUARE,
     STIFFNESS,
 )
-from gearlib.kernels.closed_form.course_orders import ACCELERATION
 from gearlib.kernels.closed_form.course_tangents import TIMES, follow_stretch
-from gearlib.kernels.closed_form.course_waves import Waves, add_jump
+from gearlib.kernels.closed_form.course_waves import OF_ACCELERATION, Waves, add_jump
 from gearlib.kernels.closed_form.mesh_constants import mesh
 from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.closed_form import ratios
@@ -116,7 +115,7 @@ def of_pair(pair, names, found, state, per, driven_mass, base_radius, waves=None
         # Samples of the run at the starts of intervals: their states.
         start = one.samples[:: len(one.samples) // n, 0, :2].copy()
         force, rates = own.of_piece(piece)
-        if at and waves.what == ACCELERATION:
+        if at and waves.what == OF_ACCELERATION:
             # It jumps with the load, at a phase that moves with the speed.
             phase = float(one.phase[0])
             add_jump(phase, (before - force) * phase * moves[1], waves)

@@ -54,8 +54,8 @@ class Steps:
         self.ramp[BEND], self.ramp[SHARE_RATE] = 0.5 * piece.acceleration, piece.slope
         self.ramp[PULL] = inertia[0] * piece.acceleration
 
-    def course(self, piece, cut, length):
-        """Return the `Course` of a `Cut`."""
+    def course(self, piece, cut, length, taken):
+        """Return the `Course` of a `Cut`, whose samples begin at `taken`."""
         starts = np.concatenate([[0.0], np.cumsum(length)])
         theta = cut.bounds(piece, length)[0] - piece.start + starts[:-1]
         phase = cut.phase[:-1] - self.laws.starts[-1] * cut.turn
@@ -67,6 +67,7 @@ class Steps:
             end,
             cut.first,
             cut.block - cut.block[0],
+            taken,
             cut.which,
             self.from_phase[cut.which] + passed,
             cut.speeds(piece)[:-1],
@@ -84,8 +85,10 @@ class Steps:
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
         length, count = cut.lengths(piece), len(cut.block)
-        course = self.course(piece, cut, length)
-        table = np.zeros((count * samples, orbit.SAMPLE_COLUMNS))
+        wanted, taken = samples(piece, cut, length)
+        course = self.course(piece, cut, length, taken)
+        table = np.zeros((len(wanted), orbit.SAMPLE_COLUMNS))
+        table[:, orbit.SAMPLE_AT] = wanted
         summary = np.zeros((course.block[-1] + 1, SUMMARY_COLUMNS))
         events = np.empty((4 * count, orbit.EVENT_COLUMNS))
         spans = count, count, table, events, limit, summary

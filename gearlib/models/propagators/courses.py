@@ -61,8 +61,8 @@ class Stretch(NamedTuple):
     piece: Piece
     phase: np.ndarray  #: tau that bounds the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta that bounds them
-    samples: np.ndarray  #: at equal steps of time in each, columns of `orbit`, (k s, m, 6)
-    states: np.ndarray  #: coordinates and their rates by theta, shape (k s, 2 N)
+    samples: np.ndarray  #: columns of `orbit`, shape (j, m, 6)
+    states: np.ndarray  #: coordinates and their rates by theta, shape (j, 2 N)
     block: np.ndarray  #: int, number of the block of each interval, shape (k,)
     summary: np.ndarray  #: of each block that there is, shape (b, m, 10)
     #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (j, 7)
@@ -103,6 +103,14 @@ def pieces_of(model, speeds, loads):
     return found
 
 
+def set_out(model, speeds, loads, state):
+    """Return (propagator, pieces, state with rates by theta) of the begin of a course."""
+    runner, pieces = propagator_of(model), pieces_of(model, speeds, loads)
+    z = np.array(runner.start(state), float)
+    z[z.size // 2 :] *= pieces[0].speed
+    return runner, pieces, z
+
+
 def _line(rows, start):
     """Return (value, slope) of a piecewise linear course just after `start`."""
     i = int(np.searchsorted(rows[:, 0], start, side="right")) - 1
@@ -124,8 +132,8 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     pieces : list of Piece
     state : ndarray, shape (2 N,)
         At the start, rates by theta; changed in place.
-    samples : int
-        In each mesh period, at equal steps of time.
+    samples : callable
+        Of a piece, a `Cut` and theta of its segments, as `equal_steps` makes one.
     limit : int
         Most events in one mesh period.
     inertia : ndarray, shape (N,)
@@ -140,6 +148,21 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
             yield done
             if done.status != OK:
                 return
+
+
+def equal_steps(count):
+    """Return what samples are so many equal steps of time in each interval.
+
+    A function of a piece, a `Cut` and theta of its segments: theta of the samples in their
+    intervals, and with which of them intervals begin, shape (k + 1,).
+    """
+
+    def wanted(piece, cut, length):
+        whole = cut.within(length)[1][cut.first[1:] - 1]
+        steps = whole[:, None] * np.arange(count) / max(count, 1)
+        return steps.ravel(), count * np.arange(len(cut.block) + 1)
+
+    return wanted
 
 
 class Cut(NamedTuple):
@@ -292,9 +315,9 @@ class _Course:
             found.append(piece.slope * (theta - piece.start))
         return found
 
-    def _set(self, piece, cut):
-        """Take the segments of a `Cut`; return theta of them."""
-        length, system = cut.lengths(piece), self.loaded
+    def _set(self, cut, length, taken):
+        """Take the segments of a `Cut`, theta of them, and where samples begin."""
+        system = self.loaded
         starts, tables = np.concatenate([[0.0], np.cumsum(length)]), ("effect", "stiffness", "low")
         self.system = system._replace(
             starts=starts,
@@ -311,12 +334,12 @@ class _Course:
             rate=system.near @ system.free,
             far_rate=system.far @ system.free,
             block=cut.block - cut.block[0],
+            taken=taken,
             chirp=self.laws.harmonics,
             pace=self.model.size,
             **sparse_of(system, self.laws.harmonics.size > 0),
         )
         self.components = len(system.free)
-        return length
 
     def _add_chirps(self, raw, piece, columns):
         """Add to accelerations what the harmonics bring, whose rates no matrix has."""
@@ -331,10 +354,13 @@ class _Course:
 
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
-        bounds, count = cut.bounds(piece, self._set(piece, cut)), len(cut.block)
-        system, half = self.system, state.size // 2
+        length, count = cut.lengths(piece), len(cut.block)
+        wanted, taken = samples(piece, cut, length)
+        self._set(cut, length, taken)
+        bounds, system, half = cut.bounds(piece, length), self.system, state.size // 2
         m = len(system.near)
-        raw = self.raw(count * samples)
+        raw = self.raw(len(wanted))
+        raw[:, -1] = wanted
         summary = np.empty(((self.grid.block[-1] + 1) * m, SUMMARY_COLUMNS))
         events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
         whole = np.append(state, self._between(piece, cut, bounds[0]))

@@ -19,6 +19,7 @@ class Propagator(Base):
         self.system = system = model.system(tuning)
         ends = system.starts[:-1].copy(), system.starts[1:].copy()
         size, repeats = ends[0].size, np.zeros(system.repeats, np.int64)
+        none = np.zeros(1, np.int64)
         rest = (
             np.ones(size),
             np.ones(size),
@@ -26,7 +27,7 @@ class Propagator(Base):
             np.empty((0, 3)),
             True,
         )
-        where = system.first_segment, repeats, np.arange(size), np.zeros(size)
+        where = system.first_segment, repeats, none, np.arange(size), np.zeros(size)
         self.course = Course(*ends, *where, *rest)
 
     def run(self, z, *arguments, first=0):

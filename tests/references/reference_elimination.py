@@ -1,0 +1,53 @@
+"""Gain, offset and shaft phase of a sensor found in 50 digits: what is left of measured values.
+
+By normal equations, and by the zero of the derivative of the sum of squares: nothing of how the
+library does it.
+"""
+
+import mpmath
+from mpmath import mp
+
+mp.dps = 50
+#: Angles tried on the circle.
+_CIRCLE = 100
+
+
+def left(measured, modelled, basis, gain):
+    """Return what least squares leave: gain times modelled, plus columns of a basis, less measured.
+
+    gain: whether it is unknown; else it is 1.
+    """
+    wanted = measured if gain else [y - f for y, f in zip(measured, modelled, strict=True)]
+    columns = [*([modelled] if gain else []), *basis]
+    if not columns:
+        return [-y for y in wanted]
+    normal = mpmath.matrix([[mp.fdot(a, b) for b in columns] for a in columns])
+    best = mpmath.lu_solve(normal, mpmath.matrix([mp.fdot(a, wanted) for a in columns]))
+    return [mp.fdot(best, row) - y for *row, y in zip(*columns, wanted, strict=True)]
+
+
+def left_of_orders(measured, modelled, deviations, gain, angle=None):
+    """Return what is left of complex orders, each block over its deviation; real, imaginary, ....
+
+    angle: of the shaft; None where it is unknown, and the best of all.
+    """
+
+    def at(angle):
+        turns = [mp.expj(k * angle) for k in range(1, len(modelled[0]) + 1)]
+        flat: list[list] = [[], []]
+        for own, block, size in zip(measured, modelled, deviations, strict=True):
+            turned = [c * turn for c, turn in zip(block, turns, strict=True)]
+            for values, found in ((own, flat[0]), (turned, flat[1])):
+                found += [part / size for x in values for part in (mp.re(x), mp.im(x))]
+        return left(*flat, [], gain)
+
+    if angle is None:
+        with mp.workdps(15):
+            grid = [2 * mp.pi * i / _CIRCLE for i in range(_CIRCLE)]
+            near = min(grid, key=lambda one: mp.norm(at(one)))
+        angle = mp.findroot(
+            lambda one: mp.diff(lambda two: mp.fsum(x**2 for x in at(two)), one),
+            (near, near + mp.mpf(10) ** -3),
+            tol=mp.mpf(10) ** -70,
+        )
+    return at(angle)
