@@ -12,8 +12,10 @@ from scipy import special
 from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.data.status import flags_of
+from gearlib.tolerances.by_mesh import worst
 from gearlib.tolerances.designs import MOST, Designs
-from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs, pieces, worst
+from gearlib.tolerances.nearby import pieces
+from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs
 
 QUANTILES = (0.05, 0.5, 0.95)
 #: Points of the linear form, whose quantiles are told.
