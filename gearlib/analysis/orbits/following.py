@@ -44,6 +44,10 @@ _SHORTEST = 1.0 / 256.0
 _SINGULAR = 0.3
 
 
+#: Of one degree of freedom all of a state bends.
+_PLAIN = np.eye(2)
+
+
 class Failed(ArithmeticError):
     """The motion could not go on, or an equation has no derivative here."""
 
@@ -85,9 +89,12 @@ class _Condition:
         matrix, moved, code = propagator.map_slopes(z, along, model.repeats, MAX_EVENTS)
         _checked(moved, code)
         every = [propagator.nowhere] * len(z) + [*along]
-        tangents = np.hstack([bend, np.zeros((len(z), len(along)))])
+        tangents = np.zeros((len(z), len(every)))
+        tangents[:, : len(z)] = bend
         value, row = self.condition(propagator, z, every, tangents)
-        rows = np.vstack([np.hstack([bend @ matrix @ bend - np.eye(len(z)), bend @ moved]), row])
+        rows, n = np.empty((len(y), len(row))), len(z)
+        rows[:n, :n], rows[:n, n:], rows[n] = bend @ matrix @ bend, bend @ moved, row
+        rows[range(n), range(n)] -= 1.0
         miss = np.append(bend @ (_end(propagator, z, model.repeats) - z), value)
         return miss, rows[:, : len(y)], rows[:, len(y) :]
 
@@ -101,11 +108,18 @@ class Fold(_Condition):
         bend = bent(model)
         matrix, rates, code = propagator.map_rates(z, along, tangents, model.repeats, MAX_EVENTS)
         own = bend @ _checked(matrix, code) @ bend - np.eye(n)
-        # det A changes by adj(A) : dA, and the adjugate is there where A is singular.
-        u, sizes, v = np.linalg.svd(own)
-        others = [np.prod(np.delete(sizes, i)) for i in range(n)]
-        adjugate = np.linalg.det(u) * np.linalg.det(v) * (u * others) @ v
-        return np.linalg.det(own), np.tensordot(bend @ _checked(rates, code) @ bend, adjugate)
+        return _determinant_slopes(own, bend @ _checked(rates, code) @ bend)
+
+
+def _determinant_slopes(matrix, rates):
+    """Return det A and what it changes by with A, adj(A) : dA, also where A is singular."""
+    if len(matrix) == 2:
+        (a, b), (c, d) = matrix
+        return a * d - b * c, np.tensordot(rates, [[d, -c], [-b, a]])
+    u, sizes, v = np.linalg.svd(matrix)
+    others = [np.prod(np.delete(sizes, i)) for i in range(len(sizes))]
+    adjugate = np.linalg.det(u) * np.linalg.det(v) * (u * others) @ v
+    return np.linalg.det(matrix), np.tensordot(rates, adjugate)
 
 
 class Onset(_Condition):
@@ -156,6 +170,8 @@ class At:
 
 def bent(model):
     """Return what of a state bends the model, shape (n, n): all but its free rotation."""
+    if model.size == 2:
+        return _PLAIN
     reduce, lift = model.reduction()
     return lift @ reduce
 

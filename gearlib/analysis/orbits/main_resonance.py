@@ -129,6 +129,8 @@ def lasts(model, y):
     Of several coordinates periods may double on the way, or a torus begin: the motion has left the
     branch before.
     """
+    if model.size == 2:  # of damped motions the other one is below 1
+        return True
     multipliers = np.linalg.eigvals(Branch(model).evaluate(y).jacobian[:, :-1]) + 1.0
     others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
     return bool((np.abs(others) < 1.0 + _BEYOND).all())
