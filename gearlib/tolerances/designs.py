@@ -14,7 +14,6 @@ import numpy as np
 from scipy.stats import qmc
 
 from gearlib import checks, parameters
-from gearlib.models import derivatives
 from gearlib.models.derivatives import unchecked
 from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.mesh import Mesh
@@ -26,7 +25,7 @@ from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.models.trains import train_slopes
-from gearlib.tolerances import distributions
+from gearlib.tolerances import distributions, nearby
 
 #: Most points that there are: Sobol' numbers have so many bits.
 _BITS = 30
@@ -35,8 +34,6 @@ MOST = 2**_BITS
 _BLOCK = 1024
 #: Dimensions beside those of the parameters, of a start: displacement and velocity.
 STARTS = 2
-#: Share of a standard deviation over which differences are taken.
-_APART = 1e-3
 #: Damping in contact, of which there is one.
 _DAMPINGS = {"damping_ratio", "material_damping", "logarithmic_decrement"}
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
@@ -345,67 +342,14 @@ class Designs:
         """Return (CF units, words) of a parameter."""
         return self.source.described.get(name, ("1", name))
 
-    def nearby(self):
-        """Yield models a little ahead of the nominal one and behind it, and how far apart.
-
-        Two for each parameter, in its unit.
-        """
-        centres = self.tolerances.centres
-        for i, one in enumerate(self.tolerances.marginals.values()):
-            step = np.zeros(centres.size)
-            step[i] = _APART * one.std
-            yield self.model(centres + step), self.model(centres - step), 2.0 * step[i]
-
     @cached_property
     def fields(self):
-        """Return (names, jacobian): by what the nominal model is differentiated.
-
-        `jacobian`, shape (f, k), are the derivatives of these by the parameters that scatter:
-        exactly one to one where both are the same, else by central differences of the formulas of
-        ratios, drawings and functions. Names of trains of a function are directions. None are
-        there where what scatters is none of `Model.derivatives`.
-        """
+        """Return (names, jacobian), see `gearlib.tolerances.nearby.fields`."""
         known = set(self.nominal.derivatives)
         if isinstance(self.source, OfModel) and not set(self.names) & set(RATIOS):
             own = tuple(name for name in self.names if name in known)
             return own, np.array([[float(a == b) for b in self.names] for a in own])
-        none = (), np.zeros((0, len(self.names)))
-        try:
-            both = list(self.nearby())
-        except ValueError:
-            return none
-        if self.nominal.train is self.nominal:
-            found = [train_slopes.between(*one) for one in both]
-            if None in found or not all(map(self._differentiable, found)):
-                return none
-            return tuple(found), np.eye(len(self.names))
-        mine = [one for one in derivatives.settable(self.nominal) if one in known]
-        if not all(_alike(self.nominal, model, mine) for ends in both for model in ends[:2]):
-            return none
-        change = [
-            [(ahead.value(name) - behind.value(name)) / apart for ahead, behind, apart in both]
-            for name in mine
-        ]
-        jacobian = np.nan_to_num(np.array(change))
-        moved = np.abs(jacobian).max(axis=1) > 0.0
-        return tuple(np.array(mine)[moved].tolist()), jacobian[moved]
-
-    def _differentiable(self, direction):
-        try:
-            self.nominal.complex_step(self.nominal.direction(direction))
-        except ValueError:
-            return False
-        return True
-
-
-def _alike(model, other, names):
-    """Return whether two models differ in some of their derivatives and in nothing else."""
-    if type(model) is not type(other):
-        return False
-    try:
-        return model.with_values({name: other.value(name) for name in names}) == other
-    except ValueError:
-        return False
+        return nearby.fields(self)
 
 
 def _plain(model):

@@ -5,6 +5,8 @@ follows from that of the parameters without another design. What this misses is 
 that are followed: at both ends of each parameter, and at samples.
 """
 
+from functools import cached_property
+
 import numpy as np
 import xarray as xr
 from scipy import special
@@ -12,8 +14,10 @@ from scipy import special
 from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.data.status import flags_of
+from gearlib.tolerances.by_mesh import worst
 from gearlib.tolerances.designs import MOST, Designs
-from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs, pieces, worst
+from gearlib.tolerances.nearby import pieces
+from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs
 
 QUANTILES = (0.05, 0.5, 0.95)
 #: Points of the linear form, whose quantiles are told.
@@ -157,20 +161,31 @@ class Linear:
 
     def __init__(self, quantities, forms, designs):
         self.quantities, self.forms = quantities, forms
-        self.centres = designs.tolerances.centres
+        self.designs, self.centres = designs, designs.tolerances.centres
         covariance = designs.tolerances.covariance
         k = len(self.centres)
         self.nominal = self.of(np.zeros((1, k)))[0]
-        self.changes = designs.values(designs.points(0, _POINTS)) - self.centres
-        self.drawn = self.of(self.changes)
         self.deviations = np.array([
-            np.sqrt(slopes[0] @ covariance @ slopes[0]) if len(slopes) == 1 else drawn.std()
-            for (_, slopes), drawn in zip(forms, self.drawn.T, strict=True)
+            np.sqrt(own[0] @ covariance @ own[0]) if len(own) == 1 else self.drawn[:, i].std()
+            for i, (_, own) in enumerate(forms)
         ])  # fmt: skip
         steps = np.diag(np.sqrt(np.diag(covariance)))
         ahead, behind = (self.of(sign * steps).T - self.nominal[:, None] for sign in (1.0, -1.0))
         # Where another mesh becomes the worst both sides differ: the larger one is told.
         self.effects = np.where(np.abs(ahead) >= np.abs(behind), ahead, -behind)
+        for i, (_, slopes) in enumerate(forms):
+            if len(slopes) == 1:
+                self.effects[i] = slopes[0] @ steps
+
+    @cached_property
+    def changes(self):
+        """Points of what scatters, about the nominal design, shape (p, k)."""
+        return self.designs.values(self.designs.points(0, _POINTS)) - self.centres
+
+    @cached_property
+    def drawn(self):
+        """The quantities at these points, shape (p, q)."""
+        return self.of(self.changes)
 
     def of(self, changes):
         """Return the quantities at changes of what scatters, (n, k), shape (n, q)."""

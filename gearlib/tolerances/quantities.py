@@ -5,21 +5,28 @@ Where one is lost on the way the main resonance of the design is searched anew.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits.following import At, Fold, Onset, Start, extrema_slopes
-from gearlib.analysis.orbits.main_resonance import Branch, Resonance, Top, fall, higher, top
-from gearlib.analysis.orbits.mean_forces import mean_forces
+from gearlib.analysis.orbits.main_resonance import (
+    Branch,
+    Resonance,
+    Top,
+    fall,
+    higher,
+    lasts,
+    top,
+)
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.kernels import orbit as columns
 from gearlib.models.derivatives import STEP
-from gearlib.models.trains.statics import branches
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
+from gearlib.tolerances.by_mesh import SHARES, measure, measured, share_slopes, worst
 
 #: What a code says, 0 first.
 CODES = ("found", "there_is_none", "not_followed")
@@ -35,19 +42,9 @@ _NAMES = {"onset_of_contact_loss": "onset"}
 #: higher branch, ``fall``.
 _SEARCHED = {"onset": "onset", "jump_up": "jump_up", "first_fold": "jump_down"}
 _PEAKS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
-_SHARES = {"load_sharing", "least_load_sharing"}
-_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SHARES}
-#: Of several meshes the least value counts.
-_LEAST = {"contact_margin", "least_load_sharing"}
-
-
-class _Orbit(NamedTuple):
-    """What `mean_forces` takes of an orbit."""
-
-    pair: Any
-    tuning: float
-    period: int
-    state: np.ndarray
+_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *SHARES}
+#: Meshes whose least displacements differ by less lose contact together, static deflections.
+_TOGETHER = 1e-9
 
 
 class _Place(NamedTuple):
@@ -98,8 +95,8 @@ class Followed:
         duty = _DUTY & set(self.quantities)
         if duty and speed is None:
             raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
-        if duty & _SHARES and not model.mesh_names:
-            name = min(duty & _SHARES)
+        if duty & SHARES and not model.mesh_names:
+            name = min(duty & SHARES)
             raise ValueError(f"quantities = {name!r} is not allowed: it is one of trains")
         if "transmission_error" in duty and model.equation and len(model.equation.deviation):
             raise ValueError(
@@ -107,14 +104,22 @@ class Followed:
                 "the flanks: its displacement is that of the flanks"
             )
         followed = set(self.quantities) - duty
-        special = model.size == 2 and model.repeats == 1 and model.kind().map_rates is not None
+        one = model.size == 2 and model.repeats == 1
+        special = model.kind().map_rates is not None and (one or model.equation is None)
         if followed and not special or model.kind().map_slopes is None:
             raise ValueError(
                 f"quantities = {min(followed or duty)!r} is not allowed for this "
-                f"{type(model).__name__}: special points are followed of models with one degree of "
-                "freedom and derivatives, orbits at the duty point of models with derivatives"
+                f"{type(model).__name__}: what is followed are special points and orbits of models "
+                "with derivatives"
+            )
+        if {*_PEAKS} & followed and not one:
+            raise ValueError(
+                f"quantities = {min({*_PEAKS} & followed)!r} is not allowed for this "
+                f"{type(model).__name__}: peaks are followed of models with one degree of freedom"
             )
         self.starts: dict = {}
+        #: Meshes that lose contact at the same speed.
+        self._together = np.array([0])
         if duty:
             tuning = check_speed(model, "speed", speed)
             orbit = periodic_orbit(model, tuning, period=model.repeats)
@@ -124,6 +129,11 @@ class Followed:
             for name, field in _SEARCHED.items():
                 kind = Onset if name == "onset" else Fold
                 self.starts[name] = _start(kind(), model, getattr(found, field))
+            if found.onset is not None:
+                propagator = model.propagator(found.onset[-1])
+                _, summary, _ = propagator.record(found.onset[:-1], model.repeats, MAX_EVENTS)
+                apart = np.atleast_2d(summary)[:, columns.X_MIN] - model.flank_lines[0]
+                self._together = np.flatnonzero(np.ravel(apart) < _TOGETHER)
             down = fall(model, found.jump_down)
             own = None if down is found.jump_down else down
             self.starts["fall"] = _start(Fold(), model, own)
@@ -170,7 +180,8 @@ class Followed:
                 found.append(-1)
                 continue
             if name in _SPEEDS:
-                propagator, z, period = model.propagator(place.y[2]), place.y[:2], 1
+                propagator, z = model.propagator(place.y[-1]), place.y[:-1]
+                period = model.repeats
             else:
                 propagator, z, period = self._orbit(name, model, place)
             found.append(len(propagator.record(z, period, MAX_EVENTS)[0]))
@@ -197,7 +208,10 @@ class Followed:
         if name in _DUTY:
             return self._at(model, "duty", known)
         if name in _SPEEDS:
-            return self._at(model, _NAMES.get(name, name), known)
+            place, code = self._at(model, _NAMES.get(name, name), known)
+            if place is not None and _SPEEDS[name] is Fold and not lasts(model, place.y):
+                return None, LOST
+            return place, code
         if self.starts[name] is not None:
             place, code = self._at(model, name, known)
             if code == FOUND and _stable(model, place.y):
@@ -252,12 +266,14 @@ class Followed:
     def _every(self, name, model, place):
         """Return the values of a quantity of all meshes, of which the worst counts."""
         if name in _SPEEDS:
-            return np.array([float(model.speed(place.y[2]))])
+            # Meshes that lose contact together do so one by one in other designs.
+            count = max(len(self._together), 1) if _SPEEDS[name] is Onset else 1
+            return np.full(count, float(model.speed(place.y[-1])))
         propagator, z, period = self._orbit(name, model, place)
         _, summary, _ = propagator.record(z, period, MAX_EVENTS)
-        if name in _SHARES:
+        if name in SHARES:
             return model.more_summary((), summary, 2.0 * math.pi * period)["load_sharing"][1]
-        return np.array([value for _, value in _measured(name, model, summary)])
+        return np.array([value for _, value in measured(name, model, summary)])
 
     def _slopes(self, name, place):
         """Return the derivatives of what `_every` returns by the parameters, shape (m, k)."""
@@ -271,11 +287,14 @@ class Followed:
         else:
             moved = self.starts[place.kind].slopes(names)
         if name in _SPEEDS:
-            rate = float(model.speed(1.0))
-            return [rate * moved[2] + y[2] * following.speed_slopes(model, names)]
+            rate, grown = float(model.speed(1.0)), following.speed_slopes(model, names)
+            rows = [moved]
+            if len(self._together) > 1 and _SPEEDS[name] is Onset:
+                rows = [following.slopes(Onset(one), model, y, names) for one in self._together]
+            return [rate * row[-1] + y[-1] * grown for row in rows]
         propagator, z, period = self._orbit(name, model, place)
-        if name in _SHARES:
-            return _share_slopes(model, propagator.tuning, z, period, names, moved)
+        if name in SHARES:
+            return share_slopes(model, propagator.tuning, z, period, names, moved)
         if name in _PEAKS:
             by_tuning = moved[2]
         else:
@@ -286,19 +305,11 @@ class Followed:
         rows = slopes.reshape(4, -1, len(names))
         twins = [model.complex_step(model.direction(one)) for one in names]
         found = []
-        for mesh, value in _measured(name, model, summary):
-            row, scale = _measure(name, model, mesh)
-            grown = [np.imag(_measure(name, twin, mesh)[1] + 0j) / STEP for twin in twins]
+        for mesh, value in measured(name, model, summary):
+            row, scale = measure(name, model, mesh)
+            grown = [np.imag(measure(name, twin, mesh)[1] + 0j) / STEP for twin in twins]
             found.append(row @ rows[:, mesh] * scale + value / scale * np.array(grown))
         return found
-
-
-def worst(name, values):
-    """Return which mesh a quantity is of, shape (...), of values by mesh, shape (..., m)."""
-    # There are no dynamic factors without load.
-    if name in _LEAST:
-        return np.argmin(np.where(np.isnan(values), np.inf, values), axis=-1)
-    return np.argmax(np.where(np.isnan(values), -np.inf, values), axis=-1)
 
 
 def names_of(key, given, allowed):
@@ -322,45 +333,6 @@ def _start(condition, model, guess):
 def _stable(model, y):
     """Return whether a point of the branch lies before its fold."""
     return Branch(model).evaluate(y).turning > 0.0
-
-
-def _measured(name, model, summary):
-    """Return (number of a mesh, value) of all meshes that may count from a summary, SI."""
-    table = np.atleast_2d(summary)
-    meshes = range(len(table))
-    if name == "transmission_error" and model.mesh_names:
-        meshes = [model.mesh_names.index(model.reference)]
-    found = []
-    for mesh in meshes:
-        row, scale = _measure(name, model, mesh)
-        found.append((mesh, row @ table[mesh, :4] * scale))
-    return found
-
-
-def _share_slopes(model, tuning, z, period, names, moved):
-    """Return the derivatives of the load sharing of every mesh of a train, shape (m, k)."""
-    forces, slopes = mean_forces(_Orbit(model, tuning, period, z), names, moved)
-    groups, found = branches(model), np.empty_like(slopes)
-    for group in set(groups):
-        own = [j for j, other in enumerate(groups) if other == group]
-        mean, rate = forces[own].mean(), slopes[own].mean(axis=0)
-        found[own] = (slopes[own] - np.outer(forces[own] / mean, rate)) / mean
-    return found
-
-
-def _measure(name, model, mesh):
-    """Return what a quantity is of the extrema of a mesh, (4,), and its scale in SI."""
-    row = np.zeros(4)
-    if name in ("peak", "transmission_error"):
-        row[columns.X_MAX] = 1.0
-    if name in ("contact_margin", "transmission_error"):
-        row[columns.X_MIN] = 1.0 if name == "contact_margin" else -1.0
-    if row.any():
-        return row, model.static_deflection
-    row[columns.FORCE_MAX] = 1.0
-    if name == "force":
-        return row, model.load
-    return row, 1.0 / model.mean_forces[mesh] if model.mesh_names else 1.0
 
 
 def _with_tuning(propagator, model, names, by_tuning):
@@ -389,21 +361,3 @@ def of_designs(follow, designs, values, done=lambda count: None):
                 found[i], codes[i] = follow(model)
         done(len(models))
     return found, codes, refusals
-
-
-def pieces(follow, designs):
-    """Return `Followed.pieces` by what scatters.
-
-    Derivatives are exact where the model has them by what scatters, by the formulas of the drawing
-    or of the function; else central differences of designs that are followed.
-    """
-    fields, jacobian = designs.fields
-    if fields:
-        return [(values, slopes @ jacobian) for values, slopes in follow.pieces]
-    columns: list = [[] for _ in follow.pieces]
-    for ahead, behind, apart in designs.nearby():
-        ends = zip(columns, follow.every(ahead), follow.every(behind), strict=True)
-        for column, high, low in ends:
-            column.append((high - low) / apart)
-    whole = zip(follow.pieces, columns, strict=True)
-    return [(values, np.transpose(column)) for (values, _), column in whole]

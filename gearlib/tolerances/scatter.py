@@ -21,6 +21,7 @@ from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
 from gearlib.tolerances.linear_scatter import Linear
+from gearlib.tolerances.nearby import pieces
 from gearlib.tolerances.quantities import (
     CODES,
     NO_DESIGN,
@@ -28,7 +29,6 @@ from gearlib.tolerances.quantities import (
     Followed,
     names_of,
     of_designs,
-    pieces,
 )
 
 _FLAGS = {

@@ -15,7 +15,8 @@ from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.tolerances.designs import MOST, Designs
 from gearlib.tolerances.linear_scatter import Linear
-from gearlib.tolerances.quantities import QUANTITIES, Followed, of_designs, pieces
+from gearlib.tolerances.nearby import pieces
+from gearlib.tolerances.quantities import QUANTITIES, Followed, of_designs
 
 #: Trials of a share, the first of them at most, and how near to the limit the designs then come, as
 #: a share of the margin.

@@ -8,9 +8,23 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits import special_points as special
+from gearlib.analysis.orbits.linear_orbits import linear_orbits
 from gearlib.analysis.orbits.main_resonance import Resonance, fall
+from gearlib.data.lost_contact import ROUNDING
+from gearlib.kernels import orbit as columns
 from gearlib.tolerances.quantities import FOUND, NONE, QUANTITIES, Followed
 from tests.paper import PAPER
+from tests.properties.known_models import GEARS, gears
+
+#: What a tangential pin error of the first planet is of a train.
+TANGENTIAL = {("body", "planet 1", "offset", 1): 1.0}
+
+
+def pins(error):
+    """Return a planetary set with a tangential error of its first pin, m."""
+    errors = [(0.0, error), (0.0, 0.0), (0.0, 0.0)]
+    return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors)
+
 
 DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
 #: The largest motion of the first lies at its fold, that of the second on the way to it.
@@ -165,10 +179,60 @@ def test_what_cannot_be_followed_is_refused():
         Followed(DAMPED, (), ("force",))
     with pytest.raises(ValueError, match="load_sharing' is not allowed: it is one of trains"):
         Followed(DAMPED, (), ("load_sharing",), speed=1000.0)
-    with pytest.raises(
-        ValueError, match="^quantities = 'jump_up' is not allowed for this GearTrain"
-    ):
-        Followed(gearlib.planetary(), (), ("jump_up",))
+    with pytest.raises(ValueError, match="^quantities = 'peak' is not allowed for this GearTrain"):
+        Followed(gearlib.planetary(), (), ("peak",))
+
+
+@pytest.mark.parametrize("model", [GEARS, gears(5e8, material=4.5e3), pins(5e-6)])
+def test_the_linear_orbit_is_that_of_a_motion_in_contact(model):
+    (state,), ((high, low),) = linear_orbits(model, [0.5])
+    orbit = gearlib.periodic_orbit(model, 0.5, period=model.repeats)
+    reduce, _ = model.reduction()
+    assert reduce @ (np.array(orbit.state) - state) == pytest.approx(0.0, abs=1e-12)
+    # Extrema are those at the ends of pieces.
+    summary = model.propagator(0.5).record(orbit.state, model.repeats, 1000)[1]
+    table = np.atleast_2d(summary)[:, [columns.X_MAX, columns.X_MIN]]
+    assert low == pytest.approx(table[:, 1].min(), rel=0.05)
+    assert high - low == pytest.approx(np.ptp(table, axis=1).max(), rel=0.05)
+
+
+def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
+    model = gears(5e8, material=4.5e3, oil=300.0)
+    names = ("max_stiffness", "material_damping")
+    follow = Followed(model, names, ("onset_of_contact_loss", "jump_up", "jump_down"))
+    low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))
+    up = gearlib.continue_orbit(gearlib.periodic_orbit(model, low), to=high)
+    places = [
+        np.flatnonzero(up.label.values == label)[0] for label in (special.GRAZING, special.FOLD)
+    ]
+    assert follow.nominal[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
+    # On the way down the period doubles before the fold.
+    assert np.isnan(follow.nominal[2])
+    for name, own in zip(names, follow.gradient.T, strict=True):
+        (ahead, right), (behind, left) = (
+            following.moved(model, name, share) for share in (1e-5, -1e-5)
+        )
+        slope = (follow(ahead)[0] - follow(behind)[0])[:2] / (right - left)
+        assert slope == pytest.approx(own[:2], rel=1e-5), name
+
+
+def test_a_train_whose_planets_are_alike_loses_contact_at_the_worst_of_them():
+    follow = Followed(pins(0.0), (TANGENTIAL,), ("onset_of_contact_loss", "jump_up"))
+    (values, slopes), _ = follow.pieces
+    assert len(values) == 3 and np.ptp(values) == 0.0
+    size = 1e-7
+    for sign in (1.0, -1.0):
+        found = follow(pins(sign * size))[0][0] - values[0]
+        # In first order of the error.
+        assert found == pytest.approx((sign * size * slopes).min(), rel=0.01)
+    # A sweep loses contact and jumps there.
+    train, (onset, jump) = pins(0.0), follow.nominal
+    speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
+    run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
+    lost = (run.fraction_normal < 1.0 - ROUNDING).any("mesh")
+    assert lost.values.tolist() == [False, False, True, True, True]
+    height = (run.displacement_max - run.displacement_min).max("mesh").values
+    assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
 
 
 def test_taylor_steps_find_the_same(followed):

@@ -397,3 +397,14 @@ def test_pairs_of_constant_stiffness_have_peaks_or_a_code(ratio):
     pair = PAIR.replace(contact_ratio=ratio)
     found = gearlib.scatter(pair, {"load": {"std": "5%"}}, ("peak", "jump_up"), n=2)
     assert (found.jump_up_status == 1).all() and (found.peak_status != -1).all()
+
+
+def test_where_nothing_else_can_be_built_all_samples_are_refused():
+    def only(load):
+        if load != 3300.0:
+            raise ValueError(f"load = {load!r} is not allowed")
+        return PAIR.replace(load=load)
+
+    found = gearlib.scatter(only, {"load": {"mean": 3300.0, "std": 9.0}}, ("jump_up",), n=4)
+    assert (found.jump_up_status == -1).all() and (found.refusal != "").all()
+    assert np.isfinite(found.jump_up_nominal) and np.isnan(found.jump_up_first_order)

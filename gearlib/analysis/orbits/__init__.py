@@ -12,6 +12,7 @@ module                   responsibility
 ``touching``             how far an orbit's turning points lie from the flank lines
 ``mean_forces``          mean mesh forces of an orbit of a train, and their derivatives
 ``loci``                 `locus`: folds and grazings over two parameters
+``linear_orbits``        the orbit of flanks that never part, over the tuning
 ``following``            folds, onsets and orbits followed from one model to others
 ``main_resonance``       where contact is lost, both jumps, the top of a branch
 ``orbit_sensitivities``  derivatives of orbits, multipliers and folds by parameters

@@ -44,6 +44,10 @@ _SHORTEST = 1.0 / 256.0
 _SINGULAR = 0.3
 
 
+#: Of one degree of freedom all of a state bends.
+_PLAIN = np.eye(2)
+
+
 class Failed(ArithmeticError):
     """The motion could not go on, or an equation has no derivative here."""
 
@@ -62,17 +66,17 @@ def _checked(values, code):
 
 
 class _Condition:
-    """Equations of models with one degree of freedom, over state and tuning."""
-
-    def __init__(self, period=1):
-        self.period = period
+    """Equations over state and tuning; a free rotation stays as it is."""
 
     def tuning(self, model, y):
         """Return the tuning of unknowns."""
         return y[-1]
 
-    def condition(self, propagator, z, along):
-        """Return the value of the last equation and its derivatives, shape (3 + k,)."""
+    def condition(self, propagator, z, along, tangents):
+        """Return the value of the last equation and its derivatives, shape (n + 1 + k,).
+
+        Those of the first n directions are by the state, along `tangents`, shape (n, n + 1 + k).
+        """
         raise NotImplementedError
 
     def evaluate(self, model, y, names=(), last=None):
@@ -80,41 +84,61 @@ class _Condition:
 
         `last` is (y, residuals, derivatives) of a point nearby, for conditions without exact ones.
         """
-        z, propagator = y[:2], model.propagator(y[2])
+        z, propagator, bend = y[:-1], model.propagator(y[-1]), bent(model)
         along = propagator.directions(model, ("tuning", *names))
-        matrix, moved, code = propagator.map_slopes(z, along, self.period, MAX_EVENTS)
+        matrix, moved, code = propagator.map_slopes(z, along, model.repeats, MAX_EVENTS)
         _checked(moved, code)
-        value, row = self.condition(propagator, z, along)
-        rows = np.vstack([np.hstack([matrix - np.eye(2), moved]), row])
-        miss = np.append(_end(propagator, z, self.period) - z, value)
-        return miss, rows[:, :3], rows[:, 3:]
+        every = [propagator.nowhere] * len(z) + [*along]
+        tangents = np.zeros((len(z), len(every)))
+        tangents[:, : len(z)] = bend
+        value, row = self.condition(propagator, z, every, tangents)
+        rows, n = np.empty((len(y), len(row))), len(z)
+        rows[:n, :n], rows[:n, n:], rows[n] = bend @ matrix @ bend, bend @ moved, row
+        rows[range(n), range(n)] -= 1.0
+        miss = np.append(bend @ (_end(propagator, z, model.repeats) - z), value)
+        return miss, rows[:, : len(y)], rows[:, len(y) :]
 
 
 class Fold(_Condition):
     """A multiplier is 1, and the branch turns round."""
 
-    def condition(self, propagator, z, along):
+    def condition(self, propagator, z, along, tangents):
         """As of `_Condition`."""
-        # By the state, then by the parameters.
-        along = [propagator.nowhere, propagator.nowhere, *along]
-        tangents = np.zeros((2, len(along)))
-        tangents[0, 0] = tangents[1, 1] = 1.0
-        matrix, rates, code = propagator.map_rates(z, along, tangents, self.period, MAX_EVENTS)
-        (a, b), (c, d) = _checked(matrix, code) - np.eye(2)
-        return a * d - b * c, np.tensordot(_checked(rates, code), [[d, -c], [-b, a]])
+        model, n = propagator.model, len(z)
+        bend = bent(model)
+        matrix, rates, code = propagator.map_rates(z, along, tangents, model.repeats, MAX_EVENTS)
+        own = bend @ _checked(matrix, code) @ bend - np.eye(n)
+        return _determinant_slopes(own, bend @ _checked(rates, code) @ bend)
+
+
+def _determinant_slopes(matrix, rates):
+    """Return det A and what it changes by with A, adj(A) : dA, also where A is singular."""
+    if len(matrix) == 2:
+        (a, b), (c, d) = matrix
+        return a * d - b * c, np.tensordot(rates, [[d, -c], [-b, a]])
+    u, sizes, v = np.linalg.svd(matrix)
+    others = [np.prod(np.delete(sizes, i)) for i in range(len(sizes))]
+    adjugate = np.linalg.det(u) * np.linalg.det(v) * (u * others) @ v
+    return np.linalg.det(matrix), np.tensordot(rates, adjugate)
 
 
 class Onset(_Condition):
-    """The orbit just comes to the flank line: where contact is lost first."""
+    """The orbit just comes to the flank line: where contact is lost first.
 
-    def condition(self, propagator, z, along):
+    Of several meshes that of the number `mesh`, by default the one that comes nearest.
+    """
+
+    def __init__(self, mesh=None):
+        self.mesh = mesh
+
+    def condition(self, propagator, z, along, tangents):
         """As of `_Condition`."""
-        _, summary, _ = propagator.record(z, self.period, MAX_EVENTS)
-        along = [propagator.nowhere, propagator.nowhere, *along]
-        tangents = np.zeros((2, len(along)))
-        tangents[0, 0] = tangents[1, 1] = 1.0
-        rows, _ = extrema_slopes(propagator, z, along, tangents, self.period)
-        return summary[columns.X_MIN] - propagator.model.flank_lines[0], rows[1]
+        model = propagator.model
+        _, summary, _ = propagator.record(z, model.repeats, MAX_EVENTS)
+        rows, _ = extrema_slopes(propagator, z, along, tangents, model.repeats)
+        apart = np.ravel(np.atleast_2d(summary)[:, columns.X_MIN] - model.flank_lines[0])
+        mesh = int(np.argmin(apart)) if self.mesh is None else self.mesh
+        return apart[mesh], rows.reshape(4, apart.size, -1)[1, mesh]
 
 
 class At:
@@ -129,12 +153,11 @@ class At:
 
     def evaluate(self, model, y, names=(), last=None):
         """As of `_Condition`; a free rotation stays as it is."""
-        tuning, (reduce, lift) = self.tuning(model, y), model.reduction()
+        tuning, bend = self.tuning(model, y), bent(model)
         propagator, unit = model.propagator(tuning), np.eye(len(y))
-        bent = lift @ reduce
         end, maps, code = propagator.maps(y, self.period, MAX_EVENTS)
         _checked(maps, code)
-        matrix, moved = bent, np.zeros((len(y), 0))
+        matrix, moved = bend, np.zeros((len(y), 0))
         for one in maps:
             matrix = one @ matrix
         if names:
@@ -142,7 +165,15 @@ class At:
             _, moved, code = propagator.map_slopes(y, along, self.period, MAX_EVENTS)
             _checked(moved, code)
             moved = moved[:, 1:] + np.outer(moved[:, 0], tuning_slopes(model, tuning, names))
-        return bent @ (end - y), bent @ matrix - unit, bent @ moved
+        return bend @ (end - y), bend @ matrix - unit, bend @ moved
+
+
+def bent(model):
+    """Return what of a state bends the model, shape (n, n): all but its free rotation."""
+    if model.size == 2:
+        return _PLAIN
+    reduce, lift = model.reduction()
+    return lift @ reduce
 
 
 def tuning_slopes(model, tuning, names):
@@ -283,7 +314,7 @@ def _value(model, name):
 
 def moved(model, name, share):
     """Return (model with one parameter changed by about a share of it, by how much)."""
-    if model.train is not None:
+    if model.train is model:
         return _moved_train(model, model.direction(name), share)
     value = _value(model, name)
     step = share * (abs(value) or 1.0)

@@ -12,10 +12,12 @@ from gearlib.analysis.orbits.following import (
     Failed,
     Fold,
     Onset,
+    bent,
     extrema_slopes,
     solve,
 )
 from gearlib.analysis.orbits.following import moved as differing
+from gearlib.analysis.orbits.linear_orbits import linear_orbits
 from gearlib.analysis.orbits.tracing import Lost, advance, correct, tangent
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
@@ -33,6 +35,8 @@ _HALVINGS = 30
 _BEHIND, _SETTLING = 0.998, 200
 #: How often a motion may jump up before it falls.
 _CLIMBS = 4
+#: A multiplier by which small deviations grow, over 1.
+_BEYOND = 1e-6
 #: Step of differences.
 _DIFFERENCE = 1e-6
 _ROUNDING = 1e-12
@@ -41,69 +45,59 @@ _ROUNDING = 1e-12
 class Branch:
     """The shooting equation of a model over state and tuning, as a problem of `tracing`."""
 
-    def __init__(self, model, period=1):
-        self.model, self.period = model, period
+    def __init__(self, model):
+        self.model = model
 
     def evaluate(self, y):
         """Return the `_Orbit` at y."""
-        if not y[2] > 0.0:
+        if not y[-1] > 0.0:
             raise Lost("no tuning is left")
-        return _Orbit(self.model, y, self.period)
+        return _Orbit(self.model, y)
 
 
 class _Orbit:
-    def __init__(self, model, y, period):
-        self.y, self.period, self.propagator = y, period, model.propagator(y[2])
-        z, propagator = y[:2], self.propagator
+    def __init__(self, model, y):
+        self.y, self.period, self.propagator = y, model.repeats, model.propagator(y[-1])
+        z, propagator = y[:-1], self.propagator
         self._tuning = propagator.directions(model, ("tuning",))
-        matrix, moved, code = propagator.map_slopes(z, self._tuning, period, MAX_EVENTS)
-        end, _, done = propagator.maps(z, period, MAX_EVENTS)
+        matrix, moved, code = propagator.map_slopes(z, self._tuning, self.period, MAX_EVENTS)
+        end, _, done = propagator.maps(z, self.period, MAX_EVENTS)
         if code != status.OK or done != status.OK or not np.isfinite(moved).all():
             raise Lost("the motion could not go on")
-        self.miss = end - z
-        self.jacobian = np.hstack([matrix - np.eye(2), moved])
+        self.bent = bent(model)
+        self.miss = self.bent @ (end - z)
+        own = self.bent @ matrix @ self.bent - np.eye(len(z))
+        self.jacobian = np.hstack([own, self.bent @ moved])
         self.small = np.abs(self.miss).max() <= _ROUNDING * max(1.0, 1e-2 * np.abs(z).max())
 
     @property
     def turning(self):
         """The function that is zero at folds."""
-        return np.linalg.det(self.jacobian[:, :2])
+        return np.linalg.det(self.jacobian[:, :-1])
 
     def slopes(self):
-        """Return derivatives of the extrema by the unknowns, (4, 3), as of `extrema_slopes`."""
-        nowhere = self.propagator.nowhere
-        along = [nowhere, nowhere, *self._tuning]
-        return extrema_slopes(self.propagator, self.y[:2], along, np.eye(2, 3), self.period)[0]
+        """Return derivatives of the extrema by the unknowns, (4, n + 1), of `extrema_slopes`."""
+        z = self.y[:-1]
+        along = [self.propagator.nowhere] * len(z) + [*self._tuning]
+        tangents = np.hstack([self.bent, np.zeros((len(z), 1))])
+        return extrema_slopes(self.propagator, z, along, tangents, self.period)[0]
 
     def extrema(self):
-        """Return largest and least displacement and force."""
-        return self.propagator.record(self.y[:2], self.period, MAX_EVENTS)[1][:4]
-
-
-def linear_orbits(model):
-    """Return states (k, 2), largest and least displacement (k,) of the orbit in contact."""
-    linear = model.replace(backlash=0.0)
-    states, extrema = np.empty((len(_TUNINGS), 2)), np.empty((len(_TUNINGS), 2))
-    for i, tuning in enumerate(_TUNINGS):
-        propagator = linear.propagator(tuning)
-        end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
-        states[i] = np.linalg.solve(np.eye(2) - maps[0], end)
-        _, summary, _ = propagator.record(states[i], 1, MAX_EVENTS)
-        extrema[i] = summary[[columns.X_MAX, columns.X_MIN]]
-    return states, extrema - linear.flank_lines[0]
+        """Return largest and least displacement and force, of several meshes (m, 4)."""
+        return self.propagator.record(self.y[:-1], self.period, MAX_EVENTS)[1][..., :4]
 
 
 class Resonance:
-    """The special points of the main resonance of a model with one degree of freedom.
+    """The special points of the main resonance of a model.
 
-    Each is y = (displacement, dx/dtau, tuning), None where there is none: ``onset`` where contact
+    Each is y = (state, tuning), None where there is none: ``onset`` where contact
     is lost going up, ``upper`` coming down, ``jump_up`` and ``jump_down``. ``start`` is the orbit
     at which the resonance is entered from above.
     """
 
     def __init__(self, model):
         self.model = model
-        states, extrema = linear_orbits(model)
+        states, extrema = linear_orbits(model, _TUNINGS)
         height = np.where(_RESONANCE, extrema[:, 0] - extrema[:, 1], -np.inf)
         peak = int(height.argmax())
         lost = extrema[:, 1] < 0.0
@@ -129,20 +123,34 @@ class Resonance:
         return _first_fold(self.model, y, way, other)
 
 
+def lasts(model, y):
+    """Return whether a motion is stable up to a fold: no other multiplier is beyond 1.
+
+    Of several coordinates periods may double on the way, or a torus begin: the motion has left the
+    branch before.
+    """
+    if model.size == 2:  # of damped motions the other one is below 1
+        return True
+    multipliers = np.linalg.eigvals(Branch(model).evaluate(y).jacobian[:, :-1]) + 1.0
+    others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+    return bool((np.abs(others) < 1.0 + _BEYOND).all())
+
+
 def higher(model, y):
-    """Return (displacement, dx/dtau, tuning) to which a motion jumps up at a fold, or None.
+    """Return (state, tuning) to which a motion jumps up at a fold, or None.
 
     The speed falls, and the motion falls with it at most folds; where it begins to strike the far
     flank it jumps up to a higher branch instead.
     """
-    asked = {"record_periods": 1, "initial_state": tuple(y[:2])}
+    n = model.repeats
+    asked = {"record_periods": n, "initial_state": tuple(y[:-1])}
     before, behind = (
-        run(model, share * y[2], 1, periods=periods, **asked)
+        run(model, share * y[-1], 1, periods=periods * n, **asked)
         for share, periods in ((1.0, 1), (_BEHIND, _SETTLING))
     )
-    if behind.table[columns.X_MAX] <= before.table[columns.X_MAX]:
+    if behind.table[..., columns.X_MAX].max() <= before.table[..., columns.X_MAX].max():
         return None
-    return np.append(behind.end, _BEHIND * y[2])
+    return np.append(behind.end, _BEHIND * y[-1])
 
 
 def fall(model, y):
@@ -166,14 +174,16 @@ def _first_fold(model, y, way, other=None):
     before = None
     branch = Branch(model)
     orbit = branch.evaluate(y)
-    along = tangent(orbit.jacobian, np.array([0.0, 0.0, way]))
-    for here, _ in walk(branch, orbit, along):
-        if before is not None and before.turning * here.turning < 0.0:
+    along = last = tangent(orbit.jacobian, np.append(np.zeros(len(y) - 1), way))
+    for here, ahead in walk(branch, orbit, along):
+        # Where branches cross the tuning goes on.
+        turned = last[-1] * ahead[-1] < 0.0
+        if before is not None and turned and before.turning * here.turning < 0.0:
             return _turning_point(model, before, here)
-        if other is not None and (here.y[2] - other[2]) * way > 0.0 and not _lost(here):
+        if other is not None and (here.y[-1] - other[-1]) * way > 0.0 and not _lost(here):
             # It has come out on the other side.
             return None
-        before = here
+        before, last = here, ahead
     return None
 
 
@@ -194,7 +204,7 @@ def _turning_point(model, a, b):
 
 
 def _lost(orbit):
-    return orbit.extrema()[columns.X_MIN] < orbit.propagator.model.flank_lines[0]
+    return (orbit.extrema()[..., columns.X_MIN] < orbit.propagator.model.flank_lines[0]).any()
 
 
 def _onset(model, found, least, outer, inner):
@@ -218,7 +228,7 @@ def walk(branch, orbit, along):
             continue
         yield orbit, along
         if corrections <= 3:
-            h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:2]).max()))
+            h = min(_GROWTH * h, _LARGEST * max(1.0, 0.25 * np.abs(y[:-1]).max()))
 
 
 class Top:
