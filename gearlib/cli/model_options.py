@@ -37,12 +37,29 @@ _Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, requir
 def options(command):
     """Give a command the options that describe the gears; it is called with the `model`."""
 
+    @options_and_mapping
+    @functools.wraps(command)
+    def wrapped(mapping, drawn, **others):
+        return command(**others)
+
+    return wrapped
+
+
+def options_and_mapping(command):
+    """Give a command the same options.
+
+    It is called with the `model`, with `mapping`, the configuration that is read or drawn by
+    options, and with whether gears are `drawn` of which no option changes more than the damping.
+    """
+
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, model, **others):
         drawing_options.check_damped(mapping)
-        return command(model=_model(mapping, gears, pair, model), **others)
+        found = _model(mapping, gears, pair, model)
+        drawn = "gears" in mapping and model == MODELS[0] and not changes.keys() - {*DAMPINGS}
+        return command(model=found, mapping=mapping, drawn=drawn, **others)
 
     return wrapped
 

@@ -33,14 +33,25 @@ class _Tolerance(click.ParamType):
             one = ToleratedParameter.model_validate(
                 {"parameter": name, **given, **({"shape": shape} if shape else {})}
             )
-            known = tolerated.of_pair().get(name)
-            return name, one.law(f"tolerances.{name}", known.kind if known else None)
+            return name, _law(one)
         except ValidationError as error:
             self.fail(f"{value!r}: {error.errors()[0]['msg']}", param, ctx)
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
 
+def _law(one):
+    """Return what is said of a `ToleratedParameter` as `gearlib.scatter` takes it."""
+    known = (tolerated.of_drawing() | tolerated.of_pair()).get(one.parameter)
+    return one.law(f"tolerances.{one.parameter}", known.kind if known else None)
+
+
+#: Options of classes -> argument of `by_class`.
+_CLASSES = {
+    "thickness_class": "thickness",
+    "distance_class": "centre_distance",
+    "quality": "form",
+}
 #: Of a tolerance; the others are parameters of a distribution.
 _KEYS = {name for name in ToleratedParameter.model_fields if name not in ("parameter", "shape")}
 
@@ -55,7 +66,7 @@ def _number(text):
 
 
 @click.command(cls=refusals.Command)
-@model_options.options
+@model_options.options_and_mapping
 @click.option(
     "-t",
     "--tolerance",
@@ -64,7 +75,21 @@ def _number(text):
     metavar="TEXT",
     multiple=True,
     help="What scatters, such as 'load std=5%', 'backlash upper=10um lower=-10um', 'contact_ratio "
-    "min=1.5 max=1.6', 'load distribution=lognorm s=0.1 scale=3300'; for each parameter once.",
+    "min=1.5 max=1.6', 'load distribution=lognorm s=0.1 scale=3300', of drawn gears 'pinion.shift "
+    "std=0.01', 'centre_distance upper=20um lower=-20um'; for each parameter once. By default what "
+    "the section tolerances of the configuration says.",
+)
+@click.option(
+    "--thickness-class",
+    metavar="TEXT",
+    help="Of drawn gears, DIN 3967: '26cd', or '26cd 25cd' of pinion and wheel; backlash is what "
+    "it leaves.",
+)
+@click.option("--distance-class", metavar="TEXT", help="Of drawn gears, DIN 3964: 'js7'.")
+@click.option(
+    "--quality",
+    type=click.IntRange(1, 11),
+    help="Of drawn gears, ISO 1328-1: what it allows the form of the profile scatters.",
 )
 @click.option(
     "--quantity",
@@ -87,7 +112,7 @@ def _number(text):
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the Sobol' points.")
 @output.options("sample")
-def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
+def scatter(model, mapping, drawn, tolerances, quantities, start, stop, points, save, **asked):
     """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
     import numpy as np
 
@@ -95,12 +120,13 @@ def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
     from gearlib.figures import scatter_figure
     from gearlib.tolerances.scatter import refused
 
-    if not tolerances:
-        raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
     names = [name for name, _ in tolerances]
     for name in names:
         if names.count(name) > 1:
             raise click.UsageError(f"--tolerance {name} is there twice: it must be given once")
+    classes = {name: value for name in _CLASSES if (value := asked.pop(name)) is not None}
+    given = dict(tolerances) or ({} if classes else _of_section(mapping))
+    source, given = _scattering(model, mapping if drawn else None, given, classes)
     start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
     if not 0.0 < start < stop:
         raise click.UsageError(
@@ -114,7 +140,7 @@ def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
     }
     n, stages = asked["n"], bool(points) + bool(asked["quantities"])
     with progress.counter("designs", stages * n) as done:
-        found = gearlib.scatter(model, dict(tolerances), progress=done, **asked)
+        found = gearlib.scatter(source, given, progress=done, **asked)
     for text in refused(found):
         output.words(text)
     cells = []
@@ -134,3 +160,45 @@ def scatter(model, tolerances, quantities, start, stop, points, save, **asked):
             )
     draw = scatter_figure.bands if points else scatter_figure.quantities
     save(found, lambda plot: draw(found).axes[0])
+
+
+def _of_section(mapping):
+    """Return what the section of a configuration says as `gearlib.scatter` takes it."""
+    if "tolerances" not in mapping:
+        raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
+    section = model_options.load(mapping, "The configuration").tolerances
+    found = {one.parameter: _law(one) for one in section.parameters}
+    if section.correlations:
+        found["correlations"] = [[*one.parameters, one.rho] for one in section.correlations]
+    return found
+
+
+def _scattering(model, mapping, given, classes):
+    """Return what scatters, the model or its drawing, and tolerances with those of classes.
+
+    mapping: the configuration that draws the gears, None where none does.
+    """
+    pair = tolerated.of_pair()
+    own = [name for name in given if name in tolerated.of_drawing() and name not in pair]
+    if not own and not classes:
+        return model, given
+    option = f"tolerance {own[0]}" if own else next(iter(classes)).replace("_", "-")
+    if mapping is None:
+        raise click.UsageError(
+            f"--{option} is not allowed: it must be left out where no drawing describes the gears"
+        )
+    from gearlib.tolerances.quality_classes import by_class
+    from gearlib.tolerances.tolerance_study import model_of
+
+    drawing = model_options.load(mapping, "The configuration").gears.described()
+    if thickness := classes.get("thickness_class"):
+        drawing["backlash"] = None
+        both = thickness.split()
+        classes["thickness_class"] = both if len(both) > 1 else thickness
+    if quality := classes.get("quality"):
+        classes["quality"] = True
+        for part in ("pinion", "wheel"):
+            drawing[part] = drawing[part] | {"quality": quality}
+    source = model_of(model.mesh.as_dict(), drawing)
+    limits = {_CLASSES[name]: value for name, value in classes.items()}
+    return source, by_class(source.mesh, **limits) | given

@@ -133,9 +133,17 @@ class _Common(Section):
     def refused(self):
         """Return a sentence for each reason why targets cannot be about these gears."""
         found = {}
-        for name in self.targets if "targets" in self.model_fields_set else ():
+        asked = self.targets if "targets" in self.model_fields_set else self._said()
+        for name in asked:
             found.setdefault(STUDIES[name].refusal(self), []).append(name)
         return [for_targets(words, *names) for words, names in found.items() if words]
+
+    def _said(self):
+        """Return targets that nobody names and whose section says what is no default."""
+        default = type(self.tolerances).model_fields["parameters"].default
+        said = self.tolerances.parameters != default or self.tolerances.correlations
+        # Where flanks are no involutes the section may be meant for a command.
+        return ["tolerances"] if said and not self.relieved() else []
 
     def wanted(self):
         """Return the targets; where none are named, those that can be about these gears."""

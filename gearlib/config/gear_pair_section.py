@@ -1,5 +1,7 @@
 """Sections that describe the gears and the length of the runs."""
 
+import math
+
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
@@ -68,6 +70,16 @@ class GearPairSection(_Pair):
     def mean_stiffness(self):
         """Return the mean of the mesh stiffness over a mesh period, N/m."""
         return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
+
+    def ratios(self, material_damping, backlash_damping):
+        """Return both damping ratios and the backlash in static deflections, by their names."""
+        mean = self.mean_stiffness()
+        critical = 2.0 * math.sqrt(mean * self.reduced_mass)
+        return {
+            "damping_ratio": material_damping / critical,
+            "backlash_damping_ratio": backlash_damping / critical,
+            "backlash_ratio": self.backlash * mean / self.load,
+        }
 
 
 _OTHERS = [name for name in GearPairSection.model_fields if name != "teeth"]

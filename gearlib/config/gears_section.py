@@ -151,10 +151,12 @@ class Gears(MethodSection, DrawnPair):
 
     def relieved(self):
         """Return what `gearlib.models.described_pair.described` takes of relief, as a dict."""
-        if not self.relief():
-            return {}
+        return {"drawing": self.described()} if self.relief() else {}
+
+    def described(self):
+        """Return the drawing, its stiffness and torque as the library takes them, as a dict."""
         keys = {"pinion", "wheel", "centre_distance", "backlash", "stiffness", "stiffness_options"}
-        return {"drawing": self.model_dump(include=keys) | {"torque": self.driving_torque()}}
+        return self.model_dump(include=keys) | {"torque": self.driving_torque()}
 
     def pair(self):
         """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""

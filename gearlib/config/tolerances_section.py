@@ -8,12 +8,13 @@ from gearlib import parameters
 from gearlib.config import units
 from gearlib.config.agreement import MAX_JOBS, check_different, check_grid, check_most
 from gearlib.config.types import (
+    Amount,
     DampingName,
+    Finite,
     Given,
     Grid,
     Label,
     Name,
-    Option,
     Section,
     Seed,
     Start,
@@ -33,6 +34,8 @@ from gearlib.models import tolerated
 _QUANTITIES = tuple(name for name in QUANTITIES if "duty point" not in QUANTITIES[name][1])
 _KEYS = ("mean", "std", "min", "max", "nominal", "upper", "lower")
 _SHARE = "%"
+#: Keys of values; the others are of deviations, which may be shares.
+_VALUES = (".mean", ".min", ".max", ".nominal")
 #: Parameters on which it depends whether a pair that keeps contact goes on doing so.
 CARRYING = (
     "max_stiffness",
@@ -50,15 +53,15 @@ class ToleratedParameter(Given):
         "Name of a parameter of gear_pair or of one of its ratios; of gears: torque, "
         "centre_distance, pinion.shift and the like."
     )
-    mean: Option = entry("Mean value; that of the gears where left out.", None)
-    std: Option = entry('Standard deviation; a text such as "5 %" is a share of the mean.', None)
-    min: Option = entry("Least value; up to max all are as likely.", None)
-    max: Option = entry("Largest value.", None)
-    nominal: Option = entry("Nominal value; that of the gears where left out.", None)
-    upper: Option = entry("Upper deviation from it, or a share; all between are as likely.", None)
-    lower: Option = entry("Lower deviation.", None)
+    mean: Amount = entry("Mean value; that of the gears where left out.", None)
+    std: Amount = entry('Standard deviation; a text such as "5 %" is a share of the mean.', None)
+    min: Amount = entry("Least value; up to max all are as likely.", None)
+    max: Amount = entry("Largest value.", None)
+    nominal: Amount = entry("Nominal value; that of the gears where left out.", None)
+    upper: Amount = entry("Upper deviation from it, or a share; all between are as likely.", None)
+    lower: Amount = entry("Lower deviation.", None)
     distribution: Label = entry("In place of these: a name of scipy.stats.", None)
-    shape: dict[Name, Option] = entry("Its parameters.", None)
+    shape: dict[Name, Finite] = entry("Its parameters.", None)
 
     def law(self, key, kind):
         """Return what is given of it as `gearlib.scatter` takes it, in SI; texts are read."""
@@ -82,10 +85,12 @@ def _read(key, value, kind):
     try:
         return units.read(value, kind.unit)
     except ValueError:
-        raise ValueError(
-            f"{key} = {value!r} is not allowed: it must be a number in {kind.unit}, a text with "
-            "its unit, or of a deviation a share such as '5 %'"
-        ) from None
+        words = "a finite number"
+        if kind.unit != "1":
+            words += f" in {kind.unit} or a text with its unit such as {kind.example!r}"
+        if not key.endswith(_VALUES):
+            words += ", or a share such as '5 %'"
+        raise ValueError(f"{key} = {value!r} is not allowed: it must be {words}") from None
 
 
 class Correlation(Section):
@@ -154,7 +159,7 @@ class Tolerances(Grid):
             )
         check_different("tolerances.parameters", self.parameters, "parameter")
         names = {one.parameter for one in self.parameters}
-        known = _known()
+        known = known_parameters()
         for i, one in enumerate(self.parameters):
             key = f"tolerances.parameters[{i}]"
             if one.parameter not in known:
@@ -166,6 +171,12 @@ class Tolerances(Grid):
             if "distribution" not in law:
                 # What is left out is a matter of the gears.
                 tolerated.complete(key, law, own=1.0)
+        for name, field in tolerated.RATIOS.items():
+            if {name, field} <= names:
+                raise ValueError(
+                    f"tolerances.parameters of {name} and {field} are not allowed together: both "
+                    "set the same; give one of them"
+                )
         for i, pair in enumerate(self.correlations):
             for name in pair.parameters:
                 if name not in names or len(pair.parameters) != 2:
@@ -190,8 +201,8 @@ class Tolerances(Grid):
         """
         known = tolerated.of_drawing() if self.of_drawing() else tolerated.of_pair()
         found: dict = {}
-        for i, one in enumerate(self.parameters):
-            key, name = f"tolerances.parameters[{i}]", one.parameter
+        for one in self.parameters:
+            key, name = self.keys()[one.parameter], one.parameter
             if name not in known:
                 raise ValueError(
                     f"{key}.parameter = {name!r} is not allowed beside the others: all must be of "
@@ -209,6 +220,11 @@ class Tolerances(Grid):
     def needs_scipy(self):
         """Return whether laws can be checked by scipy alone."""
         return bool(self.correlations) or any(one.distribution for one in self.parameters)
+
+    def keys(self):
+        """Return name of a parameter -> its key here, for refusals."""
+        names = [one.parameter for one in self.parameters]
+        return {name: f"tolerances.parameters[{i}]" for i, name in enumerate(names)}
 
     def shards(self):
         """Return the names of the shards, ranges of samples."""
@@ -256,7 +272,7 @@ class KeptContact(Section):
         return found
 
 
-def _known():
+def known_parameters():
     """Return name -> `Parameter` of all that may scatter."""
     known: dict[str, parameters.Parameter] = tolerated.of_drawing() | tolerated.of_pair()
     return known

@@ -173,6 +173,26 @@ Option = Annotated[
 ]
 
 
+def _amount(value):
+    value = _plain_value(value)
+    if isinstance(value, bool):
+        raise PydanticCustomError("amount", "no amount")
+    return value
+
+
+#: Number or text whose unit follows from another key; that checks the text.
+Amount = Annotated[
+    Any,
+    PlainValidator(_amount),
+    WithJsonSchema(
+        {
+            "type": ["number", "string"],
+            "$comment": "or a text with its unit, or a share such as '5 %'",
+        }
+    ),
+]
+
+
 def entry(words, default=..., **bounds):
     """Return the field of a key, by its description and default."""
     return Field(default=default, description=words, **bounds)

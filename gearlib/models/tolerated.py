@@ -93,6 +93,7 @@ def complete(key, given, own=None):
         raise given
     kind = next((one for one in KINDS if given and {*given} <= {*one}), ())
     missing = [name for name in kind if name not in given]
+    said = f", of {kind[0]} = {given[kind[0]]!r}" if kind and kind[0] in given else ""
     if not kind or any(name not in _LEFT_OUT for name in missing):
         raise checks.refusal(key, given, WORDS)
     if missing and own is None:
@@ -100,7 +101,7 @@ def complete(key, given, own=None):
     given |= dict.fromkeys(missing, own)
     whole: dict = {}
     for name in kind:
-        value, words = given[name], "finite"
+        value, words = given[name], "a finite number"
         if name in ("std", "upper", "lower"):
             words = "a finite number, or a share such as '5 %'"
             share = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
@@ -108,13 +109,11 @@ def complete(key, given, own=None):
                 value = float(share[1]) / 100.0 * abs(whole[kind[0]])
         whole[name] = checks.number(f"{key}.{name}", value, words, math.isfinite)
     if "std" in whole:
-        words = f"> 0, of mean = {whole['mean']!r}"
-        checks.require(whole["std"] > 0.0, f"{key}.std", given["std"], words)
+        checks.require(whole["std"] > 0.0, f"{key}.std", given["std"], f"> 0{said}")
     else:
         low, high = ("min", "max") if "min" in whole else ("lower", "upper")
         words = f"> {low} = {given[low]!r}"
-        if "nominal" in whole:
-            words += f", of nominal = {whole['nominal']!r}"
+        words += said if "nominal" in whole else ""
         checks.require(whole[low] < whole[high], f"{key}.{high}", given[high], words)
     return whole
 
@@ -133,8 +132,10 @@ def check_range(key, given, parameter, extent):
     """Refuse what a parameter can never be; the ends of a tail are a matter of each sample."""
     kind = getattr(parameter, "kind", None)
     if isinstance(kind, parameters.Number):
-        names = ("{}.min", "{}.max") if "min" in given else ("least {}", "largest {}")
+        values = "least value of {}", "largest value of {}"
+        names = ("{}.min", "{}.max") if "min" in given else values
         for name, end in zip(names, extent[1:], strict=True):
             if math.isfinite(end):
                 kind.check(name.format(key), end)
-        kind.check(key, extent[0])
+        own = next((name for name in _LEFT_OUT if name in given), None)
+        kind.check(f"{key}.{own}" if own else f"middle of {key}", extent[0])

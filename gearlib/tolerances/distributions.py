@@ -77,7 +77,7 @@ class Tolerances:
         return found
 
 
-def read(tolerances, known, own=lambda name: None):
+def read(tolerances, known, own=lambda name: None, keys=None):
     """Return the `Tolerances` of a mapping.
 
     Parameters
@@ -91,6 +91,8 @@ def read(tolerances, known, own=lambda name: None):
         Name -> `gearlib.parameters.Parameter`, or None where nothing is declared of it.
     own : callable, optional
         Returns the value that the model has of a name, for what is left out; None: it has none.
+    keys : mapping, optional
+        Name -> how refusals call it; by default ``tolerances.<name>``.
 
     Raises
     ------
@@ -105,7 +107,7 @@ def read(tolerances, known, own=lambda name: None):
     for name, given in tolerances.items():
         if name != CORRELATIONS:
             checks.one_of("tolerances", name, tuple(known))
-            key = f"tolerances.{name}"
+            key = (keys or {}).get(name, f"tolerances.{name}")
             if hasattr(given, "items") and "distribution" in given:
                 one = _named(key, given)
             else:
@@ -141,7 +143,7 @@ def _named(key, given):
             raise ValueError(
                 f"{key}.{own} is not allowed: the parameters of {name!r} are {', '.join(allowed)}"
             )
-        numbers[own] = checks.number(f"{key}.{own}", value, "finite", math.isfinite)
+        numbers[own] = checks.number(f"{key}.{own}", value, "a finite number", math.isfinite)
     for own in allowed[:-2]:
         if own not in numbers:
             raise ValueError(f"{key}.{own} is missing: {name!r} needs {', '.join(allowed[:-2])}")
@@ -165,7 +167,9 @@ def _correlations(marginals, given):
         checks.require(a != b, key, one, "of two different parameters")
         again = any({a, b} == {c, d} for c, d, _ in found)
         checks.require(not again, key, one, "given once")
-        found.append((a, b, checks.number(key, rho, "> -1 and < 1", lambda r: -1.0 < r < 1.0)))
+        found.append(
+            (a, b, checks.number(key, rho, "a number > -1 and < 1", lambda r: -1.0 < r < 1.0))
+        )
     return found
 
 

@@ -21,6 +21,8 @@ MINE = "mine"
 DAMPING = SCHEMA["$defs"]["Damping"]
 #: Of options that only their method can check.
 ANYTHING = "a finite number, true, false or a text"
+#: Of texts that only another key can check.
+AMOUNT = "a finite number or a text with its unit, or a share such as '5 %'"
 
 
 def resolve(node):
@@ -117,8 +119,9 @@ def wrong(node, own, number=None):
     elif kind == "string" or "enum" in node:
         unlike = ["no such ~ text"] if "enum" in node or "pattern" in node else ["", "x" * 61]
         yield from ((value, (), own) for value in (3, None, ["a"], {}, *unlike))
-    elif own == ANYTHING:
-        yield from ((value, (), own) for value in (None, [1.0], {}, math.nan, math.inf))
+    elif own in (ANYTHING, AMOUNT):
+        values = (None, [1.0], {}, math.nan, math.inf, *([True] if own == AMOUNT else []))
+        yield from ((value, (), own) for value in values)
     else:
         texts = ["fast", "3 mol", *([] if number.infinite else [".inf"])]
         if not re.search("speed|rpm|Hz", number.words):
@@ -130,7 +133,7 @@ def wrong(node, own, number=None):
 def inside(node, path, found=None):
     """Return values just inside the range of a key, and with a unit; of a list, lists of such."""
     node, found = resolve(node), found or range_of(node, path)
-    if found is None or found.words == ANYTHING:
+    if found is None or found.words in (ANYTHING, AMOUNT):
         return []
     if found.count != 0:
         times = 1 if node.get("uniqueItems") else found.count or 1

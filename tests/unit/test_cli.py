@@ -1,7 +1,9 @@
 """The command line: what it prints and writes, how it ends."""
 
 import csv
+import dataclasses
 import io
+import json
 import shutil
 import socket
 import sys
@@ -20,8 +22,10 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main, progress
 from gearlib.data import storage
+from gearlib.tolerances.designs import DrawnPair
+from gearlib.tolerances.quality_classes import by_class
 from tests.geometry import drawings
-from tests.paper import PAPER
+from tests.paper import CONFIG, PAPER
 
 PAIR = ["--max-stiffness", "4e5 N/mm", "--stiffness-ratio", "0.5879", "--contact-ratio", "1.569"]
 PAIR += ["--reduced-mass", "3123 g", "--load", "3.2895396 kN", "--backlash", "40 um"]
@@ -151,9 +155,9 @@ def test_tolerances_are_read_with_their_units(run):
     for wrong, words in (
         ("load", "is no tolerance such as 'load std=5%'"),
         ("", "'' is no tolerance such as 'load std=5%'"),
-        ("load std=3um", "must be a number in N, a text with its unit"),
-        ("torque std=5%", "must be one of"),
-        ("load std=nan", "tolerances.load.std = 'nan' is not allowed: it must be a number in N"),
+        ("load std=3um", "must be a finite number in N or a text with its unit"),
+        ("torque std=5%", "where no drawing describes the gears"),
+        ("load std=nan", "tolerances.load.std = 'nan' is not allowed: it must be a finite"),
         ("load std=1% std=2%", "says the same twice"),
         ("backlash std=2%", "--tolerance backlash is there twice"),
     ):
@@ -163,6 +167,46 @@ def test_tolerances_are_read_with_their_units(run):
 
 DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]
 DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
+
+
+def test_drawings_and_their_classes_scatter(run):
+    asked = ["--samples", "2", "--points", "0", "--quantity", "jump_up", "--force", "-o", "a.nc"]
+    mesh = drawings.own()
+    pair = gearlib.GearPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05)
+    ways = {"torque": 85.0, "material_damping": pair.material_damping}
+    gears = [
+        dataclasses.replace(one, quality=7, tip_diameter=None) for one in (mesh.pinion, mesh.wheel)
+    ]
+    loose = DrawnPair(dataclasses.replace(mesh, pinion=gears[0], wheel=gears[1]), **ways)
+    free = DrawnPair(dataclasses.replace(loose.mesh, backlash=None), backlash=None, **ways)
+    distance = {"upper": 2e-5, "lower": -2e-5}
+    classes = by_class(free.mesh, thickness="26cd", centre_distance="js7", form=True)
+    for given, source, tolerances in (
+        (["-t", "centre_distance upper=20um lower=-20um"], loose, {"centre_distance": distance}),
+        (
+            ["--thickness-class", "26cd", "--distance-class", "js7", "--quality", "7"],
+            free,
+            classes,
+        ),
+    ):
+        done = run("scatter", *DRAWN, *given, *asked)
+        assert done.exit_code == 0, done.output
+        expected = gearlib.scatter(source, tolerances, ("jump_up",), n=2)
+        # Coefficients of the damping go through a file of 12 digits.
+        found = xr.load_dataset("a.nc")
+        np.testing.assert_allclose(found.jump_up, expected.jump_up, rtol=1e-6)
+        assert found.parameter.values.tolist() == expected.parameter.values.tolist()
+    for gears, words in ((PAIR, "where no drawing describes the gears"), (DRAWN, "js7'")):
+        done = run("scatter", *gears, "--distance-class", "js77", *asked)
+        assert done.exit_code in (1, 2) and words in " ".join(done.output.split()), done.output
+    # Without options what the section of the configuration says.
+    section = {"parameters": [{"parameter": "load", "std": "5 %"}]}
+    Path("own.yaml").write_text(json.dumps(CONFIG | {"tolerances": section}), encoding="utf-8")
+    done = run("scatter", "--config", "own.yaml", *asked)
+    assert done.exit_code == 0, done.output
+    assert xr.load_dataset("a.nc").parameter.values.tolist() == ["load"]
+    done = run("scatter", *DRAWN, *asked)
+    assert done.exit_code == 2 and "--tolerance is missing" in done.output, done.output
 
 
 def test_gears_are_drawn_by_options_of_every_command(run):

@@ -97,7 +97,7 @@ def correlated(rho):
         ({"load": {"min": 2.0, "max": 1.0}}, "tolerances.load.max = 1.0 .* must be > min = 2.0"),
         ({"load": {"mean": 2.0, "std": 0.0}}, "tolerances.load.std = 0.0 .* > 0, of mean = 2.0"),
         ({"load": {"min": -2.0, "max": 1.0}}, "tolerances.load.min = -2.0 .* > 0"),
-        ({"load": {"mean": -2.0, "std": 1.0}}, "tolerances.load = -2.0 .* must be .* > 0"),
+        ({"load": {"mean": -2.0, "std": 1.0}}, "tolerances.load.mean = -2.0 .* must be .* > 0"),
         ({"load": {"mean": 2.0, "std": "-5%"}}, "load.std = '-5%' .* > 0, of mean = 2.0"),
         ({"load": {"mean": 2.0, "std": "5 kN"}}, "load.std = '5 kN' .* or a share such as '5 %'"),
         ({"load": {"std": 1.0}}, "tolerances.load.mean is missing"),
@@ -107,13 +107,20 @@ def correlated(rho):
         ),
         ({"load": {"mean": 2.0}}, "tolerances.load = {'mean': 2.0} .* must be one of {mean, std}"),
         ({"load": 3.0}, "tolerances.load = 3.0 .* must be one of {mean, std}"),
-        ({"load": {"mean": "2 kN", "std": 1.0}}, "tolerances.load.mean = '2 kN' .* be finite"),
+        (
+            {"load": {"mean": "2 kN", "std": 1.0}},
+            "tolerances.load.mean = '2 kN' .* a finite number",
+        ),
         ({"load": {"distribution": "binom"}}, "load.distribution = 'binom' .* continuous"),
         ({"load": {"distribution": "lognorm"}}, "tolerances.load.s is missing"),
         ({"load": {"distribution": "norm", "mu": 1.0}}, "load.mu is not allowed: the param"),
         (
             {"load": {"distribution": "cauchy", "loc": 9.0}},
             "tolerances.load = {'distribution': 'cauchy', 'loc': 9.0} .* finite mean",
+        ),
+        (
+            {"load": {"distribution": "uniform", "loc": -9.0}},
+            "middle of tolerances.load = -8.5 .* must be .* > 0",
         ),
         (
             {"load": {"min": 1, "max": 2}, "correlations": [["load", "load", 0.5]]},

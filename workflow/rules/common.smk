@@ -18,6 +18,7 @@ from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import for_targets, pairs_of, run_length, text_of
+from gearlib.config.tolerances_section import known_parameters
 from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
@@ -62,9 +63,9 @@ try:
         from gearlib.config.studies.of_tolerances import question
         from gearlib.tolerances import distributions
 
-        laws = question(CONFIG)["tolerances"]
+        laws, section = question(CONFIG)["tolerances"], CONFIG.tolerances
         try:
-            laws and distributions.read(laws, dict.fromkeys(laws))
+            laws and distributions.read(laws, known_parameters(), keys=section.keys())
         except ValueError as error:
             raise configuration.ConfigError(str(error)) from None
     # Captions of the report read this, and find what the configuration leaves out as well.

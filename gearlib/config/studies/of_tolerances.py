@@ -20,6 +20,7 @@ from gearlib.config.tolerances_section import KeptContact, Tolerances
 def _values(c):
     """Return name -> value of the gears, of what may scatter."""
     found = c.pair_parameters(c.tolerances.damping)
+    found |= c.gear_pair.ratios(found["material_damping"], found["backlash_damping"])
     if c.tolerances.of_drawing():
         gears = c.gears
         found |= {"centre_distance": gears.centre_distance, "backlash": gears.backlash}
@@ -56,8 +57,7 @@ def question(c):
         "seed": section.seed,
     }
     if section.of_drawing() and c.gears:
-        keys = {"pinion", "wheel", "centre_distance", "backlash", "stiffness", "stiffness_options"}
-        found["drawing"] = c.gears.model_dump(include=keys) | {"torque": c.gears.driving_torque()}
+        found["drawing"] = c.gears.described()
     return found
 
 
