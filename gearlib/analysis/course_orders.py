@@ -61,8 +61,6 @@ def of_run(run):
     model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is None or "initial_state" not in json.loads(run.attrs["parameters"]):
         return None
-    if "tooth_pairs" in model.propagators.values():
-        return None
     equation = model.equation
     return None if equation is not None and equation.damping[:, 1].any() else model
 

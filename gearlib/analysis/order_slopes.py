@@ -39,7 +39,7 @@ def known(model, run, variable, names):
 def _is_of_pair(model, run):
     loads = json.loads(run.attrs["parameters"])["load"]
     ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
-    return model.propagators["exact"] == "closed_form" and not ramps
+    return model.propagators.get("exact") == "closed_form" and not ramps
 
 
 def exact(model, run, names, variable, span, shape):
