@@ -61,8 +61,6 @@ def of_run(run):
     model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is None or "initial_state" not in json.loads(run.attrs["parameters"]):
         return None
-    if "tooth_pairs" in model.propagators.values():
-        return None
     equation = model.equation
     return None if equation is not None and equation.damping[:, 1].any() else model
 
@@ -85,7 +83,8 @@ class _Nodes:
         # Phases and speeds from the begins of the intervals on.
         phase, speed = cut.phase[cut.first[:-1]], cut.speeds(piece)[cut.first[:-1]]
         rate, ends = 0.5 * piece.acceleration, cut.offset + cut.phase[cut.first]
-        turns = self.span * np.arange(*np.ceil(ends[[0, -1]] / self.span))
+        first, last = np.floor(ends[0] / self.span) + 1.0, np.ceil(ends[-1] / self.span)
+        turns = self.span * np.arange(first, last)
         within = np.minimum(np.searchsorted(ends, turns, side="right") - 1, len(cut.block) - 1)
         passed = turns - ends[within]
         passed *= 2.0 / (speed[within] + piece.speed_at(turns))
@@ -213,7 +212,8 @@ def slopes(model, run, names, column, blocks, span, step, count):
         own = kept[i][1]
         reached = own.phase + np.maximum(own.rows, 0) * span
         rate = one.samples[..., growth] if growth is not None else np.zeros(one.samples.shape[:2])
-        kept[i][2] = -rate * (reached / own.speed)[:, None]
+        late = np.divide(reached, own.speed, out=np.zeros_like(reached), where=own.speed > 0.0)
+        kept[i][2] = -rate * late[:, None]
     found = list(again(model, run, courses.equal_steps(1)))
     asked, meshes = json.loads(run.attrs["parameters"]), len(model.mesh_names) or 1
     sums = _Sums(step, blocks, meshes * len(names), count)

@@ -229,7 +229,8 @@ def _course(run):
     """Return (rows of s and rpm, mesh periods a revolution)."""
     speed, t, phase = (run[name].values for name in ("speed", "time", "phase"))
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(t)).sum()
-    ratio = float((phase[-1] - phase[0]) / angle)
+    # Of one sample no ratio is known: that run has no block either.
+    ratio = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     whole = round(ratio)
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
     teeth = float(run.teeth) if "teeth" in run else teeth

@@ -8,7 +8,6 @@ import numpy as np
 
 from gearlib.analysis import course_orders
 from gearlib.kernels.closed_form.course_waves import Waves
-from gearlib.models.pair import GearPair
 from gearlib.models.propagators import course_slopes, courses
 from gearlib.runs.sensitivities import quotient
 
@@ -40,7 +39,7 @@ def known(model, run, variable, names):
 def _is_of_pair(model, run):
     loads = json.loads(run.attrs["parameters"])["load"]
     ramps = any(a[0] < b[0] and a[1] != b[1] for a, b in itertools.pairwise(loads))
-    return isinstance(model, GearPair) and not ramps
+    return model.propagators.get("exact") == "closed_form" and not ramps
 
 
 def exact(model, run, names, variable, span, shape):

@@ -15,6 +15,7 @@ module                responsibility
 ``acceleration``      what a changing speed asks of the meshes: inertia
 ``derivatives``       by what models are differentiated; models a little off the real axis
 ``described_pair``    the smallest model that carries a pair, from plain values
+``from_values``       from the text of a dataset back to its model
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share
 ``one_mesh_system``   what the piecewise-linear models share

@@ -6,7 +6,6 @@ import math
 from gearlib.data.provenance import canonical_json
 from gearlib.models import profiles
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
@@ -23,7 +22,7 @@ _PROFILES = {
 def model_of(text):
     """Return the model of which a text is `canonical_json` of ``as_dict``; None where it is none.
 
-    The model is that of the text to the last digit, or None.
+    The model is that of the text to the last digit, or None; so it is of a `LoadSharingPair`.
     """
     try:
         values = _plain(json.loads(text))
@@ -56,4 +55,4 @@ def _made(values):
     if "profile" in own:
         kind = dict(own["profile"])
         return OneDegreePair(pair=pair, **(own | {"profile": _PROFILES[kind.pop("kind")](**kind)}))
-    return LoadSharingPair(pair=pair, **own) if own else pair
+    return None if own else pair

@@ -20,7 +20,7 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
     Parameters
     ----------
     model : Model
-        The truth.
+        The truth; of a train the encoder tells the displacement of its first mesh.
     course : sequence of (float, float)
         s and rpm, as of `gearlib.run_up`.
     seed : int
@@ -38,13 +38,14 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
     Returns
     -------
     xarray.Dataset
-        Over ``sample``: time, speed, displacement. ``synthetic`` is 1 among the attributes.
+        Over ``sample``: time, speed, displacement, of a train with the name of its mesh behind it.
+        ``synthetic`` is 1 among the attributes.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=course, samples_per_period=samples_per_period)
-    signal = run.displacement.values
+    signal = run.displacement.values.reshape(run.sizes["time"], -1)[:, 0]
     size, span = signal.std(), np.ptp(signal)
-    turn = run.phase.values / model.mesh.teeth
+    turn = run.phase.values / float(model.periods_per_revolution)
     wave = span * rng.uniform(0.2, 1.0) * np.cos(turn + rng.uniform(0.0, 2.0 * np.pi))
     values = gain * (signal + rng.normal(0.0, noise * size, signal.size) + wave)
     values += gain * span * rng.uniform(-0.3, 0.3)
@@ -58,8 +59,9 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
         "unknown_gain": int(gain != 1.0),
         "unknown_offset": 1,
     }
-    found = run[["displacement"]].drop_vars("displacement").assign_coords()
-    found = found.assign(displacement=("sample", values, attrs))
+    found = run[["displacement"]].drop_vars(["displacement", *run.displacement.dims[1:]])
+    name = "_".join(["displacement", *(one.replace(" ", "_") for one in model.mesh_names[:1])])
+    found = found.assign({name: ("sample", values, attrs)})
     found = found.assign_coords(
         time=("sample", run.time.values, {"units": "s", "long_name": "time"}),
         speed=("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),

@@ -189,7 +189,10 @@ def _check_model(model):
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
     if model.gyroscopic:
-        raise ValueError("gyroscopic = True is not allowed in a run-up: it must be False")
+        raise ValueError(
+            "gyroscopic = True is not allowed in a run-up, where its forces would change with the "
+            "speed: it must be False"
+        )
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):

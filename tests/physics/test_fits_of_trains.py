@@ -115,6 +115,19 @@ def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
         assert abs(one.value - truth.value(name)) < 4.0 * one.stderr, name
 
 
+def test_a_run_up_of_an_idler_tells_its_two_meshes_apart():
+    truth = gearlib.idler(TRUTH)
+    first, second = (f"max_stiffness of mesh {name}" for name in truth.mesh_names)
+    # Both meshes lose contact in it.
+    data = synthetic_rig(truth, [(0.0, truth.speed(0.45)), (0.6, truth.speed(0.52))], 1)
+    assert data.attrs["synthetic"] == 1 and "displacement_pinion-idler" in data
+    free = {name: (0.7 * truth.value(name), 1.4 * truth.value(name)) for name in (first, second)}
+    off = truth.with_values({first: 3.9e8, second: 4.1e8})
+    found = gearlib.fit(off, data, free, starts=0)
+    for name, one in found.params.items():
+        assert abs(one.value - truth.value(name)) < 4.0 * one.stderr < 4e-3 * truth.value(name)
+
+
 def refused(model, data, free):
     with pytest.raises(ValueError, match="not allowed") as error:
         gearlib.fit(model, data, free, starts=0)

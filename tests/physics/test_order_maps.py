@@ -169,6 +169,29 @@ def test_samples_tend_to_the_closed_forms():
     assert errors[1] < 0.1 * errors[0] < 1e-2 * float(exact.overall.max())
 
 
+def test_a_course_from_rest_to_rest_has_orders():
+    top = float(FEW.speed(0.6))
+    course = {"speed": [(0.0, 0.0), (0.1, top), (0.15, top), (0.25, 0.0), (0.3, 0.0)]}
+    course |= {"sensitivities": ("speed",), "samples_per_period": 1}
+    models = FEW, gearlib.OneDegreePair(pair=FEW)
+    found, same = (gearlib.order_map(gearlib.run_up(one, **course), highest=9) for one in models)
+    for name in ("amplitude", "d_amplitude_d_speed"):
+        assert np.isfinite(found[name]).all()
+        assert np.abs(same[name] - found[name]).max() < 1e-9 * np.abs(found[name]).max(), name
+
+
+def test_a_coast_side_has_the_orders_of_the_drive_side():
+    rpm = float(FEW.speed(0.85))
+    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2, "samples_per_period": 1}
+    drive = gearlib.order_map(gearlib.run_up(FEW, **course), highest=9)
+    start = -FEW.backlash_ratio, 0.0
+    coast = gearlib.run_up(FEW, load=[(0.0, -1.0)], initial_state=start, **course)
+    own = gearlib.order_map(coast, highest=9)
+    # The mean is measured from the other flank.
+    gap = np.abs(own.amplitude - drive.amplitude)[:, 1:]
+    assert gap.max() < 1e-11 * drive.overall.max()
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -149,6 +149,24 @@ def test_one_pair_has_the_same_derivatives_in_all_models(kind):
                 assert np.abs(values - wanted).max() <= 1e-9 * np.abs(wanted).max(), name
 
 
+def test_the_last_loss_of_contact_before_a_jump_moves_by_its_derivative():
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
+    course = {"start": pair.speed(0.8), "stop": pair.speed(0.6), "duration": 1.0}
+    run = gearlib.run_up(pair, sensitivities=("material_damping", "load"), **course)
+    # From there on contact is kept: the motion has fallen.
+    assert pair.tuning_at(float(run.event_speed[-1])) > 0.601
+    for name in ("material_damping", "load"):
+        step = 1e-8 * getattr(pair, name)
+        ends = [
+            gearlib.run_up(pair.replace(**{name: getattr(pair, name) + k * step}), **course)
+            for k in (1.0, -1.0)
+        ]
+        assert all(one.sizes["event"] == run.sizes["event"] for one in ends)
+        moved = float(ends[0].event_time[-1] - ends[1].event_time[-1]) / (2.0 * step)
+        # Rounding of an instant over the step.
+        assert moved == pytest.approx(float(run[f"d_event_time_d_{name}"][-1]), rel=1e-5)
+
+
 def test_a_planetary_set_against_differences():
     train = TRAIN.replace(reference_frequency=TRAIN.reference_angular_frequency / (2.0 * np.pi))
     course = {"speed": [(0.0, 300.0), (0.02, 2400.0), (0.04, 3000.0)], "samples_per_period": 4}

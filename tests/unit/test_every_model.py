@@ -37,6 +37,7 @@ from gearlib import (
 from gearlib.analysis.orbits.followed_parameters import known, value_of, with_parameter
 from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
+from gearlib.models.from_values import model_of
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Steps
@@ -328,3 +329,10 @@ def test_basins_of_a_gear_pair_and_of_its_oscillator_are_the_same():
     for name in ("displacement_max", "displacement_min", "multiplier_real", "state"):
         # Two codes, both to rounding, over orbits found to 1e-12.
         np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["gear pair", "one degree", "six degrees", "run-out", "train"])
+def test_a_dataset_tells_its_model(name):
+    model = MODELS[name]
+    assert model_of(canonical_json(model.as_dict())) == model
+    assert model_of(canonical_json({"load": 1.0})) is None

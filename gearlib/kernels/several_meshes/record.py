@@ -28,6 +28,15 @@ def _add_extrema(curve, factor, w, row, most, least):
 
 
 @woven
+def _inside(curve, factor, row, most, least):
+    """Return whether the coefficients of a curve times a factor lie between two columns."""
+    high, low = -math.inf, math.inf
+    for k in range(curve.shape[0]):
+        high, low = max(high, curve[k]), min(low, curve[k])
+    return factor * high <= row[most] and factor * low >= row[least]
+
+
+@woven
 def _distance(tables, c, side, j, w):
     """Fill the curve of `Work` with a distance, from the far or the near line."""
     if c == SERIES:
@@ -110,7 +119,9 @@ def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples
             row, code = summary[j], w.contact[j]
             _distance(tables, c, 1, j, w)
             begin_of(curve, part / piece, degree)
-            _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
+            # Most pieces have no new extrema, which their coefficients tell at once.
+            if not _inside(curve, 1.0, row, orbit.X_MAX, orbit.X_MIN):
+                _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
@@ -119,7 +130,8 @@ def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples
             stiffness = system.stiffness[code + 1, p, j]
             for k in range(degree + 1):
                 row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (degree + 1)
-            _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
+            if not _inside(curve, stiffness, row, orbit.FORCE_MAX, orbit.FORCE_MIN):
+                _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
         at = phase + done * tuning
         end = at + part * tuning - 1e-12
         while w.place[TAKEN] < samples.shape[0]:
