@@ -14,6 +14,8 @@ module                     responsibility
 ``fits``                   `fit`: parameters by least squares with exact derivatives
 ``compared_fits``          `compare_fits`: which of several models the data tell apart
 ``opening``                better starts, from the beginning of a run-up
+``observations``           what of measured sets can be compared
+``fitted_data``            what a fit refuses of its data
 ``fitted_curves``          what was compared, as curves that can be drawn
 ``fit_report``             values, intervals, profiles, the report
 ``order_observations``     what is compared of time courses: mesh orders

@@ -49,19 +49,16 @@ class BranchStatistics:
     def __init__(self, data, model):
         self.channels = channels(model, data)
         self.names = list(self.channels)
-        for name, (what, _) in self.channels.items():
-            units = data[name].attrs.get("units", "m")
-            if what.startswith(ORDER) and units != "m":
-                raise checks.refusal(f"units of {name}", units, "m, of a displacement")
         self.measured = {name: np.asarray(data[name].values, float) for name in self.names}
         self.sensor = {name: data[name].attrs for name in self.names}
         speeds = np.asarray(data.speed.values, float)
-        checks.require(np.isfinite(speeds).all(), "speed", "NaN", "finite in each sample")
+        checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
         for name, values in self.measured.items():
-            checks.require(np.isfinite(values).all(), name, "NaN", "finite in each sample")
             said = "more than one value, or each with a known noise"
             checks.require(np.ptp(values) > 0.0 or self._noise(name), name, values[0], said)
         self.noise = all(self._noise(name) for name in self.names)
+        #: Name -> standard deviation of each sample; a scale where it is unknown.
+        self.deviations = {name: self._deviations(name, data) for name in self.names}
         ways = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
         #: Numbers of points of each branch, in the order in which it is followed.
         self.branches, self.jumps = [], {}
@@ -78,6 +75,22 @@ class BranchStatistics:
     def size(self):
         """How many residuals there are."""
         return len(self.names) * len(self.speeds)
+
+    @property
+    def eliminated(self):
+        """How many numbers are taken from the data besides the parameters."""
+        return sum(sum(self._unknown(name)) for name in self.names)
+
+    def _unknown(self, name):
+        """Return whether gain and offset of a sensor are unknown, 0 or 1."""
+        attrs = self.sensor[name]
+        return int(attrs.get("unknown_gain", 0)), int(attrs.get("unknown_offset", 0))
+
+    def _deviations(self, name, data):
+        own = data.get(f"{name}_noise_std")
+        if own is not None and (own.values > 0.0).all():
+            return own.values.astype(float)
+        return np.full(data.speed.size, self._noise(name) or np.ptp(self.measured[name]))
 
     def _noise(self, name):
         return float(self.sensor[name].get("noise_std", 0.0))
@@ -111,13 +124,13 @@ class BranchStatistics:
             return None
         rest, moved = [], []
         for name, which in self.channels.items():
-            noise = self._noise(name) or np.ptp(self.measured[name])
+            noise = self.deviations[name]
             table = [one.of(*which) for one in points]
             values = np.array([value for value, *_ in table]) / noise
-            slopes = np.array([slope for _, slope, _ in table]).reshape(count, -1) / noise
-            offset = np.ones((count, int(self.sensor[name].get("unknown_offset", 0))))
-            gain = bool(self.sensor[name].get("unknown_gain", 0))
-            one = projected(self.measured[name] / noise, values, slopes, offset, gain)
+            slopes = np.array([slope for _, slope, _ in table]).reshape(count, -1) / noise[:, None]
+            gain, offset = self._unknown(name)
+            basis = np.ones((count, offset)) / noise[:, None]
+            one = projected(self.measured[name] / noise, values, slopes, basis, bool(gain))
             rest.append(one[0])
             moved.append(one[1])
         return np.concatenate(rest), np.vstack(moved)
@@ -128,7 +141,7 @@ class BranchStatistics:
         found = []
         for name, rest in zip(self.names, apart, strict=True):
             values, units = self.measured[name], self.sensor[name].get("units", "")
-            fitted = values + rest * (self._noise(name) or np.ptp(values))
+            fitted = values + rest * self.deviations[name]
             words = name.replace("_", " ")
             found.append(Curve(words, units, "speed", self.speeds, (values, fitted), self.falls))
         return found
@@ -145,10 +158,10 @@ def _followed(model, speeds, names, samples=1):
     It ends where a motion jumps up while the speed rises, down while it falls; the other way a
     motion comes to a branch that leads on, as where it begins to strike the far flank.
     """
-    tunings = speeds / float(model.speed(1.0))
-    rising = len(speeds) < 2 or tunings[-1] > tunings[0]
-    run = sweep(model, np.sort(tunings), direction="up" if rising else "down", **SETTLING)
-    order = slice(None) if rising else slice(None, None, -1)
+    rising = len(speeds) < 2 or speeds[-1] > speeds[0]
+    # At a speed that comes twice the motion is the same.
+    tunings, order = np.unique(speeds / float(model.speed(1.0)), return_inverse=True)
+    run = sweep(model, tunings, direction="up" if rising else "down", **SETTLING)
     states = run.final_state.values[order]
     heights = run.displacement_max.values[order].reshape(len(speeds), -1).T
     end = _jump(heights, np.zeros(len(heights)), 1 if rising else -1)

@@ -17,11 +17,11 @@ from gearlib import checks
 from gearlib.models.model import is_model
 from gearlib.models.propagators.courses import propagator_of
 from gearlib.rig import opening
-from gearlib.rig.branch_observations import BranchStatistics, channels
+from gearlib.rig.branch_observations import BranchStatistics
 from gearlib.rig.fit_report import Fit, Parameter
-from gearlib.rig.orbit_at_speed import STATISTICS
-from gearlib.rig.speed_observations import SPEEDS, Speeds
-from gearlib.rig.steady_observations import courses_of
+from gearlib.rig.fitted_curves import left_over
+from gearlib.rig.observations import observations_of
+from gearlib.rig.speed_observations import Speeds
 
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
 _NOTHING = 1e-9
@@ -34,6 +34,8 @@ _MOST, _FEW = 8, 3
 _LEVEL = float(chi2.ppf(0.95, 1))
 #: Times the least sum of squares from which another fit cannot come near it.
 _FAR = 30.0
+#: Share of the variance of data that is left where a model tells hardly anything of them.
+_LEFT = 0.5
 #: Reduced chi-square up to which a model describes the data.
 DESCRIBED = 2.0
 
@@ -125,7 +127,7 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
     starts = checks.integer("starts", starts, 0, 10_000)
     seed = checks.integer("seed", seed, 0)
     names, low, high = _ranges(model, free)
-    observations = [one for each in _sets(data) for one in observations_of(model, each)]
+    observations = observations_of(model, data)
     problem = Problem(model, names, low, high, observations, derivatives == "differences")
     _check(problem)
     first = (np.array([model.value(name) for name in names]) - low) / (high - low)
@@ -179,12 +181,8 @@ def _by_steps(model):
 
 def goes_by_steps(model, data):
     """Return whether run-ups among the data have no exact derivatives for a model."""
-    every = [one for each in _sets(data) for one in observations_of(model, each)]
+    every = observations_of(model, data)
     return any(one.kind == "run-up" for one in every) and _by_steps(model)
-
-
-def _sets(data):
-    return list(data) if isinstance(data, (list, tuple)) else [data]
 
 
 def _is_endless(found, name):
@@ -200,33 +198,6 @@ def _is_endless(found, name):
         return False
     deepest = max((one.deepest(model) for one in problem.observations), default=0.0)
     return deepest < problem.high[i] and found.profile(name, [problem.high[i]])[0] < _LEVEL
-
-
-def observations_of(model, data):
-    """Return what of a measured set can be compared."""
-    if not hasattr(data, "data_vars"):
-        raise checks.refusal("data", data, "datasets with a displacement over time or jump speeds")
-    found = []
-    if "time" in getattr(data, "coords", ()):
-        for name, (what, mesh) in channels(model, data, ("displacement",)).items():
-            courses = courses_of(model, data.rename({name: what}))
-            for one in courses:
-                one.mesh = mesh
-            found += courses
-    jumps = {}
-    if "speed" in data.coords and "time" not in data.coords and channels(model, data):
-        found.append(BranchStatistics(data, model))
-        jumps = found[-1].jumps
-    speeds = jumps | {name: data[name] for name in SPEEDS if name in data}
-    if speeds:
-        found.append(Speeds(speeds))
-    if not found:
-        raise ValueError(
-            f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "
-            f"time, one of {', '.join(STATISTICS)} over speed, jump_up, jump_down or "
-            "onset_of_contact_loss"
-        )
-    return found
 
 
 def _ranges(model, free):
@@ -345,6 +316,7 @@ def _judged(problem, best, waterfall, costs, endless=()):
             f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
             "from it as their noise explains, and no interval holds"
         )
+    unknown += [] if problem.noise else _unexplained(problem, values)
     k, n = int(felt.sum()) + 1, rest.size
     likelihood = n * math.log(max(float(rest @ rest) / n, 1e-300))
     deviation = np.sqrt(np.diag(covariance))
@@ -363,6 +335,19 @@ def _judged(problem, best, waterfall, costs, endless=()):
         problem,
         best.x,
     )
+
+
+def _unexplained(problem, model):
+    """Return sentences on data of unknown noise that a model leaves mostly as they are."""
+    found = []
+    for one in problem.observations:
+        share = 0.0 if one.kind == "speeds" else left_over(one.curves(model))
+        if share > _LEFT:
+            found.append(
+                f"the model does not describe the data: it leaves {100.0 * share:.0f} % of what "
+                f"varies in the {one.kind}, whose noise is not known"
+            )
+    return found
 
 
 def _why(problem, model, name, low, high, struck=False):

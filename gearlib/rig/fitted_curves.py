@@ -23,3 +23,15 @@ class Place(NamedTuple):
     measured: float
     deviation: float
     fitted: float
+
+
+def left_over(curves):
+    """Return the share of the variance of measured curves that is left, of one unit at most."""
+    left, whole = {}, {}
+    for one in curves:
+        own, fitted = one.heights
+        there = np.isfinite(fitted)
+        rest = np.sum((fitted - own)[there] ** 2)
+        left[one.units] = left.get(one.units, 0.0) + rest
+        whole[one.units] = whole.get(one.units, 0.0) + np.sum((own - own[there].mean())[there] ** 2)
+    return max((left[units] / whole[units] for units in left if whole[units] > 0.0), default=0.0)

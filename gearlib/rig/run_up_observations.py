@@ -12,9 +12,10 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_maps import summed
 from gearlib.analysis.revolutions import Turning
+from gearlib.rig import fitted_data
 from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
-from gearlib.runs.run_up import run_up, speeds_of
+from gearlib.runs.run_up import run_up
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
 SAMPLES = 32
@@ -33,24 +34,17 @@ class RunUpOrders(MeshOrders):
 
     def __init__(self, model, data):
         super().__init__(model, data)
-        if "course" not in self.known:
-            raise ValueError(
-                "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
-            )
-        try:
-            end, last = speeds_of(speed=self.known["course"])[-1, 0], float(data.time[-1])
-        except ValueError as error:
-            raise ValueError(f"known.course: {error}") from None
-        # Half a sample for times that are rounded.
-        words = f">= {last:g} s, the time of the last sample"
-        near = end >= last - 0.5 * float(data.time[-1] - data.time[-2])
-        checks.require(near, "the last time of known.course", float(end), words)
-        self.course, self.options = self.known["course"], self.known.get("options", {})
+        self.course, self.options = fitted_data.course_of(self.known)
         self.turning = Turning(self.course)
-        turns = self.turning.revolutions(data.time.values)
-        self.blocks = int(turns[-1])
-        words = f"more than {2 * _FIRST} whole ones from the first sample to the last"
-        checks.require(self.blocks > 2 * _FIRST, "revolutions", self.blocks, words)
+        times, (end, _) = data.time.values, self.course[-1]
+        turns = self.turning.revolutions(times)
+        self.blocks, count = int(turns[-1]), float(self.turning.revolutions(np.array([end]))[0])
+        said = f"{times[0]:.6g} to {times[-1]:.6g} s"
+        within = turns[0] < 1.0 and self.blocks <= count + 1e-9
+        allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
+        checks.require(within, "time", said, allowed)
+        allowed = f"of more than {2 * _FIRST} whole revolutions of known.course, not {self.blocks}"
+        checks.require(self.blocks > 2 * _FIRST, "time", said, allowed)
         self.measured, self.share = regressed(
             turns, self.values, np.arange(self.blocks + 1), self.teeth
         )

@@ -80,6 +80,27 @@ def test_load_is_a_scale_that_an_unknown_gain_hides():
             assert slopes[:, 0].any() and slopes[:, 1].any() == (struck or not held)
 
 
+def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
+    one = resonance(TRUTH, 3).isel(sample=slice(12))
+    rest, slopes = BranchStatistics(one, TRUTH).residuals(TRUTH, tuple(FREE))
+    twice = xr.concat([one, one], "sample", combine_attrs="override")
+    found = BranchStatistics(twice, TRUTH).residuals(TRUTH, tuple(FREE))
+    assert found[0].size == 2 * rest.size
+    np.testing.assert_allclose(found[0] @ found[0], 2.0 * rest @ rest, rtol=1e-9)
+    np.testing.assert_allclose(found[1].T @ found[1], 2.0 * slopes.T @ slopes, rtol=1e-9)
+
+
+def test_data_of_unknown_noise_that_no_model_comes_near_are_said_to_be():
+    data = resonance(TRUTH, 3, ("displacement_max",))
+    free = {"material_damping": (1000.0, 9000.0)}
+    for factor, said in ((1.0, False), (1e3, True)):
+        one = data.assign(
+            displacement_max=(data.displacement_max.dims, factor * data["displacement_max"].values)
+        )
+        unknown = gearlib.fit(TRUTH, one, free, starts=0).unknown
+        assert any("whose noise is not known" in one for one in unknown) == said
+
+
 def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
     one = BranchStatistics(data, TRUTH)

@@ -175,9 +175,9 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
             None,
             {"known": KNOWN | {"course": [[0, 2450], [0.1, 3000]]}},
             [],
-            "the last time of known.course = 0.1 is not allowed: it must be >= 0.399994 s",
+            "time = '0 to 0.399994 s' is not allowed: it must be within known.course, 0 to 0.1 s",
         ),
-        (TABLE[:30], {}, [], "revolutions = 0 is not allowed: it must be more than 12 whole ones"),
+        (TABLE[:30], {}, [], "it must be of more than 12 whole revolutions of known.course, not 0"),
         (None, {"fit": {"fre": {}}}, [], "fit.fre"),
         (
             None,
