@@ -102,7 +102,7 @@ def certify_box(model, box, speed, *, pieces=2000):
     known = model.derivatives if own else {}
     if own and model.mesh is model:
         proof: Any = _OfPair(model, names, ends, speed)
-    elif model.train is not None if own else callable(model):
+    elif model.train is model if own else callable(model):
         proof = _OfTrain(model, names, ends, speed)
     else:
         raise checks.refusal("model", model, "a GearPair, a GearTrain or a function of one")
@@ -224,9 +224,13 @@ class _OfTrain:
 
     def _at(self, point):
         """Return the train at a point."""
-        if self.train is None:
-            return self.function(**dict(zip(self.names, map(float, point), strict=True)))
-        return _changed(self.train, dict(zip(self.names, map(float, point), strict=True)))
+        given = dict(zip(self.names, map(float, point), strict=True))
+        if self.train is not None:
+            return _changed(self.train, given)
+        found = self.function(**given)
+        if not is_model(found) or found.train is not found:
+            raise checks.refusal("model", self.function, "a function that returns a GearTrain")
+        return found
 
     def widest(self, piece):
         """Return the number of the parameter by which a piece is best cut."""

@@ -275,6 +275,9 @@ def test_pin_errors_are_certified_at_the_corners():
             {"load": (0.1, 0.2)},
             speed,
         )
+    for other in (DAMPED, None):
+        with pytest.raises(ValueError, match="must be a function that returns a GearTrain"):
+            certify_box(lambda load, other=other: other, {"load": (0.1, 0.2)}, speed)
 
 
 def test_quantities_of_a_train_are_of_the_mesh_that_counts():
