@@ -77,6 +77,11 @@ class BranchStatistics:
         return len(self.names) * len(self.speeds)
 
     @property
+    def parts(self):
+        """How many residuals each statistic has, and whether its noise is known."""
+        return [(len(self.speeds), bool(self._noise(name))) for name in self.names]
+
+    @property
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""
         return sum(sum(self._unknown(name)) for name in self.names)

@@ -36,6 +36,9 @@ _LEVEL = float(chi2.ppf(0.95, 1))
 _FAR = 30.0
 #: Share of the variance of data that is left where a model tells hardly anything of them.
 _LEFT = 0.5
+#: Residuals over parameters from which on they tell their own noise, the least share of the range
+#: that it is taken for, and how often it is taken anew.
+_ENOUGH, _EXACT, _ROUNDS = 3, 1e-6, 3
 #: Reduced chi-square up to which a model describes the data.
 DESCRIBED = 2.0
 
@@ -49,6 +52,7 @@ class Problem(NamedTuple):
     high: np.ndarray
     observations: list
     differences: bool  #: derivatives by differences, for comparison
+    weights: Any = 1.0  #: of the residuals, where the noise of several sets is not known
 
     @property
     def noise(self):
@@ -76,7 +80,25 @@ class Problem(NamedTuple):
             parts.append(found)
         rest = np.concatenate([one[0] for one in parts])
         moved = np.vstack([one[1] for one in parts]) * (self.high - self.low if names else 1.0)
-        return rest, moved
+        return rest * self.weights, moved * np.reshape(self.weights, (-1, 1))
+
+    def reweighed(self, rest):
+        """Return the problem with what is left of each set of unknown noise as its deviation.
+
+        One common scale would let the set that is described worst hide all others, and jumps with
+        a known noise would weigh nothing beside them. None where there is nothing to weigh.
+        """
+        parts = [part for one in self.observations for part in one.parts]
+        if len(parts) < 2 or all(known for _, known in parts):
+            return None
+        weights, end = np.ones(rest.size), 0
+        for size, known in parts:
+            part = slice(end, end + size)
+            end += size
+            if not known and size > _ENOUGH * len(self.names):
+                left = (rest / self.weights)[part]
+                weights[part] = 1.0 / max(float(np.sqrt(np.mean(left**2))), _EXACT)
+        return self._replace(weights=weights)
 
 
 def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
@@ -147,6 +169,13 @@ def fit(model, data, free, *, starts=12, seed=0, derivatives="exact"):
         found.append(_improved(problem, best.x))
         best = min(found, key=lambda one: one.cost)
     waterfall = sorted(2.0 * one.cost for one in found)
+    for _ in range(_ROUNDS):
+        weighed = problem.reweighed(best.fun)
+        if weighed is None:
+            break
+        problem, spent = weighed, best.nfev
+        best = _improved(problem, best.x)
+        best.nfev += spent
     found = _judged(problem, best, waterfall, costs)
     endless = tuple(name for name in ("backlash",) if _is_endless(found, name))
     return _judged(problem, best, waterfall, costs, endless) if endless else found
@@ -319,6 +348,7 @@ def _judged(problem, best, waterfall, costs, endless=()):
     unknown += [] if problem.noise else _unexplained(problem, values)
     k, n = int(felt.sum()) + 1, rest.size
     likelihood = n * math.log(max(float(rest @ rest) / n, 1e-300))
+    likelihood -= 2.0 * float(np.broadcast_to(np.log(problem.weights), n).sum())
     deviation = np.sqrt(np.diag(covariance))
     return Fit(
         values,

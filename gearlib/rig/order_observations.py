@@ -60,6 +60,11 @@ class MeshOrders:
         return 2 * int(self.kept.sum()) * self.measured.shape[1] + len(self.jumps)
 
     @property
+    def parts(self):
+        """How many residuals, and whether their noise is known."""
+        return [(self.size, bool(self.noise))]
+
+    @property
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""
         return int(self.gain) + int(self.phase is None)

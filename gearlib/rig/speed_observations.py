@@ -55,6 +55,11 @@ class Speeds:
         """How many residuals there are."""
         return len(self.speeds)
 
+    @property
+    def parts(self):
+        """How many residuals, and whether their deviation stays as it is."""
+        return [(self.size, True)]
+
     def forget(self):
         """Search the speeds of the next model anew."""
         self._last = {}

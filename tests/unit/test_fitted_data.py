@@ -54,7 +54,7 @@ REFUSED = {
         course=[[0.0, 1000.0], [1.0, 1200.0]]
     ),
     "time = '1 to 2.999 s' ... within known.course": course(time=1.0 + TIME),
-    "time = '0 to 1.999 s' ... more than 12 revolutions by known.course, not 0": course(
+    "time = '0 to 1.999 s' ... more than 12 whole revolutions of known.course, not 0": course(
         course=[[0.0, 10.0], [2.0, 12.0]]
     ),
     "speed = -1.0 ... > 0": sweep((-1.0, 2e3, 3e3)),
