@@ -77,7 +77,7 @@ class BranchStatistics:
         return len(self.names) * len(self.speeds)
 
     @property
-    def parts(self):
+    def blocks_of_noise(self):
         """How many residuals each statistic has, and whether its noise is known."""
         return [(len(self.speeds), bool(self._noise(name))) for name in self.names]
 

@@ -88,7 +88,7 @@ class Problem(NamedTuple):
         One common scale would let the set that is described worst hide all others, and jumps with
         a known noise would weigh nothing beside them. None where there is nothing to weigh.
         """
-        parts = [part for one in self.observations for part in one.parts]
+        parts = [part for one in self.observations for part in one.blocks_of_noise]
         if len(parts) < 2 or all(known for _, known in parts):
             return None
         weights, end = np.ones(rest.size), 0

@@ -60,7 +60,7 @@ class MeshOrders:
         return 2 * int(self.kept.sum()) * self.measured.shape[1] + len(self.jumps)
 
     @property
-    def parts(self):
+    def blocks_of_noise(self):
         """How many residuals, and whether their noise is known."""
         return [(self.size, bool(self.noise))]
 

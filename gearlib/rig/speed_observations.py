@@ -56,7 +56,7 @@ class Speeds:
         return len(self.speeds)
 
     @property
-    def parts(self):
+    def blocks_of_noise(self):
         """How many residuals, and whether their deviation stays as it is."""
         return [(self.size, True)]
 
