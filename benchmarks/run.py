@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 import gearlib
-from benchmarks import derivatives, from_rest, geometry, peers, trains
+from benchmarks import from_rest, geometry, peers, trains
 from benchmarks.scipy_split import run as scipy_split
 from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
@@ -225,7 +225,6 @@ def main():
         + explorer()
         + against_scipy()
         + peers.rows(damped, six)
-        + derivatives.rows(DAMPED, chaotic, damped)
     )
     for name, value, unit in rows + geometry.rows() + trains.rows():
         print(f"{name:70s} {value:10.3g} {unit}")

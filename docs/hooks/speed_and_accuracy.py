@@ -230,10 +230,9 @@ def short():
         f"of the difficult problems that they take. In {default} of the {len(first)} cells of the "
         "table of times below they are gearlib's fastest, whatever the accuracy.",
         "**Other packages.** heyoka, whose Taylor steps locate events too, is right on "
-        f"{right['heyoka']}; DOP853 stopped at every event and CVODE with its root finding, at "
-        f"tight tolerances, on {right['DOP853-split']} and {right['cvode']}. As they come, "
-        f"scipy's `solve_ivp` is right on {right['scipy-RK45']} and the pair of MATLAB's ode45 "
-        f"on {right['rk45']}.",
+        f"{right['heyoka']}; DOP853 stopped at every event, at tight tolerances, on "
+        f"{right['DOP853-split']}. As they come, scipy's `solve_ivp` is right on "
+        f"{right['scipy-RK45']} and the pair of MATLAB's ode45 on {right['rk45']}.",
         "**Fixed steps** lose their order, because neither the switches of the stiffness nor "
         "the changes of contact are ends of steps: `rk4` converges with order "
         f"{_order('rk4'):.1f} on `bouncing`. With 2000 steps per mesh period it is right on "

@@ -126,8 +126,7 @@ def _chart_of(path):
 
 def _facts_of(results, remark):
     record = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    used = ("gearlib", "python", "numba", "numpy", "scipy")
-    peers = ("diffrax", "heyoka", "scikit-sundae")
+    used = ("gearlib", "python", "numba", "numpy", "scipy", "heyoka")
     methods = _settings().work_precision.methods
     absent = [m for m in methods if not (results / f"work_precision/errors_{m}.nc").exists()]
     return {
@@ -135,7 +134,7 @@ def _facts_of(results, remark):
         "processor": record["machine"]["processor"],
         "cores": record["machine"]["cores"],
         "repeats": _settings().work_precision.repeats,
-        "versions": {k: record["versions"][k] for k in used + peers if k in record["versions"]},
+        "versions": {k: record["versions"][k] for k in used if k in record["versions"]},
         "absent": absent,
         "remark": remark,
     }

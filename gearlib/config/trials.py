@@ -31,17 +31,13 @@ Steps = whole(1, 100_000)
 #: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
 _METHODS = (
     *("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha"),
-    *("scipy", "smoothed", "heyoka", "cvode", "diffrax"),
+    *("scipy", "smoothed", "heyoka"),
 )
 MethodName = Literal[_METHODS]
 
 
 #: The package that each peer is imported from; where it is not installed, the peer is left out.
-PEERS = {
-    "heyoka": "heyoka",
-    "cvode": "sksundae",
-    "diffrax": "diffrax",
-}
+PEERS = {"heyoka": "heyoka"}
 
 
 class FixedStepMethod(Section):
@@ -98,9 +94,6 @@ def _trial(name, method, **options):
     return Trial.unchecked(name=name, method=method, options=options)
 
 
-Way = Literal["exact", "differences", "differences-1e-9", "smoothed", "diffrax", "heyoka"]
-
-
 class Failures(Section):
     """The methods that are tried on difficult problems."""
 
@@ -125,11 +118,7 @@ class Failures(Section):
         _trial("scipy-Radau", "scipy", solver="Radau"),
         _trial("smoothed", "smoothed"),
         _trial("heyoka", "heyoka"),
-        _trial("cvode", "cvode"),
     ]
-    gradients: listing(Way, "Ways to differentiate, see gearlib/studies/trials/gradients.py.") = (
-        list(get_args(Way))
-    )
 
     @model_validator(mode="after")
     def _check(self):

@@ -37,11 +37,6 @@ TABLE = {
     ("loci.nc", "multiplier_*"): Tolerance(
         1e-6, 1e-6, "where two multipliers meet they part with the square root of rounding"
     ),
-    ("gradients.nc", "error"): Tolerance(
-        10.0,
-        1e-4,
-        "differences of runs, rounding and tolerances over a small step; flags are exact",
-    ),
     ("jump.nc", "height_*"): Tolerance(
         1e-9,
         1e-9,

@@ -26,8 +26,6 @@ GOING = {
 TOO_MANY = {
     "sensitivities.py: variables",
     "several_meshes.py: go",
-    "diffrax.py: solve",
-    "diffrax.py: period",
 }
 
 

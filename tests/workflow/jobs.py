@@ -128,7 +128,7 @@ EXPERIMENTS = {
     "relief_dynamics": Experiment({"relief_dynamics": 1}, {"draw_relief_dynamics": 1}),
     # Two methods each.
     "failures": Experiment(
-        {"trial": 2, "gather_failures": 1, "gradients": 1}, {"draw_failures": 1}, simulates=True
+        {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
     ),
     "work_precision": Experiment(
         {

@@ -162,9 +162,7 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
         (
             "gearlib/integrators/rk4.py",
             {
-                **{
-                    n: k for n, k in jobs("stability_chart", "failures").items() if n != "gradients"
-                },
+                **jobs("stability_chart", "failures"),
                 "trial": 1,
             },
         ),

@@ -42,7 +42,7 @@ def _trial_files(c):
 
 
 def _untried(c):
-    return absent(dict.fromkeys([t.method for t in c.failures.trials] + c.failures.gradients))
+    return absent(dict.fromkeys(t.method for t in c.failures.trials))
 
 
 def _method(wildcards):
@@ -180,26 +180,16 @@ FAILURES = Study(
         files=("failures.nc",),
         kernels=(),
     ),
-    Job(
-        "gradients",
-        "trials.gradients:compute",
-        lambda c: {"ways": [way for way in c.failures.gradients if installed(way)]},
-        kernels=_LARGER,
-    ),
     Drawing(
         "failures_figure.draw",
-        {"matrix": "failures.nc", "gradients": "gradients.nc"},
+        {"matrix": "failures.nc"},
         "failures",
         "Failures: difficult problems against methods",
         """Difficult problems (rows) and methods (columns). Letter and colour: the first rule of
         `gearlib/studies/trials/failures.py` that applies; number: error in the quantity that
         the problem compares (contact events: how many are missing, spurious or out of order).
         Star: fewer mesh periods than the other methods, because the steps of the solver are
-        interpreted. The references are independent of the method that is judged. Columns d/dp:
-        derivatives of the final state by contact ratio, damping (stiffness ratio without
-        damping) and tuning, on some of the problems; `gearlib/studies/trials/gradients.py` has
-        ways and rules. Their reference, differences of runs to rounding, loses half of its
-        digits: the smallest errors are its own. Silently wrong: far off, without a word.""",
+        interpreted. The references are independent of the method that is judged.""",
         absent=_untried,
     ),
     gears=lambda c: "paper's pair and others, in problems of its own",

@@ -100,8 +100,6 @@ LADDERS = {
     ],
     # From 2.2e-16 on its steps are the same.
     "heyoka": [Line("heyoka", "other", "tol", (*_TOLERANCES, 1e-16))],
-    "cvode": [Line("cvode", "other", "rtol", _TOLERANCES, follows=True)],
-    "diffrax": [Line("diffrax", "other", "rtol", _TOLERANCES, follows=True)],
 }
 
 #: Accuracy parameters of methods that are not in `LADDERS`: the first that a method has.
