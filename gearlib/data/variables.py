@@ -326,7 +326,6 @@ DESCRIPTIONS = {
     # trials of methods on difficult problems
     "problem": ("1", "test problem"),
     "trial": ("1", "method with its options"),
-    "way": ("1", "way to differentiate"),
     "options": ("1", "options of the method"),
     "verdict": ("1", "verdict on the method"),
     "error": ("1", "error in the quantity that is compared"),

@@ -18,7 +18,6 @@ name                responsibility
 ``growth``          growth of a small deviation under the maps of a run
 ``overflow``        states that are too large for floating-point numbers
 ``jit``             how every kernel is compiled
-``kernel_parts``    kernels that others call: no machine code of their own
 ``cache``           where its machine code is kept, for any number of processes
 ==================  ========================================================================
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import write_table
 from gearlib.pages.report import tables
 from gearlib.studies import certificate_table, certificates
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

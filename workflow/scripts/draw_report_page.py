@@ -1,9 +1,9 @@
 """Write the page of the report on which tunings are chosen."""
 
-from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import replacing
 from gearlib.pages.report import page
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
