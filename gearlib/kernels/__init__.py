@@ -18,7 +18,7 @@ name                responsibility
 ``growth``          growth of a small deviation under the maps of a run
 ``overflow``        states that are too large for floating-point numbers
 ``jit``             how every kernel is compiled
-``cache``           where its machine code is kept, for any number of processes
+``cache``           folder of their machine code
 ==================  ========================================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).

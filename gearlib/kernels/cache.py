@@ -31,10 +31,8 @@ def source_hash():
 def cache_folder():
     """Return the folder of the machine code; make it, and mark it as used."""
     name = f"kernels-{source_hash()}"
-    base = os.environ.get("NUMBA_CACHE_DIR")
-    if base is None:
-        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-        base = os.path.join(home, "gearlib")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "gearlib")
     folder = os.path.join(base, name)
     try:
         if not os.path.isdir(folder):
@@ -45,8 +43,7 @@ def cache_folder():
         # A read-only home must not keep anyone from computing.
         folder = os.path.join(_temporary_folder(), name)
         os.makedirs(folder, exist_ok=True)
-    with contextlib.suppress(OSError):
-        os.utime(folder)
+    os.utime(folder)
     return folder
 
 
