@@ -25,21 +25,22 @@ def richardson(function: Callable, value: float, scale: float | None = None) -> 
 
     Of six widths, shares of `scale`, the one where the Richardson value changes least serves the
     whole array: chosen number by number, lucky differences would win. Differences are one-sided
-    where the function raises ValueError, left out where it returns None; NaN with fewer than three.
+    where the function raises ValueError, left out where it returns None; NaN with fewer than four.
     """
     middle = np.asarray(function(value), float)
     widths = WIDTHS * abs(value if scale is None else scale)
     pairs = [(width, _difference(function, value, width, middle)) for width in widths]
     pairs = [pair for pair in pairs if pair[1] is not None]
-    if len(pairs) < 3:
+    if len(pairs) < 4:
         return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
     plain = np.array([difference for _, difference in pairs])
     better = (9.0 * plain[1:] - plain[:-1]) / 8.0
     changes = np.abs(np.diff(better, axis=0)).reshape(len(better) - 1, -1).max(axis=1, initial=0.0)
     best = int(np.argmin(np.where(np.isnan(changes), np.inf, changes)))
-    size = np.abs(middle).max(initial=0.0)
-    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * size
-    error = 0.0 if same.all() else SAFETY * changes[best] + np.spacing(size) / pairs[best + 2][0]
+    # Truncation falls by 81 from width to width, rounding grows by 3: one change may be luck.
+    beside = max([*changes[best + 1 : best + 2] / 3.0, *changes[max(best - 1, 0) : best] / 81.0])
+    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * np.abs(middle).max(initial=0.0)
+    error = 0.0 if same.all() else SAFETY * max(changes[best], beside)
     return np.where(same, 0.0, better[best + 1]), np.full(middle.shape, error)
 
 
@@ -75,8 +76,8 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
     Returns
     -------
     xarray.Dataset
-        ``d_<variable>_d_<parameter>`` and ``..._error``, its estimated error; of what has no name,
-        the variable is ``value``.
+        ``d_<variable>_d_<parameter>`` and its estimated error, ``..._error``; of a number or array,
+        with ``value`` for the variable.
 
     Raises
     ------
@@ -99,9 +100,10 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
             words = f"derivative of the {array.attrs.get('long_name', variable)} by {parameter}"
             units = array.attrs.get("units", "1") + ("" if below == "1" else f"/({below})")
             derivative, error = _derivative(run, variable, words, value, scale)
-            for end, numbers, noun in (("", derivative, ""), ("_error", error, "error of the ")):
-                attributes = {"units": units, "long_name": noun + words}
-                data[f"d_{variable}_d_{name}{end}"] = array.dims, numbers, attributes
+            label, about = f"d_{variable}_d_{name}", {"units": units, "long_name": words}
+            data[label] = array.copy(data=derivative).assign_attrs(about)
+            about["long_name"] = f"error of the {words}"
+            data[f"{label}_error"] = array.copy(data=error).assign_attrs(about)
     return xr.Dataset(data)
 
 
@@ -124,12 +126,11 @@ def _runs(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
 
 def _derivative(run: Callable, variable: Any, words: str, value: float, scale: float) -> tuple:
     """Return derivative and error of one variable, and warn where they are not reliable."""
-    variables, contacts = run(value)
+    shape, contacts = run(value)[0][variable].shape, run(value)[1]
 
     def numbers(x: float, alike: bool = True) -> Any:
-        array = run(x)[0][variable].values
-        fits = array.shape == variables[variable].shape and (run(x)[1] == contacts or not alike)
-        return array if fits else None
+        array, there = run(x)[0][variable].values, run(x)[1]
+        return array if array.shape == shape and (there == contacts or not alike) else None
 
     derivative, error = richardson(numbers, value, scale)
     if np.isnan(error).any():
