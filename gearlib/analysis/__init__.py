@@ -14,9 +14,9 @@ name                 responsibility
 ``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
 ``steady_course``    a run at constant speed as a run-up, for its orders
 ``course_orders``    Fourier integrals of a run-up, arc by arc
-``order_slopes``     and their derivatives by parameters
 ``revolutions``      revolutions over a course of speed
 ``sampled_signals``  signals over time at equal angles, for `order_map`
+``sensitivities``    `sensitivities`: derivatives of what any call returns
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================
 """

@@ -9,7 +9,6 @@ name                responsibility
 ``tooth_pairs``     one mesh whose pairs of teeth touch one by one
 ``several_meshes``  many coordinates, events of all meshes: modes of their contacts
 ``exponential``     matrix exponentials by their series
-``slopes``          what motions of `several_meshes` change by with parameters
 ``codes``           contact of a mesh, how a run ended
 ``polynomial``      first crossing and largest value of a polynomial, guaranteed
 ``orbit``           what is recorded of an orbit: extrema, fractions, samples, events

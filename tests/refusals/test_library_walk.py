@@ -93,9 +93,11 @@ CALLED = {
     gearlib.lyapunov_exponents: {"pair": PAPER, "values": [NU], "settle": 2, "periods": 20},
     gearlib.trust: {"pair": PAPER, "tuning": NU, "periods": 200, "exponent_periods": 20},
     gearlib.periodic_orbit: {"pair": DAMPED, "tuning": NU},
-    gearlib.orbit_sensitivities: {"orbit": ORBIT, "sensitivities": ("tuning",)},
     gearlib.continue_orbit: {"orbit": ORBIT, "to": NU + 0.01, "max_points": 3},
-    gearlib.fold_sensitivities: BRANCH | {"sensitivities": ("load",)},
+    gearlib.sensitivities: {
+        **{"call": lambda model, tuning: model.load * tuning, "model": PAPER},
+        **{"parameters": ("load",), "tuning": NU},
+    },
     gearlib.switch_branch: BRANCH,
     gearlib.locus: BRANCH | {"parameter": "damping", "to": 0.1},
     gearlib.tongues: {"pair": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
@@ -132,8 +134,7 @@ HANDED_ON = {
 FREE = """
 locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
-dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
-fold_sensitivities.sensitivities simulate.sensitivities
+dynamic_factor.rpm lyapunov_exponents.states
 order_track.run order_map.tacho
 scatter.speed scatter.box scatter.progress
 sobol_indices.speed sobol_indices.progress first_order_scatter.speed first_order_scatter.progress

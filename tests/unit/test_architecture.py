@@ -24,7 +24,6 @@ GOING = {
 }
 #: Functions that still take more than eight parameters: none may join them.
 TOO_MANY = {
-    "sensitivities.py: variables",
     "several_meshes.py: go",
 }
 
