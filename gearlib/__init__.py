@@ -26,6 +26,8 @@ first use, so that reading a configuration does not pay for the numerical stack.
 
 from importlib import import_module
 
+from gearlib.removed import REMOVED, sentence
+
 _PUBLIC = {
     "Body": "models.trains.elements",
     "DeadZoneOscillator": "models.dead_zone",
@@ -147,6 +149,8 @@ __all__ = [
 def __getattr__(name):
     if name in _PUBLIC:
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    if name in REMOVED:
+        raise AttributeError(sentence(name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

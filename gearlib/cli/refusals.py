@@ -6,6 +6,8 @@ import socket
 
 import click
 
+from gearlib.removed import REMOVED, sentence
+
 #: What stands in the help of an option that takes one value or two.
 EITHER = "TEETH | PINION WHEEL"
 
@@ -24,6 +26,9 @@ class Command(click.Command):
                         f"values, {args[place]} {option.metavar}",
                         ctx,
                     )
+        for option in (word.partition("=")[0] for word in args):
+            if (name := f"{ctx.info_name} {option}") in REMOVED:
+                raise click.UsageError(sentence(name), ctx)
         return super().parse_args(ctx, list(_joined(args, self.params)))
 
 

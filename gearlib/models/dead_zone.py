@@ -28,7 +28,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented, named
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
 
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
 

@@ -25,9 +25,7 @@ from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.orbit import orbit_period
 from gearlib.kernels.overflow import within_range
-from gearlib.models.propagators.closed_form import ratios
 from gearlib.models.stiffness import levels, segment_lengths
-from tests.paper import PAPER
 
 PERIODS = 8
 LIMIT = 10**6

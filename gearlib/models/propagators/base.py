@@ -1,7 +1,6 @@
 """What all propagators offer: runs, their record, maps of small deviations, many states at once."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
