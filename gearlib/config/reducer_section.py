@@ -14,9 +14,7 @@ from gearlib.config.types import (
     Section,
     Share,
     Started,
-    Starts,
     Stiffness,
-    Tolerance,
     entry,
     numbers,
     quantity,
@@ -71,22 +69,6 @@ class Reducer(Started, Recorded):
     def _check(self):
         check_centres("reducer.teeth", self.teeth, self.modules)
         return self
-
-
-class OneMesh(Started):
-    """Models of the reducer, from one pair to the whole train, in cases that tell them apart."""
-
-    start: OwnStart = 0.75
-    stop: OwnStop = 1.8
-    step: OwnStep = 0.025
-    starts: Starts = 8
-    other_teeth: numbers(
-        Teeth, 4, "Of input, satellites a, satellites b, output: branches out of phase."
-    ) = [25, 35, 25, 35]
-    soft_support: Stiffness = entry(
-        "Of all axes where they are soft, N/m. Default: a quarter of max_stiffness."
-    )
-    tolerance: Tolerance = entry("Largest change of an answer that counts as none.", 0.1)
 
 
 class Campbell(Section):

@@ -31,9 +31,6 @@ from gearlib import parameters
 from gearlib.config import units
 from gearlib.config.agreement import check_grid, check_most
 
-#: Samples that a browser takes in: 32 MB of the page.
-MAX_PAGE_SAMPLES = 2_000_000
-
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
 _TRUTH = {"true": True, "false": False}

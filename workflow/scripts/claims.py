@@ -6,7 +6,7 @@ from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import write_table
 from gearlib.models.pair import GearPair
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from gearlib.studies import claims
 
 if __name__ == "__main__":

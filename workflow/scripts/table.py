@@ -4,7 +4,7 @@ from pkgutil import resolve_name
 
 from joblog import redirect_output
 from gearlib.data.files import write_table
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from inputs import datasets
 
 if __name__ == "__main__":
