@@ -12,7 +12,7 @@ from tests.rounding import comparison
 from tests.rounding.__main__ import moved_environment
 
 #: A run, carried sweeps, trains from many starts, chaos with its label: seconds each.
-AGAIN = ("train_sweep.nc", "symmetry_breaking.nc", "phase_lag.nc", "resonance/k1/up")
+AGAIN = ("train_sweep.nc", "phase_lag.nc", "resonance/k1/up")
 SETTLED = {"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "unsettled settled"}
 
 
