@@ -1,4 +1,4 @@
-"""Sections of tip relief: Harris maps of drawn gears, and the motion by two models."""
+"""Section of tip relief: Harris maps of drawn gears."""
 
 from typing import Literal
 
@@ -8,13 +8,10 @@ from gearlib.config.gears_section import FZG_C, DrawnPair
 from gearlib.config.types import (
     NonNegative,
     Section,
-    Share,
     entry,
     listing,
     whole,
 )
-
-_DampingRatio = Share
 
 
 class HarrisMap(Section):

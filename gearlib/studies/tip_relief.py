@@ -1,9 +1,4 @@
-"""What tip relief does: Harris maps of drawn gears, and the motion by two models.
-
-The smaller model has stiffness and deviation at its load; the larger one keeps a flank line for
-each pair of teeth. The small one suffices at a load where its largest dynamic force, sweeping up
-and down, is that of the larger one within a tolerance at all tunings.
-"""
+"""Harris maps of drawn gears: their static transmission error at several loads."""
 
 from dataclasses import replace
 
@@ -18,7 +13,6 @@ from gearlib.models.load_sharing_pair import LoadSharingPair
 
 #: The long one is the optimum for the design load, the short one has its amounts on half of it.
 RELIEFS = ("none", "short", "long")
-MODELS = ("stiffness_at_load", "pairs_of_teeth")
 
 
 def harris_map(gears, loads, stiffness, phases):
