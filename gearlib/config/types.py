@@ -316,10 +316,6 @@ OwnTuning = number_within(gt=0, le=100)
 Harmonic = whole(1, 1000)
 Share = number_within(ge=0, le=1)
 Tolerance = number_within(gt=0, le=10)
-Resolution = Annotated[
-    number_within(gt=0, le=0.1),
-    Field(description="Width of the tuning interval to which the jump is bisected."),
-]
 
 
 def numbers(item, count, description):
