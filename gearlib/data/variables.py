@@ -125,8 +125,6 @@ DESCRIPTIONS = {
     "height_below": ("1", "height of the orbit below the jump in static deflections"),
     "height_above": ("1", "height of the orbit above the jump in static deflections"),
     "switches": ("1", "large changes of height between neighbouring tunings of the scan"),
-    # page of the report
-    "motion": ("1", "what the motion is, in words"),
     # periodic orbits
     "state": ("1", "state at tau = 0 in static deflections and mesh phase"),
     "multiplier_real": ("1", "real part of the Floquet multipliers"),
