@@ -13,7 +13,7 @@ room             responsibility
 ``rig``          measured sets and fits: `read_measured`, `fit`, `compare_fits`
 ``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
 ``figures``      one file per figure, functions that return a `Figure`
-``pages``        the page of the report, the explorer with its sliders
+``pages``        tables as pages, the explorer with its sliders
 ``cli``          the command ``gearlib``
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================

@@ -1,8 +1,8 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
-Statements, numbers and verdicts are those of `docs/claims/claims.csv` and `assumption.csv`, copies
-of what the workflow writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from
-the copies of `parametric_resonance.csv` and `certificates.csv`. After a run of the workflow,
+Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
+writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from the copies of
+`parametric_resonance.csv` and `certificates.csv`. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -16,24 +16,20 @@ from pathlib import Path
 
 import yaml
 
-from gearlib.studies.claims.machine import CHECK
 from gearlib.studies.claims.statements import CHECKS
 
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
-#: Tables of claims, and the statements in them.
-TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
+#: Table of the claims.
+CLAIMS = "claims.csv"
 #: Tables of the numbers in the reasons.
 TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
     "reducer",
-    "one_mesh",
     "campbell",
     "mesh_stiffness",
-    "rectangle",
-    "dynamic_factor",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",
@@ -43,7 +39,6 @@ PICTURES = (
     "fig7_damping",
     "fig8_six_degrees",
     "harris_map",
-    "relief_dynamics",
 )
 _WIDTH, _COLOURS = 1000, 64
 
@@ -54,15 +49,11 @@ def on_page_markdown(markdown, page, **_):
 
 
 def claims(folder=FOLDER):
-    """Return the rows of all tables of claims in a folder."""
-    return [row for name in TABLES for row in _claims(Path(folder) / name)]
-
-
-def _claims(path):
-    """Return the rows of a table of claims, refused where they are not those of the code."""
+    """Return the rows of the table of claims in a folder, refused if they are not the code's."""
+    path = Path(folder) / CLAIMS
     found = _rows(path)
     have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
-    if have != [check[:4] for check in TABLES[path.name]]:
+    if have != [check[:4] for check in CHECKS]:
         raise ValueError(
             f"{path} is not of this version of gearlib/studies/claims: run the workflow, then "
             "`python -m docs.hooks.reproduction results`"
@@ -125,7 +116,7 @@ def take_over(results):
     """Copy the claims and the figures of `results` into the documentation."""
     claims(results)
     reasons(results)
-    for name in (*TABLES, TONGUES, CERTIFICATES):
+    for name in (CLAIMS, TONGUES, CERTIFICATES):
         (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
     copy_pictures(results, PICTURES)
 

@@ -78,3 +78,13 @@ def free_port(ctx, option, port):
                 ctx,
             ) from None
     return port
+
+
+def other_model(ctx, option, model):
+    """Refuse any model but one pair, for an option of click of the explorer."""
+    if model not in (None, "one_degree"):
+        raise click.UsageError(
+            f"--model {model} is not allowed: it must be left out, the explorer shows gear pairs; "
+            "the functions of gearlib.plot draw gear trains",
+            ctx,
+        )

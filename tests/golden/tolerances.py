@@ -61,9 +61,6 @@ TABLE = {
     ("labels/*", "digits exponent uncertainty"): Tolerance(
         0.1, 2.0, "digits left of chaos, and averages over it; the label itself is exact"
     ),
-    ("symmetry_breaking.nc", "dynamic_force"): Tolerance(
-        1e-6, 1e-6, "rounding grows with the disturbance that breaks the symmetry, by ten places"
-    ),
 }
 
 

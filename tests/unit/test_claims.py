@@ -20,11 +20,10 @@ from gearlib.studies import (
     resonance_branches,
     scenes,
 )
-from gearlib.studies.claims import characteristics, machine
+from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift, spread
 from gearlib.studies.claims.data import LINE, Data, NoData
 from gearlib.studies.claims.scene_claims import contact_ratios, jump_words, phase_shift
-from gearlib.studies.trains import one_mesh
 from tests.paper import CONFIG, PAPER
 from tests.proofs.second_program import faults
 from tests.tables import read_back
@@ -91,14 +90,6 @@ def branches(dampings=DAMPINGS):
     return {
         name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
     }
-
-
-def machines(tunings=(0.82, 1.38)):
-    """Return the models of the reducer, from one mesh to the whole."""
-    settings = config.load(CONFIG)
-    pair = PAPER.replace(material_damping=3953.7).as_dict()
-    short = settings.reducer.model_dump() | {"periods": 42, "record_periods": 21}
-    return one_mesh.compute(pair, tunings, short, settings.one_mesh.model_dump())
 
 
 def proofs(branches, dampings=DAMPINGS):
@@ -340,18 +331,6 @@ def test_missing_data_are_named_not_guessed():
         IDS[2:], "not evaluated"
     )
     assert all(claim.computed for claim in table)
-
-
-def test_one_mesh_does_not_stand_for_the_machine(tmp_path):
-    comparison = machines()
-    rows = read_back(machine.rows(comparison), tmp_path)
-    comparison.dynamic_factor[0, 0, 0] = np.nan
-    rows += read_back(machine.rows(comparison), tmp_path)
-    assert [(row["id"], row["verdict"]) for row in rows] == [
-        ("A1", "differs"),
-        ("A1", "not evaluated"),
-    ]
-    assert "the whole train" in rows[0]["computed"]
 
 
 def test_files(paper, tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 from gearlib.data import storage
 from gearlib.data.files import write_table
 from gearlib.models.pair import GearPair
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from gearlib.studies import claims
 from joblog import redirect_output
 

@@ -3,7 +3,7 @@
 from pkgutil import resolve_name
 
 from gearlib.data.files import write_table
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from inputs import datasets
 from joblog import redirect_output
 

@@ -153,14 +153,9 @@ def generic_line(method):
 
 def rungs(method):
     """Return (line, text of the accuracy parameter, options) of every setting of a method."""
-    return rungs_of(lines_of(method))
-
-
-def rungs_of(lines):
-    """Return (line, text of the accuracy parameter, options) of every setting of the lines."""
     return [
         (line, "" if value is None else f"{line.knob} = {value:g}", line.at(value))
-        for line in lines
+        for line in lines_of(method)
         for value in line.values
     ]
 
