@@ -2,7 +2,8 @@
 
 Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
 writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from the copies of
-`parametric_resonance.csv` and `certificates.csv`. After a run of the workflow,
+`parametric_resonance.csv` and `certificates.csv`, and from `branches.csv`, the folds and grazings of
+the branches. `labels.csv` says which motions from rest settle. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -24,6 +25,7 @@ IMAGES = FOLDER.with_name("images")
 CLAIMS = "claims.csv"
 #: Tables of the numbers in the reasons.
 TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
+BRANCHES, LABELS = "branches.csv", "labels.csv"
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
@@ -66,24 +68,28 @@ def _rows(path):
         return list(csv.DictReader(file))
 
 
-def reasons(folder=FOLDER):
-    """Return id -> why the verdict is what it is, with the numbers of the tables in a folder."""
+def reasons():
+    """Return id -> why the verdict is what it is, with the numbers of the tables."""
     texts = yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
-    tongue, proven = tables(folder)
-    return {key: text.format(tongue=tongue, proven=proven) for key, text in texts.items()}
+    known = tables()
+    return {key: text.format(**known) for key, text in texts.items()}
 
 
-def tables(folder=FOLDER):
-    """Return the rows of both tables: damping -> row, and damping -> claim -> rows by tuning."""
-    tongue = {row["damping"]: _numbers(row) for row in _rows(Path(folder) / TONGUES)}
-    proven = {}
-    rows = map(_numbers, _rows(Path(folder) / CERTIFICATES))
-    for row in sorted(rows, key=lambda row: row["tuning"]):
-        # Orbits and motions by their tuning, what lies at any tuning by its contacts.
-        at = "tuning" if row["claim"] in ("orbit", "motion") else "contacts"
+def tables():
+    """Return the tables that the reasons quote, each by damping.
+
+    `tongue` has a row for each damping, `branches` the tunings of its folds and grazings, `proven`
+    its certificates: ranges by their contacts, orbits by their tuning. All ascend with the tuning.
+    """
+    tongue = {row["damping"]: _numbers(row) for row in _rows(FOLDER / TONGUES)}
+    proven, branches = {}, {}
+    for row in sorted(map(_numbers, _rows(FOLDER / CERTIFICATES)), key=lambda row: row["tuning"]):
+        at = "tuning" if row["claim"] == "orbit" else "contacts"
         kind = f"{row['claim']} {row[at]}".strip()
         proven.setdefault(row["damping"], {}).setdefault(kind, []).append(row)
-    return tongue, proven
+    for row in map(_numbers, _rows(FOLDER / BRANCHES)):
+        branches.setdefault(row["damping"], {}).setdefault(row["point"], []).append(row["tuning"])
+    return {"tongue": tongue, "branches": branches, "proven": proven}
 
 
 def _numbers(row):
@@ -115,10 +121,36 @@ def anchor(figure):
 def take_over(results):
     """Copy the claims and the figures of `results` into the documentation."""
     claims(results)
-    reasons(results)
     for name in (CLAIMS, TONGUES, CERTIFICATES):
         (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
+    write_motions(Path(results))
+    reasons()
     copy_pictures(results, PICTURES)
+
+
+def write_motions(results):
+    """Write the folds and grazings of the branches, and the labels of the motions from rest.
+
+    Labels only at tunings that the certificates name.
+    """
+    from gearlib.analysis import trust
+    from gearlib.analysis.orbits.special_points import FOLD, GRAZING
+    from gearlib.data import storage
+    from gearlib.data.files import write_table
+
+    points, labels = [["damping", "point", "tuning"]], [["damping", "tuning", "label", "period"]]
+    tunings = {float(row["tuning"]) for row in _rows(FOLDER / CERTIFICATES)}
+    for path in sorted((results / "branches").glob("*.nc")):
+        branch = storage.read(path).sortby("tuning")
+        for name, label in (("fold", FOLD), ("grazing", GRAZING)):
+            chosen = (branch.label == label) & (branch.period == 1)
+            points += [[path.stem, name, f"{nu:.10g}"] for nu in branch.tuning.values[chosen]]
+        motions = storage.read(results / "labels" / path.name)
+        for nu, label, period in zip(motions.tuning, motions.label, motions.period, strict=True):
+            if round(float(nu), 6) in tunings:
+                labels.append([path.stem, f"{nu:.6g}", trust.LABELS[int(label)], int(period)])
+    write_table(points, FOLDER / BRANCHES)
+    write_table(labels, FOLDER / LABELS)
 
 
 def copy_pictures(results, names):

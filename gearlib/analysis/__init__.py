@@ -4,7 +4,7 @@
 name                 responsibility
 ===================  ==============================================================
 ``orbits``           periodic orbits, their branches, folds, doublings, grazings
-``proofs``           `certify` and others: orbits that are theorems, in ball arithmetic
+``proofs``           `certify`, `certify_range`: orbits that are theorems, in ball arithmetic
 ``tongues``          `tongues`: where contact without loss is unstable
 ``harmonics``        periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``global_dynamics``  attractors and their basins, sections, bifurcation diagrams

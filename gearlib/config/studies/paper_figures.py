@@ -29,6 +29,15 @@ from gearlib.config.studies.study import (
 WHY = ["parametric_resonance.csv", "certificates.csv"]
 
 
+def _known_motions(c):
+    """Return the files with special points and labels that the same reasons rest on."""
+    return [
+        file
+        for pattern in ("branches/{damping}.nc", "labels/{damping}.nc")
+        for file in of_dampings(pattern)(c)
+    ]
+
+
 def _colours(c):
     return {"colours": c.figures.colours}
 
@@ -310,7 +319,7 @@ STATEMENTS = Study(
         """Statements of the paper, what was computed for each, and the verdict that follows
         from the numbers. A statement that differs stays in the table.""",
     ),
-    results=lambda c: ["claims.md", *WHY],
+    results=lambda c: ["claims.md", *WHY, *_known_motions(c)],
     refusal=lambda c: (
         "gears is not allowed: its statements are about the paper's pair, it must be left out"
         if c.gears
