@@ -1,7 +1,7 @@
 """`order_map`: orders of run-ups, Fourier sums over whole revolutions.
 
 The shaft angle is known, so that no window and no leakage enter. The samples of the time course are
-summed over the angle, see `sampled_integrals`, and every second of them tells the error.
+summed over the angle, see `order_sums`, and every second of them tells the error.
 """
 
 import json
@@ -11,8 +11,8 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import sampled_signals
+from gearlib.analysis.order_sums import jump_phases, summed
 from gearlib.analysis.revolutions import Turning
-from gearlib.analysis.sampled_integrals import jump_phases, summed
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 

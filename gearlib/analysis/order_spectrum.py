@@ -10,7 +10,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.order_maps import check_change
-from gearlib.analysis.sampled_integrals import STENCIL, jump_phases, summed
+from gearlib.analysis.order_sums import STENCIL, jump_phases, summed
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.models.harmonics import Harmonics

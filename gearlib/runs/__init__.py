@@ -7,7 +7,6 @@ module                    responsibility
 ``sweeping``              `sweep`: many tunings, orbit summaries
 ``run_up``                `run_up`: any course of speed and load
 ``sensitivities``         derivatives of what `simulate` returns by parameters
-``run_up_sensitivities``  derivatives of what `run_up` returns
 ``variational``           maps of small deviations without the free rotation
 ``run_arguments``         arguments that all runs share, checked
 ========================  ==========================================================

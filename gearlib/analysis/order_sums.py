@@ -135,6 +135,9 @@ def _waves(phase, values, step, count):
     base = np.arange(math.isqrt(count - 1) + 1)
     large = np.arange(0, count, base.size)
     # Waves of the order a n + b are products of two; BLAS would wake threads for small sums.
-    low, high = (np.exp(-1j * step * np.outer(few, phase)) for few in (base, large))
+    low, high = (
+        np.cumprod([np.ones(phase.size), *[np.exp(-1j * step * wave * phase)] * (few.size - 1)], 0)
+        for few, wave in ((base, 1), (large, base.size))
+    )
     sums = np.einsum("aim,bi->abm", high[:, :, None] * values, low)
     return sums.reshape(-1, values.shape[1])[:count]
