@@ -91,7 +91,8 @@ def summed(phase, values, blocks, span, step, count, jumps=None):
         else:
             near = slice(max(first - STENCIL, 0), last + STENCIL)
             own, part = phase[near] - k * span, table[near]
-            weights = smooth_weights(own, jumps - k * span, span)
+            between = np.searchsorted(jumps, own[[0, -1]] + k * span)
+            weights = smooth_weights(own, jumps[slice(*between)] - k * span, span)
         weights = weights / span
         coefficients[k] = _waves(own, weights[:, None] * part, step, count)
         squares[k] = np.einsum("i,im->m", weights, part**2)
