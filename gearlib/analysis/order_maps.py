@@ -50,7 +50,8 @@ def order_map(
     run : xarray.Dataset
         Of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. Its samples are
         summed: with 128 in a mesh period the error is about 1e-6 of the largest amplitude of the
-        displacement, 1e-4 of that of the force, which jumps where the stiffness does. Times and phases count from the first sample.
+        displacement, 1e-4 of that of the force, which jumps where the stiffness does. Times and
+        phases count from the first sample.
         Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
         interpolated at equal angles, by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
@@ -136,13 +137,18 @@ def _check_run(run, variable, tacho):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
 
 
+def samples_per_period(phase):
+    """Return how many samples a mesh period has, most of the time."""
+    return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
+
+
 def check_density(phase, highest, teeth):
     """Refuse orders that have fewer than four samples in a wave."""
-    per = math.tau * (phase.size - 1) / float(phase[-1] - phase[0]) if phase.size > 1 else 1.0
+    per = samples_per_period(phase)
     if highest > 0.25 * per * teeth * (1.0 + _CLOSE):
         raise ValueError(
-            f"highest = {highest:g} is not allowed with {per:.4g} samples per mesh period: it must "
-            f"be at most {0.25 * per * teeth:.4g}, orders with four samples a wave"
+            f"highest = {highest:g} is not allowed with samples_per_period = {per}: it must be "
+            f"at most {0.25 * per * teeth:.4g}, orders with four samples a wave"
         )
 
 
@@ -182,7 +188,7 @@ def check_change(change, squares, phase):
     """Refuse samples whose every second one gives other orders."""
     size = math.sqrt(squares.max())
     if np.ndim(phase) and change.max() > MAX_CHANGE * size:
-        per = round(math.tau * (phase.size - 1) / float(phase[-1] - phase[0]))
+        per = samples_per_period(phase)
         raise ValueError(
             f"samples_per_period = {per} is not allowed for these orders: with half of the samples "
             f"one changes by {change.max() / size:.2g} of the root mean square, and it must be at "

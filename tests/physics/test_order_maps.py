@@ -190,7 +190,7 @@ def test_a_coast_side_has_the_orders_of_the_drive_side():
     own = gearlib.order_map(coast, highest=9)
     # The mean is measured from the other flank.
     gap = np.abs(own.amplitude - drive.amplitude)[:, 1:]
-    assert gap.max() < 1e-11 * drive.overall.max()
+    assert gap.max() < 1e-5 * drive.overall.max()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_a_coast_side_has_the_orders_of_the_drive_side():
         ({"resolution": 0.0}, "it must be a finite number > 0 and <= 1"),
         ({"resolution": 1e-3}, "must have 1000 whole revolutions, and the run has"),
         ({"highest": -1}, "highest = -1 is not allowed"),
-        ({"highest": 100}, "highest = 100 is not allowed with 64 samples per mesh period"),
+        ({"highest": 100}, "highest = 100 is not allowed with samples_per_period = 64"),
         ({"orders": [2.2]}, "orders = 2.2 is not allowed: it must be one of 0, 1, ..."),
     ],
 )
