@@ -120,7 +120,8 @@ def order_map(
     number = np.arange(count)
     if orders is not None:
         number = np.array([_number(order, revolutions, count) for order in orders])
-    return _dataset(run, variable, amplitude, found, number, revolutions, speeds, teeth, begins)
+    bounds = begins + Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
+    return _dataset(run, variable, amplitude, found, number, revolutions, bounds, teeth)
 
 
 def _check_run(run, variable, tacho):
@@ -207,7 +208,7 @@ def _number(order, revolutions, count):
     return number
 
 
-def _dataset(run, variable, amplitude, sums, number, revolutions, speeds, teeth, begins):
+def _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth):
     """Return the order map of the orders with these numbers."""
     found, squares, error = sums
     mean_square = np.abs(found[:, 0]) ** 2
@@ -218,7 +219,6 @@ def _dataset(run, variable, amplitude, sums, number, revolutions, speeds, teeth,
     unit, words = run[variable].attrs["units"], variable.replace("_", " ")
     squared = f"({unit})2" if " " in unit else f"{unit}2"
     own, inner = squared if amplitude == "power" else unit, run[variable].dims[1:]
-    bounds = Turning(speeds).at(revolutions * np.arange(len(found) + 1.0))[0]
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
     noise = np.sqrt(np.maximum(squares - mean_square, 0.0))
     columns = {
@@ -243,7 +243,7 @@ def _dataset(run, variable, amplitude, sums, number, revolutions, speeds, teeth,
     }
     about = {"units": "1", "long_name": "order, waves per revolution"}
     coords = {
-        "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
+        "time": ("time", times, {"units": "s", "long_name": "middle of the block"}),
         "order": ("order", number / revolutions, about),
     }
     coords |= {name: run[name].variable for name in inner}
