@@ -11,9 +11,9 @@ name                 responsibility
 ``lyapunov``         largest Lyapunov exponent of a motion
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
 ``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
-``order_maps``       `order_map`, `order_track`: orders of a run-up over its speed
+``order_maps``       `order_map`: orders of a run-up over its speed
 ``steady_course``    a run at constant speed as a run-up, for its orders
-``course_orders``    Fourier integrals of a run-up, arc by arc
+``order_sums``       Fourier integrals as sums over samples
 ``revolutions``      revolutions over a course of speed
 ``sampled_signals``  signals over time at equal angles, for `order_map`
 ``sensitivities``    `sensitivities`: derivatives of what any call returns

@@ -13,7 +13,6 @@ name                responsibility
 ``polynomial``      first crossing and largest value of a polynomial, guaranteed
 ``orbit``           what is recorded of an orbit: extrema, fractions, samples, events
 ``copies``          copies between arrays
-``order_sums``      Fourier integrals as sums over nodes of quadrature
 ``growth``          growth of a small deviation under the maps of a run
 ``overflow``        states that are too large for floating-point numbers
 ``jit``             how every kernel is compiled

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from gearlib.analysis.orbits.mean_forces import mean_forces
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import summary
 from gearlib.data.status import OK
@@ -158,6 +157,8 @@ class OrbitAtSpeed:
             return values[mesh], np.zeros(1)
         own = [j for j, other in enumerate(groups) if other == groups[mesh]]
         if not hasattr(self, "_forces"):
+            from gearlib.analysis.orbits.mean_forces import mean_forces
+
             self._forces = mean_forces(self.orbit, self.names, self._state[:, :-1])
         forces, slopes = self._forces
         mean, moved = forces[own].mean(), slopes[own].mean(axis=0)

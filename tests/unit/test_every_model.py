@@ -155,7 +155,6 @@ CALLS = {
     # Of whole revolutions of all.
     "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
     "order_map": lambda pair: gearlib.order_map(turns(pair)),
-    "order_track": lambda pair: gearlib.order_track(turns(pair), [1.0, 3.0]),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
     "sensitivities": lambda pair: sensitivities(end, pair, "tuning", tuning=NU),
@@ -180,7 +179,7 @@ REFUSED = {
     **dict.fromkeys(
         ("sobol_indices", "first_order_scatter", "tighten"), NO_GEARS | {"pairs of teeth"}
     ),
-    **dict.fromkeys(("run_up", "order_map", "order_track"), NO_GEARS),
+    **dict.fromkeys(("run_up", "order_map"), NO_GEARS | {"pairs of teeth", "one degree"}),
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }

@@ -18,7 +18,6 @@ module                 responsibility
 ``sections``           states of many orbits at one mesh phase of every period
 ``deviation``          linearised maps of phases and flank crossings
 ``pair_maps``          growth of small deviations over mesh periods
-``course_waves``       what Fourier integrals along such a course change by
 ``elementary``         exp, sine and cosine as plain arithmetic
 =====================  ==================================================================
 """

@@ -11,7 +11,7 @@ module                responsibility
 ``courses``           runs while speed and load change
 ``course_arcs``       the same of a gear pair, by scalar closed forms
 ``course_chirps``     the harmonics of systems there
-``course_steps``      the same by Taylor steps
+``course_steps``      harmonics of one degree of freedom there, by Taylor steps
 ``stable_repeats``    the period of a motion, by proof
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one
