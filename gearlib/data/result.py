@@ -1,5 +1,8 @@
 """Results of a computation as one dataset: stacked from its runs, described, with its making."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache
 from itertools import product
 
@@ -8,6 +11,19 @@ import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
+
+_contacts: ContextVar[list | None] = ContextVar("_contacts", default=None)
+
+
+@contextmanager
+def counting_contacts() -> Iterator[list]:
+    """Collect how many contact events the datasets of models have that are made meanwhile."""
+    counts: list = []
+    before = _contacts.set(counts)
+    try:
+        yield counts
+    finally:
+        _contacts.reset(before)
 
 
 def stacked(axes, call, *inner):
@@ -49,6 +65,10 @@ def result(title, model, data, coords=None, *, method, **parameters):
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, _indexed(coords))
     dataset = describe(dataset, model)
     dataset.attrs = provenance.attributes(title, model, method=method, **parameters)
+    if (counts := _contacts.get()) is not None:
+        counts.append(dataset.sizes.get("event"))
+        if "bounces" in dataset:
+            counts.append(dataset.bounces.values.tolist())
     return dataset
 
 

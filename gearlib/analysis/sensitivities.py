@@ -1,0 +1,151 @@
+"""`sensitivities`: derivatives of anything that a call returns, by differences of exact runs."""
+
+import math
+import re
+import warnings
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gearlib import checks
+from gearlib.data.result import counting_contacts
+from gearlib.data.variables import DESCRIPTIONS
+
+WIDTHS = 3e-3 / 3.0 ** np.arange(7)  #: half widths of the differences, as shares of the value
+SAFETY = 5.0  #: factor on the last change of the Richardson value, for the error
+ROUNDING = 1e-13  #: share of an array's largest number below which its change is rounding
+MAX_ERROR = 1e-6  #: share of the derivative above which its error is worth a warning
+
+
+def richardson(function: Callable, value: float, scale: float | None = None) -> tuple:
+    """Differentiate an array by a number: return the derivative and an estimate of its error.
+
+    Of six widths, shares of `scale`, the one where the Richardson value changes least serves the
+    whole array: chosen number by number, lucky differences would win. Differences are one-sided
+    where the function raises ValueError, left out where it returns None; NaN with fewer than four.
+    """
+    middle = np.asarray(function(value), float)
+    widths = WIDTHS * abs(value if scale is None else scale)
+    pairs = [(width, _difference(function, value, width, middle)) for width in widths]
+    pairs = [pair for pair in pairs if pair[1] is not None]
+    if len(pairs) < 4:
+        return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
+    plain = np.array([difference for _, difference in pairs])
+    better = (9.0 * plain[1:] - plain[:-1]) / 8.0
+    changes = np.abs(np.diff(better, axis=0)).reshape(len(better) - 1, -1).max(axis=1, initial=0.0)
+    best = int(np.argmin(np.where(np.isnan(changes), np.inf, changes)))
+    # Truncation falls by 81 from width to width, rounding grows by 3: one change may be luck.
+    beside = max([*changes[best + 1 : best + 2] / 3.0, *changes[max(best - 1, 0) : best] / 81.0])
+    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * np.abs(middle).max(initial=0.0)
+    error = 0.0 if same.all() else SAFETY * max(changes[best], beside)
+    return np.where(same, 0.0, better[best + 1]), np.full(middle.shape, error)
+
+
+def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
+    """Return a central difference, at the end of a range a one-sided one, or None."""
+    try:
+        ahead = function(value + width)
+    except ValueError:
+        width = -width
+        ahead = function(value + width)
+    try:
+        behind, weights = function(value - width), (1.0, -1.0, 0.0)
+    except ValueError:
+        behind, weights = function(value + 2.0 * width), (4.0, -1.0, -3.0)
+    if ahead is None or behind is None:
+        return None
+    return (weights[0] * ahead + weights[1] * behind + weights[2] * middle) / (2.0 * width)
+
+
+def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
+    """Differentiate what a call returns by parameters of a model and by its other arguments.
+
+    Parameters
+    ----------
+    call : callable
+        ``call(model, **arguments)`` returns a number, an array, a DataArray or a Dataset.
+    model : Model
+    parameters : str or sequence of str
+        Names in ``model.settable``, or of `arguments` that are numbers, as the tuning or the speed.
+    **arguments
+        Other arguments of the call.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``d_<variable>_d_<parameter>`` and its estimated error, ``..._error``; of a number or array,
+        with ``value`` for the variable.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+
+    Warns
+    -----
+    UserWarning
+        Contact events appear or vanish at all widths, or an error exceeds 1e-6 of the derivative.
+    """
+    described = model.settable | {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
+    data: dict = {}
+    for name in (parameters,) if isinstance(parameters, str) else parameters:
+        below, parameter = described[checks.one_of("parameters", name, described)]
+        value = arguments[name] if name in arguments else model.value(name)
+        checks.number(name, value, "a finite number", math.isfinite)
+        run, scale = _runs(call, model, name, arguments), abs(value) or _natural(model, below)
+        for variable, array in run(value)[0].items():
+            words = f"derivative of the {array.attrs.get('long_name', variable)} by {parameter}"
+            units = array.attrs.get("units", "1") + ("" if below == "1" else f"/({below})")
+            derivative, error = _derivative(run, variable, words, value, scale)
+            label, about = f"d_{variable}_d_{name}", {"units": units, "long_name": words}
+            data[label] = array.copy(data=derivative).assign_attrs(about)
+            about["long_name"] = f"error of the {words}"
+            data[f"{label}_error"] = array.copy(data=error).assign_attrs(about)
+    return xr.Dataset(data)
+
+
+def _runs(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
+    """Return the function of one parameter that gives a call's variables and contact events."""
+
+    @cache
+    def run(value: float) -> tuple:
+        with counting_contacts() as contacts:
+            if name in arguments:
+                result = call(model, **arguments | {name: value})
+            else:
+                result = call(model.with_values({name: value}), **arguments)
+        if not isinstance(result, xr.Dataset):
+            result = xr.DataArray(result).to_dataset(name=getattr(result, "name", None) or "value")
+        return {key: x for key, x in result.data_vars.items() if x.dtype.kind == "f"}, contacts
+
+    return run
+
+
+def _derivative(run: Callable, variable: Any, words: str, value: float, scale: float) -> tuple:
+    """Return derivative and error of one variable, and warn where they are not reliable."""
+    shape, contacts = run(value)[0][variable].shape, run(value)[1]
+
+    def numbers(x: float, alike: bool = True) -> Any:
+        array, there = run(x)[0][variable].values, run(x)[1]
+        return array if array.shape == shape and (there == contacts or not alike) else None
+
+    derivative, error = richardson(numbers, value, scale)
+    if np.isnan(error).any():
+        warnings.warn(f"contact events appear or vanish at all widths: {words}", stacklevel=3)
+        derivative, error = richardson(lambda x: numbers(x, False), value, scale)
+    if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
+        warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {words}", stacklevel=3)
+    return derivative, error
+
+
+def _natural(model: Any, units: str) -> float:
+    """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
+    if model.static_deflection is None:
+        return 1.0
+    force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
+    scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
+    powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
+    return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
