@@ -254,27 +254,30 @@ class _Search:
         for _ in range(_MAX_CUTS):
             tunings = np.linspace(tuning, end, _PIECES + 1)
             states, summaries = self._swept(state, tunings, _LONG_PERIODS)
-            last = states[-1] if last is None else last
             changes = _changes(summaries)
             i = int(changes.argmax())
             smooth = not changes[i] > _SMOOTH_SHARE * changes.sum()
-            if smooth and np.abs(last - expected).max() < _SAME_MOTION:
-                break
+            arrived = np.abs(states[-1] - expected).max() < _SAME_MOTION
+            first, last = last is None, states[-1] if last is None else last
+            if smooth and arrived:
+                return None, last
             # Where so short steps do not make it jump yet, the fold may be just behind them.
-            i = self._settled(states, tunings, _PIECES if smooth else i)
-            before = np.column_stack([states, tunings])[max(i - 1, 0) : i + 1]
+            settled = self._settled(states, tunings, _PIECES if smooth else i)
+            before = np.column_stack([states, tunings])[max(settled - 1, 0) : settled + 1]
             try:
                 fold = self.map.fold(before)
                 if low <= fold[-1] <= high and self.map.turns(fold) * way < 0.0:
                     return fold, None
             except (NotFound, np.linalg.LinAlgError):
                 pass
+            if smooth and first:
+                return None, last
             if smooth:
                 break
-            state, tuning, end = states[i], tunings[i], tunings[changes.argmax() + 1]
-        else:
-            if changes.max() > _SAME_MOTION:
-                raise NotFound("the motion jumps, and not at a fold")
+            state, tuning = states[settled], tunings[settled]
+            expected, end = states[i + 1], tunings[i + 1]
+        if changes.max() > _SAME_MOTION or not arrived:
+            raise NotFound("the motion jumps, and not at a fold")
         return None, last
 
     def _settled(self, states, tunings, i):
