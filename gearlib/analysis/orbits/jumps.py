@@ -30,6 +30,8 @@ _RESONANCE_BOUNDS = (0.65, 1.5)
 #: Ratio of neighbouring tunings of a sweep, and lowest tuning of a sweep down as a share of its
 #: first one.
 _SWEEP_RATIO, _SWEEP_END = 1.006, 0.25
+#: Mesh periods at each tuning of a sweep, and where a motion settles slowly or jumps.
+_SWEEP_PERIODS, _LONG_PERIODS = 60, 200
 #: Steps that are swept before jumps are looked for.
 _SWEEP_STEPS = 32
 #: Pieces into which an interval with a jump is cut, and how often it is cut.
@@ -44,8 +46,8 @@ _JUMP_RATIO = 1.3
 _SAME_MOTION = 0.05
 #: Change of a state in a period below which it is one of an orbit, static deflections.
 _SETTLED = 1e-3
-#: Relative tuning step behind a fold and mesh periods until the motion has jumped there.
-_BEHIND_FOLD, _JUMP_PERIODS = 0.002, 200
+#: Relative tuning step behind a fold, where it shows to which motion the model jumps.
+_BEHIND_FOLD = 0.002
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
 #: Secant steps to the onset, and their relative tolerance.
@@ -189,7 +191,7 @@ class _Search:
                 break
             behind = (1.0 - _BEHIND_FOLD) * fold[-1]
             before = self.map.summary(fold[-1], fold[:-1])
-            states, after = sweep_states(self.model, fold[:-1], [behind], _JUMP_PERIODS)
+            states, after = sweep_states(self.model, fold[:-1], [behind], _LONG_PERIODS)
             if not after[0, :, columns.X_MAX].max() > before[:, columns.X_MAX].max():
                 return self._lasting(fold)
             fold, _ = self._first_fold(np.append(states[0], behind), None)
@@ -212,7 +214,7 @@ class _Search:
         fold, kept = None, []
         while fold is None and start is not None:
             tunings = start[-1] * ratio ** np.arange(_SWEEP_STEPS + 1)
-            states, summaries = self._swept(start[:-1], tunings)
+            states, summaries = self._swept(start[:-1], tunings, _SWEEP_PERIODS)
             out = (tunings > stop) if up else (tunings < stop)
             if end is not None:
                 least = summaries[:, :, columns.X_MIN].min(axis=1)
@@ -234,9 +236,9 @@ class _Search:
             kept.append([part[:size] for part in (tunings, states, summaries)])
         return fold, tuple(map(np.concatenate, zip(*kept, strict=True)))
 
-    def _swept(self, state, tunings):
+    def _swept(self, state, tunings, periods):
         """Return states and summaries at tunings, the first of which is that of the state."""
-        later, summaries = sweep_states(self.model, state, tunings[1:])
+        later, summaries = sweep_states(self.model, state, tunings[1:], periods)
         first = self.map.summary(tunings[0], state)
         return np.vstack([state, later]), np.concatenate([first[None], summaries])
 
@@ -248,30 +250,35 @@ class _Search:
         state, tuning = start[:-1], start[-1]
         way, width = np.sign(end - tuning), abs(end - tuning)
         low, high = min(tuning, end) - width, max(tuning, end) + width
+        last = None
         for _ in range(_MAX_CUTS):
             tunings = np.linspace(tuning, end, _PIECES + 1)
-            states, summaries = self._swept(state, tunings)
+            states, summaries = self._swept(state, tunings, _LONG_PERIODS)
             changes = _changes(summaries)
             i = int(changes.argmax())
             smooth = not changes[i] > _SMOOTH_SHARE * changes.sum()
-            if smooth and np.abs(states[-1] - expected).max() < _SAME_MOTION:
-                break
+            arrived = np.abs(states[-1] - expected).max() < _SAME_MOTION
+            first, last = last is None, states[-1] if last is None else last
+            if smooth and arrived:
+                return None, last
             # Where so short steps do not make it jump yet, the fold may be just behind them.
-            i = self._settled(states, tunings, _PIECES if smooth else i)
-            before = np.column_stack([states, tunings])[max(i - 1, 0) : i + 1]
+            settled = self._settled(states, tunings, _PIECES if smooth else i)
+            before = np.column_stack([states, tunings])[max(settled - 1, 0) : settled + 1]
             try:
                 fold = self.map.fold(before)
                 if low <= fold[-1] <= high and self.map.turns(fold) * way < 0.0:
                     return fold, None
             except (NotFound, np.linalg.LinAlgError):
                 pass
+            if smooth and first:
+                return None, last
             if smooth:
                 break
-            state, tuning, end = states[i], tunings[i], tunings[changes.argmax() + 1]
-        else:
-            if changes.max() > _SAME_MOTION:
-                raise NotFound("the motion jumps, and not at a fold")
-        return None, states[-1]
+            state, tuning = states[settled], tunings[settled]
+            expected, end = states[i + 1], tunings[i + 1]
+        if changes.max() > _SAME_MOTION or not arrived:
+            raise NotFound("the motion jumps, and not at a fold")
+        return None, last
 
     def _settled(self, states, tunings, i):
         """Return the last row up to row i that is an orbit; behind a fold motions leave slowly."""

@@ -8,8 +8,6 @@ from gearlib.integrators import choose
 from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
 
-#: Mesh periods at each tuning of a sweep.
-_SWEEP_PERIODS = 60
 #: Largest number of Newton steps, largest step, and step below which the next would be rounding.
 _MAX_NEWTON, _MAX_STEP, _SMALL_STEP = 20, 3.0, 1e-8
 #: Step of differences of period maps.
@@ -117,7 +115,7 @@ class PeriodMap:
         return bool((np.abs(others) < _UNSTABLE).all())
 
 
-def sweep_states(model, state, tunings, periods=_SWEEP_PERIODS):
+def sweep_states(model, state, tunings, periods):
     """Return the last states (k, n) and summaries (k, m, columns) of runs carried along tunings.
 
     Of more than one degree of freedom states are those of the orbit near the end of each run.
