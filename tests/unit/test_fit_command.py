@@ -68,7 +68,8 @@ def test_what_the_file_says_is_fitted(run):
     found = xr.load_dataset("fit.nc")
     own = expected.dataset()
     own["identifiable"] = own.identifiable.astype(found.identifiable.dtype)
-    xr.testing.assert_allclose(found, own, rtol=1e-12)
+    # Units are converted on one way only, and differences make more of the rounding.
+    xr.testing.assert_allclose(found, own, rtol=1e-8)
     assert found.parameter.values.tolist() == [*free]
     assert found.parameter_units.values.tolist() == ["N s m-1", "kg"]
     for name, one in expected.params.items():
