@@ -14,34 +14,33 @@ from gearlib import checks
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 
-WIDTHS = 3e-3 / 3.0 ** np.arange(7)  #: half widths of the differences, as shares of the value
+WIDTHS = 3e-3 / 3.0 ** np.arange(9)  #: half widths of the differences, as shares of a scale
 SAFETY = 5.0  #: factor on the last change of the Richardson value, for the error
 ROUNDING = 1e-13  #: share of an array's largest number below which its change is rounding
 MAX_ERROR = 1e-6  #: share of the derivative above which its error is worth a warning
 
 
-def richardson(function: Callable, value: float, scale: float | None = None) -> tuple:
+def richardson(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array by a number: return the derivative and an estimate of its error.
 
-    Of six widths, shares of `scale`, the one where the Richardson value changes least serves the
+    Of several widths, shares of `scale`, the one where the Richardson value changes least serves the
     whole array: chosen number by number, lucky differences would win. Differences are one-sided
     where the function raises ValueError, left out where it returns None; NaN with fewer than four.
     """
     middle = np.asarray(function(value), float)
-    widths = WIDTHS * abs(value if scale is None else scale)
-    pairs = [(width, _difference(function, value, width, middle)) for width in widths]
+    pairs = [(width, _difference(function, value, width, middle)) for width in scale * WIDTHS]
     pairs = [pair for pair in pairs if pair[1] is not None]
     if len(pairs) < 4:
         return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
     plain = np.array([difference for _, difference in pairs])
     better = (9.0 * plain[1:] - plain[:-1]) / 8.0
     changes = np.abs(np.diff(better, axis=0)).reshape(len(better) - 1, -1).max(axis=1, initial=0.0)
-    best = int(np.argmin(np.where(np.isnan(changes), np.inf, changes)))
-    # Truncation falls by 81 from width to width, rounding grows by 3: one change may be luck.
-    beside = max([*changes[best + 1 : best + 2] / 3.0, *changes[max(best - 1, 0) : best] / 81.0])
+    # Truncation falls by 81 from width to width, rounding grows by 3: a small change may be luck.
+    best = int(np.nan_to_num(changes * 3.0 ** np.arange(len(changes)), nan=np.inf).argmin())
+    change = (np.append(changes, 0.0)[best : best + 2] / (1.0, 3.0)).max()
     same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * np.abs(middle).max(initial=0.0)
-    error = 0.0 if same.all() else SAFETY * max(changes[best], beside)
-    return np.where(same, 0.0, better[best + 1]), np.full(middle.shape, error)
+    error = np.full(middle.shape, 0.0 if same.all() else SAFETY * change)
+    return np.where(same, 0.0, better[best + 1]), error
 
 
 def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
@@ -63,6 +62,9 @@ def _difference(function: Callable, value: float, width: float, middle: np.ndarr
 def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
     """Differentiate what a call returns by parameters of a model and by its other arguments.
 
+    A warning says where contact events appear or vanish within all differences, and where an error
+    is larger than 1e-6 of the derivative.
+
     Parameters
     ----------
     call : callable
@@ -83,11 +85,6 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
     ------
     ValueError
         Naming the argument, its value and the allowed range.
-
-    Warns
-    -----
-    UserWarning
-        Contact events appear or vanish at all widths, or an error exceeds 1e-6 of the derivative.
     """
     described = model.settable | {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
     data: dict = {}
@@ -130,7 +127,8 @@ def _derivative(run: Callable, variable: Any, words: str, value: float, scale: f
 
     def numbers(x: float, alike: bool = True) -> Any:
         array, there = run(x)[0][variable].values, run(x)[1]
-        return array if array.shape == shape and (there == contacts or not alike) else None
+        fits = not alike or there == contacts or [] in (there, contacts)
+        return array if fits and array.shape == shape else None
 
     derivative, error = richardson(numbers, value, scale)
     if np.isnan(error).any():

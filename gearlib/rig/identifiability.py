@@ -5,6 +5,9 @@ import numpy as np
 from gearlib.analysis.sensitivities import richardson
 from gearlib.rig.fitted_curves import left_over
 
+#: Widths of the differences at the optimum are shares of this share of the range of a parameter;
+#: each costs two runs, and those below the second number are left out.
+_SCALE, _LEAST_WIDTH = 0.1, 1e-5
 #: A derivative below this share of the largest, over the ranges of the parameters, is none.
 _NOTHING = 1e-9
 #: Share of its range by which a parameter moves along a direction that the data do not determine,
@@ -24,10 +27,16 @@ def moved(share, i, value):
 def precise_jacobian(problem, best):
     """Return (derivatives at the optimum, their errors), shapes (residuals, parameters)."""
     jacobian, errors = np.array(best.jac), np.zeros((problem.size, best.x.size))
+
+    def residuals(i, value):
+        if value == best.x[i]:
+            return best.fun
+        if abs(value - best.x[i]) < _LEAST_WIDTH:
+            return None
+        return problem.residuals(moved(best.x, i, value))
+
     for i, share in enumerate(best.x):
-        derivative, error = richardson(
-            lambda value, i=i: problem.residuals(moved(best.x, i, value)), share, scale=1.0
-        )
+        derivative, error = richardson(lambda value, i=i: residuals(i, value), share, _SCALE)
         if np.isfinite(derivative).all():
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
