@@ -23,7 +23,7 @@ MAX_ERROR = 1e-6  #: share of the derivative above which its error is worth a wa
 def richardson(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array by a number: return the derivative and an estimate of its error.
 
-    Of several widths, shares of `scale`, the one where the Richardson value changes least serves the
+    Of all widths, shares of `scale`, the one where the Richardson value changes least serves the
     whole array: chosen number by number, lucky differences would win. Differences are one-sided
     where the function raises ValueError, left out where it returns None; NaN with fewer than four.
     """

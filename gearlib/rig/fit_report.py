@@ -83,7 +83,7 @@ class Fit:
     def dataset(self):
         """Return the fit as a dataset over its parameters, in their SI units."""
         rows = self.params.values()
-        names, known = list(self.params), self.model.derivatives
+        names, known = list(self.params), self.model.settable
         ends = np.array([one.interval for one in rows]).reshape(-1, 2)
         data = {
             "fitted_value": ("parameter", [one.value for one in rows]),

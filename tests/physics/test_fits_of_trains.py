@@ -108,11 +108,13 @@ def test_what_does_not_go_together_is_refused_in_a_sentence():
     free = {"material_damping": (1000.0, 9000.0)}
     low, high = TRUTH.speed(0.6), TRUTH.speed(0.72)
     run_up = synthetic_rig(TRUTH, [(0.0, low), (0.5, high)], 1)
+    smooth = gearlib.OneDegreePair(pair=TRUTH, profile=gearlib.Fourier(3))
+    assert "OneDegreePair is not allowed in a run-up" in refused(smooth, run_up, free)
     still = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
     assert "nothing turns in it" in refused(still, run_up, free)
     train = planetary()
     points = synthetic_points(TRUTH, [2000.0], ("order_amplitude_1",), 1)
-    assert "'load' is not allowed: it must be one of" in refused(train, points, {"load": (1, 9e3)})
+    assert "'mass' is not allowed: it must be one of" in refused(train, points, {"mass": (1, 9e3)})
     # Nothing says of which mesh it is.
     assert "data = " in refused(train, points, {PIN: (-1e-5, 3e-5)})
     points["order_amplitude_1"].attrs["units"] = "N"
