@@ -3,9 +3,6 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers of tests/golden, and what figures hold of them
 # make references  renew the references in 50 digits that tests take from tests/references
-# make faults  plant known faults one at a time and see that the tests notice: less than an hour
-# make mutants  mutants at random of all rooms against the tests that reach them: hours
-# make rounding  all again from starts moved by 1e-12: what is drawn and printed stays the same
 # make peers   add to .venv the solvers of others that method= can call, where they install
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
@@ -15,11 +12,10 @@
 # make report  results/report.html, all figures, tables and claims on one page
 # make docs    build/docs/index.html, the documentation as a site
 # make speed-and-accuracy  after `make peers`: renew numbers and pictures of that page: 20 min
-# make same-bytes  the small workflow on emulated processors, byte by byte: an hour
 # make wheel   build wheel and source archive into dist/, and try both in a fresh environment
 # make clean   remove the results; `make distclean` the environment as well
 #
-# ARGS is handed to what a target calls, as in `make faults ARGS=drawing`; with SHORT=1 benchmarks
+# ARGS is handed to what a target calls, as in `make golden ARGS=--drawn`; with SHORT=1 benchmarks
 # call everything once. The test of these targets runs them in such short forms.
 
 PYTHON ?= python3
@@ -34,8 +30,8 @@ TESTING := .venv/testing.stamp
 SCHEMA := build/config.schema.json
 COMMA := ,
 
-.PHONY: all lint golden references test faults mutants rounding torture peers random-trains \
-    random-certificates slurm-test bench report docs speed-and-accuracy same-bytes wheel clean distclean
+.PHONY: all lint golden references test torture peers random-trains \
+    random-certificates slurm-test bench report docs speed-and-accuracy wheel clean distclean
 
 all: $(INSTALLED) $(SCHEMA)
 	$(BIN)/snakemake -j$(JOBS)
@@ -56,15 +52,6 @@ references: $(TESTING)
 
 test: lint
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
-
-faults: $(TESTING)
-	$(BIN)/python -m tests.faults $(ARGS)
-
-mutants: $(TESTING)
-	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(ARGS)
-
-rounding: $(TESTING)
-	$(BIN)/python -m tests.rounding $(ARGS)
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
@@ -92,9 +79,6 @@ slurm-test: $(TESTING)
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
-same-bytes: $(TESTING)
-	$(BIN)/python -m tests.workflow.same_bytes $(ARGS)
-
 wheel: $(TESTING)
 	rm -rf dist
 	$(BIN)/python -m hatchling build -d dist
@@ -106,7 +90,7 @@ report: all
 # Jobs that measure wall times run alone anyway.
 speed-and-accuracy: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
-	    draw_jump_by_method jump_by_method_table draw_work_precision draw_work_precision_time
+	    draw_work_precision draw_work_precision_time
 	$(BIN)/python -m docs.hooks.speed_and_accuracy results
 
 docs: $(TESTING)

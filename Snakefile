@@ -16,6 +16,7 @@ from gearlib import config as configuration
 from gearlib import processor
 from gearlib.data.files import remove_leftovers
 from gearlib.config import yaml_keys
+from gearlib.removed import REMOVED, sentence
 from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
@@ -86,6 +87,9 @@ if workflow.is_main_process:
         logger.warning(fault)
     elif fault:
         refuse(fault)
+    for word in sys.argv[1:]:
+        if word in REMOVED:
+            refuse(sentence(word))
 
 
 if "cases" in config:

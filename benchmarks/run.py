@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 import gearlib
-from benchmarks import derivatives, from_rest, geometry, peers, trains
+from benchmarks import from_rest, geometry, peers, trains
 from benchmarks.scipy_split import run as scipy_split
 from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
@@ -152,11 +152,10 @@ def against_scipy():
 
 
 def proofs():
-    """Return rows with the time of proofs: of an orbit, of the motion from rest, of a range."""
+    """Return rows with the time of proofs: of an orbit, of a range."""
     one = gearlib.periodic_orbit(models()[0].replace(material_damping=3953.7), 0.9)
     calls = {
         "certify an orbit of two contacts, 30 digits": lambda: gearlib.certify(one),
-        "certify_motion, from rest": lambda: gearlib.certify_motion(one),
         "certify_range, 0.02 of tuning": lambda: gearlib.certify_range(one, to=0.88),
     }
     return [(name, seconds(call) * 1e3, "ms") for name, call in calls.items()]
@@ -225,7 +224,6 @@ def main():
         + explorer()
         + against_scipy()
         + peers.rows(damped, six)
-        + derivatives.rows(DAMPED, chaotic, damped)
     )
     for name, value, unit in rows + geometry.rows() + trains.rows():
         print(f"{name:70s} {value:10.3g} {unit}")

@@ -13,7 +13,7 @@ room             responsibility
 ``rig``          measured sets and fits: `read_measured`, `fit`
 ``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
 ``figures``      one file per figure, functions that return a `Figure`
-``pages``        the page of the report, the explorer with its sliders
+``pages``        tables as pages, the explorer with its sliders
 ``cli``          the command ``gearlib``
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
@@ -25,6 +25,8 @@ first use, so that reading a configuration does not pay for the numerical stack.
 """
 
 from importlib import import_module
+
+from gearlib.removed import REMOVED, sentence
 
 _PUBLIC = {
     "Body": "models.trains.elements",
@@ -48,24 +50,17 @@ _PUBLIC = {
     "bifurcation_diagram": "analysis.global_dynamics.bifurcation",
     "certify": "analysis.proofs.orbits",
     "certify_box": "tolerances.boxes",
-    "certify_fold": "analysis.proofs.points",
-    "certify_grazing": "analysis.proofs.points",
-    "certify_motion": "analysis.proofs.proven_motions",
     "certify_range": "analysis.proofs.ranges",
-    "certify_tongues": "analysis.proofs.tongue_edges",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
     "first_order_scatter": "tolerances.linear_scatter",
     "fit": "rig.fits",
-    "fold_sensitivities": "analysis.orbits.orbit_sensitivities",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
     "idler": "models.trains.ready_made",
     "locus": "analysis.orbits.loci",
     "lyapunov_exponents": "analysis.global_dynamics.exponents",
     "methods": "integrators",
-    "orbit_sensitivities": "analysis.orbits.orbit_sensitivities",
     "order_map": "analysis.order_maps",
-    "order_track": "analysis.order_maps",
     "orders": "analysis.order_spectrum",
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
@@ -74,6 +69,7 @@ _PUBLIC = {
     "run_up": "runs.run_up",
     "scatter": "tolerances.scatter",
     "schmidt": "analysis.harmonics.schmidt",
+    "sensitivities": "analysis.sensitivities",
     "simulate": "runs.simulation",
     "sobol_indices": "tolerances.indices",
     "split_power_reducer": "models.trains.reducer_train",
@@ -106,24 +102,17 @@ __all__ = [
     "bifurcation_diagram",
     "certify",
     "certify_box",
-    "certify_fold",
-    "certify_grazing",
-    "certify_motion",
     "certify_range",
-    "certify_tongues",
     "continue_orbit",
     "duty_point",
     "first_order_scatter",
     "fit",
-    "fold_sensitivities",
     "harmonic_balance",
     "idler",
     "locus",
     "lyapunov_exponents",
     "methods",
-    "orbit_sensitivities",
     "order_map",
-    "order_track",
     "orders",
     "periodic_orbit",
     "planetary",
@@ -132,6 +121,7 @@ __all__ = [
     "run_up",
     "scatter",
     "schmidt",
+    "sensitivities",
     "simulate",
     "sobol_indices",
     "split_power_reducer",
@@ -147,6 +137,8 @@ __all__ = [
 def __getattr__(name):
     if name in _PUBLIC:
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    if name in REMOVED:
+        raise AttributeError(sentence(name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

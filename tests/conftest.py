@@ -1,8 +1,17 @@
-"""Before several workers start: the machine code that more than one of them needs."""
+"""Machine code of all test processes: one cache, filled before several workers start."""
 
 import multiprocessing
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+# Copies of the project and processes that tests start share the machine code of this checkout.
+SHARED = str(Path(__file__).with_name("shared_cache"))
+os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = "shared_cache.SharedLocator"
+if SHARED not in sys.path:
+    sys.path.append(SHARED)
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.getenv("PYTHONPATH"), SHARED]))
 
 RUN = {"periods": 2, "record_periods": 1}
 

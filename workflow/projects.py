@@ -10,7 +10,7 @@ from gearlib.config.laying import laid_over
 from workflow.refusal import refuse
 
 #: Sections that describe a machine.
-_MACHINE = ("gears", "gear_pair", "train", "planetary")
+_MACHINE = ("gears", "gear_pair", "train")
 #: What a machine may have otherwise from one run to the next, and how its stiffness is found.
 _OPERATED = {"torque", "power", "speed", "backlash", "stiffness", "stiffness_options"}
 RECORD = "gears.json"

@@ -16,11 +16,16 @@ from pathlib import Path
 from gearlib import processor
 
 #: Packages whose versions can change results.
-PACKAGES = (
-    ["gearlib", "matplotlib", "netCDF4", "numba", "llvmlite", "numpy", "pydantic", "scipy"]
-    + ["snakemake", "xarray"]
-    + ["diffrax", "heyoka", "scikit-sundae"]
-)
+PACKAGES = [
+    "gearlib",
+    "matplotlib",
+    "netCDF4",
+    "numba",
+    "llvmlite",
+    "numpy",
+    "pydantic",
+    "scipy",
+] + ["snakemake", "xarray", "heyoka"]
 
 
 def write(results, root):

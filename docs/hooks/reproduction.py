@@ -1,8 +1,9 @@
 """The table of `reproduction.md`: the paper's sentence, ours, the verdict, why.
 
-Statements, numbers and verdicts are those of `docs/claims/claims.csv` and `assumption.csv`, copies
-of what the workflow writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from
-the copies of `parametric_resonance.csv` and `certificates.csv`. After a run of the workflow,
+Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
+writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from the copies of
+`parametric_resonance.csv` and `certificates.csv`, and from `branches.csv`, the folds and grazings
+of the branches. `labels.csv` says which motions from rest settle. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -16,24 +17,21 @@ from pathlib import Path
 
 import yaml
 
-from gearlib.studies.claims.machine import CHECK
 from gearlib.studies.claims.statements import CHECKS
 
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
 IMAGES = FOLDER.with_name("images")
-#: Tables of claims, and the statements in them.
-TABLES = {"claims.csv": CHECKS, "assumption.csv": (CHECK,)}
+#: Table of the claims.
+CLAIMS = "claims.csv"
 #: Tables of the numbers in the reasons.
 TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
+BRANCHES, LABELS = "branches.csv", "labels.csv"
 PAGE, MARK = "reproduction.md", "<!-- claims -->"
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
     "reducer",
-    "one_mesh",
     "campbell",
     "mesh_stiffness",
-    "rectangle",
-    "dynamic_factor",
     "fig2_phase_shift",
     "fig3_resonance",
     "fig4_contact_ratio",
@@ -43,7 +41,6 @@ PICTURES = (
     "fig7_damping",
     "fig8_six_degrees",
     "harris_map",
-    "relief_dynamics",
 )
 _WIDTH, _COLOURS = 1000, 64
 
@@ -54,15 +51,11 @@ def on_page_markdown(markdown, page, **_):
 
 
 def claims(folder=FOLDER):
-    """Return the rows of all tables of claims in a folder."""
-    return [row for name in TABLES for row in _claims(Path(folder) / name)]
-
-
-def _claims(path):
-    """Return the rows of a table of claims, refused where they are not those of the code."""
+    """Return the rows of the table of claims in a folder, refused if they are not the code's."""
+    path = Path(folder) / CLAIMS
     found = _rows(path)
     have = [(row["id"], row["statement"], row["where"], row["figure"]) for row in found]
-    if have != [check[:4] for check in TABLES[path.name]]:
+    if have != [check[:4] for check in CHECKS]:
         raise ValueError(
             f"{path} is not of this version of gearlib/studies/claims: run the workflow, then "
             "`python -m docs.hooks.reproduction results`"
@@ -75,24 +68,28 @@ def _rows(path):
         return list(csv.DictReader(file))
 
 
-def reasons(folder=FOLDER):
-    """Return id -> why the verdict is what it is, with the numbers of the tables in a folder."""
+def reasons():
+    """Return id -> why the verdict is what it is, with the numbers of the tables."""
     texts = yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
-    tongue, proven = tables(folder)
-    return {key: text.format(tongue=tongue, proven=proven) for key, text in texts.items()}
+    known = tables()
+    return {key: text.format(**known) for key, text in texts.items()}
 
 
-def tables(folder=FOLDER):
-    """Return the rows of both tables: damping -> row, and damping -> claim -> rows by tuning."""
-    tongue = {row["damping"]: _numbers(row) for row in _rows(Path(folder) / TONGUES)}
-    proven = {}
-    rows = map(_numbers, _rows(Path(folder) / CERTIFICATES))
-    for row in sorted(rows, key=lambda row: row["tuning"]):
-        # Orbits and motions by their tuning, what lies at any tuning by its contacts.
-        at = "tuning" if row["claim"] in ("orbit", "motion") else "contacts"
+def tables():
+    """Return the tables that the reasons quote, each by damping.
+
+    `tongue` has a row for each damping, `branches` the tunings of its folds and grazings, `proven`
+    its certificates: ranges by their contacts, orbits by their tuning. All ascend with the tuning.
+    """
+    tongue = {row["damping"]: _numbers(row) for row in _rows(FOLDER / TONGUES)}
+    proven, branches = {}, {}
+    for row in sorted(map(_numbers, _rows(FOLDER / CERTIFICATES)), key=lambda row: row["tuning"]):
+        at = "tuning" if row["claim"] == "orbit" else "contacts"
         kind = f"{row['claim']} {row[at]}".strip()
         proven.setdefault(row["damping"], {}).setdefault(kind, []).append(row)
-    return tongue, proven
+    for row in map(_numbers, _rows(FOLDER / BRANCHES)):
+        branches.setdefault(row["damping"], {}).setdefault(row["point"], []).append(row["tuning"])
+    return {"tongue": tongue, "branches": branches, "proven": proven}
 
 
 def _numbers(row):
@@ -124,10 +121,36 @@ def anchor(figure):
 def take_over(results):
     """Copy the claims and the figures of `results` into the documentation."""
     claims(results)
-    reasons(results)
-    for name in (*TABLES, TONGUES, CERTIFICATES):
+    for name in (CLAIMS, TONGUES, CERTIFICATES):
         (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
+    write_motions(Path(results))
+    reasons()
     copy_pictures(results, PICTURES)
+
+
+def write_motions(results):
+    """Write the folds and grazings of the branches, and the labels of the motions from rest.
+
+    Labels only at tunings that the certificates name.
+    """
+    from gearlib.analysis import trust
+    from gearlib.analysis.orbits.special_points import FOLD, GRAZING
+    from gearlib.data import storage
+    from gearlib.data.files import write_table
+
+    points, labels = [["damping", "point", "tuning"]], [["damping", "tuning", "label", "period"]]
+    tunings = {float(row["tuning"]) for row in _rows(FOLDER / CERTIFICATES)}
+    for path in sorted((results / "branches").glob("*.nc")):
+        branch = storage.read(path).sortby("tuning")
+        for name, label in (("fold", FOLD), ("grazing", GRAZING)):
+            chosen = (branch.label == label) & (branch.period == 1)
+            points += [[path.stem, name, f"{nu:.10g}"] for nu in branch.tuning.values[chosen]]
+        motions = storage.read(results / "labels" / path.name)
+        for nu, label, period in zip(motions.tuning, motions.label, motions.period, strict=True):
+            if round(float(nu), 6) in tunings:
+                labels.append([path.stem, f"{nu:.6g}", trust.LABELS[int(label)], int(period)])
+    write_table(points, FOLDER / BRANCHES)
+    write_table(labels, FOLDER / LABELS)
 
 
 def copy_pictures(results, names):

@@ -27,8 +27,6 @@ DOCS = Path(__file__).resolve().parents[1]
 PAGE = DOCS / "speed_and_accuracy.md"
 #: Accuracies of the table of times.
 ACCURACIES = (1e-3, 1e-6, 1e-9, 1e-12)
-#: Half the distance of the two tunings of the paper's Fig. 6: a larger error confuses them.
-CONFUSED = 5e-5
 
 #: What is difficult -> (its problems, why methods fail).
 DIFFICULTIES = {
@@ -230,10 +228,9 @@ def short():
         f"of the difficult problems that they take. In {default} of the {len(first)} cells of the "
         "table of times below they are gearlib's fastest, whatever the accuracy.",
         "**Other packages.** heyoka, whose Taylor steps locate events too, is right on "
-        f"{right['heyoka']}; DOP853 stopped at every event and CVODE with its root finding, at "
-        f"tight tolerances, on {right['DOP853-split']} and {right['cvode']}. As they come, "
-        f"scipy's `solve_ivp` is right on {right['scipy-RK45']} and the pair of MATLAB's ode45 "
-        f"on {right['rk45']}.",
+        f"{right['heyoka']}; DOP853 stopped at every event, at tight tolerances, on "
+        f"{right['DOP853-split']}. As they come, scipy's `solve_ivp` is right on "
+        f"{right['scipy-RK45']} and the pair of MATLAB's ode45 on {right['rk45']}.",
         "**Fixed steps** lose their order, because neither the switches of the stiffness nor "
         "the changes of contact are ends of steps: `rk4` converges with order "
         f"{_order('rk4'):.1f} on `bouncing`. With 2000 steps per mesh period it is right on "
@@ -297,37 +294,6 @@ def stability_chart():
     return table(head, body)
 
 
-def jump():
-    """Return the cheapest setting of each method that tells the paper's two tunings apart."""
-    rows, body = read("jump_by_method"), []
-    exact = next(float(row["jump"]) for row in rows if row["line"] == "exact")
-    lines = list(dict.fromkeys(row["line"] for row in rows))
-    for line in lines:
-        mine = [row for row in rows if row["line"] == line]
-        right = [row for row in mine if row["switches"] == "1" and _off(row) <= CONFUSED]
-        if right:
-            one = right[0]
-            cells = [one["knob"] or "–", one["evaluations_per_period"], one["error"]]
-        else:
-            cells = ["none", "", min((row["error"] for row in mine), key=lambda e: abs(float(e)))]
-        most = max(mine, key=lambda row: int(row["switches"]))
-        body.append([f"`{line}`", *cells, f"{most['switches']} ({most['knob'] or '–'})"])
-    default = next(row for row in rows if (row["line"], row["knob"]) == ("rk45", "rtol = 0.001"))
-    text = (
-        f"The motion from rest jumps at {exact:.7f}. With the tolerance that MATLAB's ode45 "
-        f"takes by default (`rk45`, rtol = 0.001) it switches {default['switches']} times "
-        f"between the two orbits in the scan, the last time {number(_off(default))} from the "
-        f"exact jump: {count(_off(default) / (2 * CONFUSED))} times the distance of the paper's "
-        "two tunings."
-    )
-    head = ["", "cheapest right setting", "evaluations", "error", "most switches"]
-    return f"{table(head, body)}\n\n{text}"
-
-
-def _off(row):
-    return abs(float(row["error"]))
-
-
 def models():
     """Return which model each scene needs."""
     rows = read("models")
@@ -362,7 +328,6 @@ BLOCKS = {
     "evaluations": evaluations,
     "failures": failures,
     "stability": stability_chart,
-    "jump": jump,
     "models": models,
 }
 

@@ -23,7 +23,6 @@ PICTURES = (
     "work_precision_time",
     "failures",
     "stability_chart",
-    "jump_by_method",
     "models",
 )
 #: Share of the tunings at which a method has to be right to be so with a number of steps.
@@ -34,8 +33,7 @@ def take_over(results, remark=""):
     """Copy data and figures of `results` into the documentation, with a remark on the times."""
     results = Path(results)
     FOLDER.mkdir(exist_ok=True)
-    for name in ("jump_by_method", "models"):
-        (FOLDER / f"{name}.csv").write_bytes((results / f"{name}.csv").read_bytes())
+    (FOLDER / "models.csv").write_bytes((results / "models.csv").read_bytes())
     _write("work_precision", _points_of(results / "work_precision"))
     _write("failures", _verdicts_of(results / "failures.nc"))
     _write("stability_chart", _chart_of(results / "stability_chart.nc"))
@@ -126,8 +124,7 @@ def _chart_of(path):
 
 def _facts_of(results, remark):
     record = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    used = ("gearlib", "python", "numba", "numpy", "scipy")
-    peers = ("diffrax", "heyoka", "scikit-sundae")
+    used = ("gearlib", "python", "numba", "numpy", "scipy", "heyoka")
     methods = _settings().work_precision.methods
     absent = [m for m in methods if not (results / f"work_precision/errors_{m}.nc").exists()]
     return {
@@ -135,7 +132,7 @@ def _facts_of(results, remark):
         "processor": record["machine"]["processor"],
         "cores": record["machine"]["cores"],
         "repeats": _settings().work_precision.repeats,
-        "versions": {k: record["versions"][k] for k in used + peers if k in record["versions"]},
+        "versions": {k: record["versions"][k] for k in used if k in record["versions"]},
         "absent": absent,
         "remark": remark,
     }

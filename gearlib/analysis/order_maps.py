@@ -1,8 +1,7 @@
-"""`order_map`, `order_track`: orders of run-ups, Fourier integrals over whole revolutions.
+"""`order_map`: orders of run-ups, Fourier sums over whole revolutions.
 
-The shaft angle is known, so that no window and no leakage enter: each arc of a run-up between
-switches and events is integrated over the angle to rounding, see `course_orders`. Elsewhere the
-samples of the time course are summed over the angle, and every second of them tells the error.
+The shaft angle is known, so that no window and no leakage enter. The samples of the time course are
+summed over the angle, see `order_sums`, and every second of them tells the error.
 """
 
 import json
@@ -11,7 +10,8 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import course_orders, order_slopes, sampled_signals
+from gearlib.analysis import sampled_signals
+from gearlib.analysis.order_sums import jump_phases, summed
 from gearlib.analysis.revolutions import Turning
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
@@ -24,7 +24,11 @@ _AMPLITUDES = {
 }
 #: Highest mesh order by default.
 _MESH_ORDERS = 5
-#: Phases closer than this are one.
+#: Variables of a run that have orders.
+VARIABLES = "displacement", "velocity", "acceleration", "dynamic_force"
+#: Largest change of a coefficient with half of the samples, of the root mean square.
+MAX_CHANGE = 0.05
+#: Revolutions closer than this count as equal.
 _CLOSE = 1e-9
 
 
@@ -37,16 +41,17 @@ def order_map(
     amplitude="rms",
     tacho=None,
     teeth=1,
+    orders=None,
 ):
     """Return how strong the orders of a run-up are, block of revolutions by block.
 
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` with samples_per_period > 0, or of `gearlib.simulate`. Of a run-up one
-        sample suffices: each arc is integrated, to rounding, from a second run. Samples are summed
-        of a `LoadSharingPair`, of quadratic damping, of `gearlib.simulate` where a model has more
-        than one degree of freedom. Times and phases count from the first sample.
+        Of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. Its samples are
+        summed: with 128 in a mesh period the error is about 1e-6 of the largest amplitude of the
+        displacement, 1e-4 of that of the force, which jumps where the stiffness does. Times and
+        phases count from the first sample.
         Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
         interpolated at equal angles, by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
@@ -63,6 +68,8 @@ def order_map(
         Of a signal without speed: times of pulses, one a revolution, s.
     teeth : int, default 1
         Of a signal: mesh periods in a revolution.
+    orders : sequence of float, optional
+        Single orders, multiples of the distance of orders; by default all up to the highest.
 
     Returns
     -------
@@ -71,39 +78,33 @@ def order_map(
         revolution of the gear whose teeth count): amplitude, phase (rad, of a cosine of order times
         the shaft angle from the start of the run), of trains over ``mesh`` too;
         amplitude_error, an estimate; over ``time``: rpm, the mean speed, and overall, the root mean
-        square of all without the mean. Scalars order_resolution and teeth. Of a run with
-        `sensitivities` also d_amplitude_d_<parameter> and d_phase_d_<parameter>; where samples are
-        summed, not by "speed".
+        square of all without the mean. Scalars order_resolution and teeth.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        Naming the argument, its value and the allowed range; or if a coefficient changes by more
+        than 5 % of the root mean square when every second sample is left out.
     """
-    needed, begins = {variable, "time", "speed", "phase"}, 0.0
+    begins, signal = 0.0, False
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
+    if orders is not None:
+        orders = [checks.finite_nonnegative("orders", order) for order in orders]
+        checks.require(orders, "orders", orders, "a list of at least one entry")
+        highest = max(*orders, resolution) if highest is None else highest
     run = as_run_up(run)
     if sampled_signals.is_sampled(run):
-        given = {"tacho": tacho, "teeth": teeth}
+        given, signal = {"tacho": tacho, "teeth": teeth}, True
         run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
         highest = most if highest is None else highest
     else:
-        checks.one_of("variable", variable, tuple(course_orders.VARIABLES))
-        if tacho is not None:
-            raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
-    if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
-        shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
-        words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
-        raise checks.refusal("run", shown, words)
-    if int(run.status):
-        raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
+        _check_run(run, variable, tacho)
     resolution = checks.number(
         "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
     )
     revolutions = math.ceil(1.0 / resolution - 1e-12)
     speeds, teeth = _course(run)
-    span = math.tau * teeth * revolutions
     turned = math.pi / 30.0 * np.trapezoid(speeds[:, 1], speeds[:, 0]) / math.tau
     blocks = int(turned / revolutions + _CLOSE)
     if blocks < 1:
@@ -113,42 +114,113 @@ def order_map(
         )
     top = _MESH_ORDERS * teeth if highest is None else highest
     top = checks.finite_positive("highest", top)
-    count, step = int(top * revolutions + 1e-9) + 1, 1.0 / (teeth * revolutions)
-    names, model = order_slopes.names_of(run, variable), course_orders.of_run(run)
-    known = order_slopes.known(model, run, variable, names)
-    if model is None or (names and not known):
-        per = math.tau * (run.phase.size - 1) / float(run.phase[-1] - run.phase[0])
-        if top > 0.25 * per * teeth:
-            raise ValueError(
-                f"highest = {top:g} is not allowed with {per:.4g} samples per mesh period: it must "
-                f"be at most {0.25 * per * teeth:.4g}"
-            )
-    args = blocks, span, step, count
-    if model is None:
-        phase, values = run.phase.values, run[variable].values
-        found, squares, _ = summed(phase, values, *args)
-        half = summed(phase[::2], values[::2], *args)[0]
-        error = np.abs(found - half)
-    else:
-        found, squares, error = course_orders.integrals(
-            model, run, course_orders.VARIABLES[variable], *args
+    check_density(run.phase.values, top, teeth)
+    count = int(top * revolutions + 1e-9) + 1
+    found = order_sums(run, variable, teeth, blocks, revolutions, count, signal)
+    number = np.arange(count)
+    if orders is not None:
+        number = np.array([_number(order, revolutions, count) for order in orders])
+    bounds = begins + Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
+    return _dataset(run, variable, amplitude, found, number, revolutions, bounds, teeth)
+
+
+def _check_run(run, variable, tacho):
+    """Check that a dataset is a run whose samples have orders."""
+    checks.one_of("variable", variable, VARIABLES)
+    if tacho is not None:
+        raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
+    needed = {variable, "time", "speed", "phase"}
+    if not needed <= set(getattr(run, "variables", ())) or "time" not in run.sizes:
+        shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
+        words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
+        raise checks.refusal("run", shown, words)
+    if int(run.status):
+        raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
+
+
+def samples_per_period(phase):
+    """Return how many samples a mesh period has, most of the time."""
+    return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
+
+
+def check_density(phase, highest, teeth):
+    """Refuse orders that have fewer than four samples in a wave."""
+    per = samples_per_period(phase)
+    if highest > 0.25 * per * teeth * (1.0 + _CLOSE):
+        raise ValueError(
+            f"highest = {highest:g} is not allowed with samples_per_period = {per}: it must be "
+            f"at most {0.25 * per * teeth:.4g}, orders with four samples a wave"
         )
-    if names and not known:
-        names = tuple(name for name in names if name != "speed")
-        of_names = (run[f"d_{variable}_d_{name}"].values for name in names)
-        slopes = [summed(run.phase.values, one, *args)[0] for one in of_names]
-    elif names:
-        shape = blocks, count, step
-        slopes = order_slopes.exact(model, run, names, variable, span, shape)
-    order, size = np.arange(count) / revolutions, np.abs(found)
-    above = (order > 0.0).reshape(1, -1, *[1] * (size.ndim - 2))
+
+
+def order_sums(run, variable, teeth, blocks, revolutions, count, signal=False):
+    """Return (coefficients, mean squares, changes with half of the samples) of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Of `gearlib.run_up`, or as of `as_run_up` or `at_equal_angles`.
+    variable : str
+    teeth : float
+        Mesh periods in a revolution.
+    blocks, revolutions, count : int
+        Blocks, revolutions of a block, orders from 0.
+    signal : bool
+        Whether it is a measured signal: nobody knows where that jumps, and noise changes it.
+
+    Raises
+    ------
+    ValueError
+        If a coefficient of a run changes too much.
+    """
+    phase, values = run.phase.values, run[variable].values
+    block = blocks, math.tau * teeth * revolutions, 1.0 / (teeth * revolutions), count
+    # The displacement and its rate by time are continuous.
+    jumps = None if signal else np.empty(0)
+    if variable in ("acceleration", "dynamic_force"):
+        jumps = None if signal else jump_phases(run, teeth)
+    found, squares, _ = summed(phase, values, *block, jumps)
+    change = np.abs(found - summed(phase[::2], values[::2], *block, jumps)[0])
+    check_change(change, squares, 0 if signal else phase)
+    return found, squares, change
+
+
+def check_change(change, squares, phase):
+    """Refuse samples whose every second one gives other orders."""
+    size = math.sqrt(squares.max())
+    if np.ndim(phase) and change.max() > MAX_CHANGE * size:
+        per = samples_per_period(phase)
+        raise ValueError(
+            f"samples_per_period = {per} is not allowed for these orders: with half of the samples "
+            f"one changes by {change.max() / size:.2g} of the root mean square, and it must be at "
+            f"most {MAX_CHANGE:g}"
+        )
+
+
+def _number(order, revolutions, count):
+    """Return the number of an order in a map."""
+    number = round(order * revolutions)
+    if abs(number - order * revolutions) > 1e-9 * max(order, 1.0) or number >= count:
+        raise ValueError(
+            f"orders = {order!r} is not allowed: it must be one of 0, "
+            f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
+        )
+    return number
+
+
+def _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth):
+    """Return the order map of the orders with these numbers."""
+    found, squares, error = sums
+    mean_square = np.abs(found[:, 0]) ** 2
+    found, error = found[:, number], error[:, number]
+    size = np.abs(found)
+    above = (number > 0).reshape(1, -1, *[1] * (size.ndim - 2))
     mean = size**2 if amplitude == "power" else size
     unit, words = run[variable].attrs["units"], variable.replace("_", " ")
     squared = f"({unit})2" if " " in unit else f"{unit}2"
     own, inner = squared if amplitude == "power" else unit, run[variable].dims[1:]
-    bounds = Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
-    noise = np.sqrt(np.maximum(squares - size[:, 0] ** 2, 0.0))
+    noise = np.sqrt(np.maximum(squares - mean_square, 0.0))
     columns = {
         "amplitude": (
             np.where(above, _AMPLITUDES[amplitude](size), mean),
@@ -169,60 +241,19 @@ def order_map(
         "order_resolution": ((), 1.0 / revolutions, {"units": "1", "long_name": "order spacing"}),
         "teeth": ((), teeth, {"units": "1", "long_name": "mesh periods in a revolution"}),
     }
-    if names:
-        data |= order_slopes.variables(run, variable, names, found, slopes, amplitude)
+    about = {"units": "1", "long_name": "order, waves per revolution"}
     coords = {
-        "time": ("time", times + begins, {"units": "s", "long_name": "middle of the block"}),
-        "order": ("order", order, {"units": "1", "long_name": "order, waves per revolution"}),
+        "time": ("time", times, {"units": "s", "long_name": "middle of the block"}),
+        "order": ("order", number / revolutions, about),
     }
     coords |= {name: run[name].variable for name in inner}
-    title, by = f"Order map of the {words}", "Fourier integrals over the shaft angle"
+    title, by = f"Order map of the {words}", "Fourier sums over the shaft angle"
     kept = {
         k: run.attrs[k]
         for k in ("references", "gear_pair", "model", "parameters")
         if k in run.attrs
     }
     return result_of_many(title, data, coords, by, variable=variable, amplitude=amplitude, **kept)
-
-
-def order_track(run, orders, **options):
-    """Return single orders of a run-up over its speed.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        Of `order_map`, or of `gearlib.run_up` or `gearlib.simulate`, of which it is made.
-    orders : sequence of float
-        Orders of the map.
-    **options
-        As of `order_map`.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `order_map`, of these orders.
-
-    Raises
-    ------
-    ValueError
-        If an order is none of the map.
-    """
-    orders = checks.sequence("orders", orders)
-    checks.require(orders, "orders", orders, "a list of at least one entry")
-    orders = [checks.finite_nonnegative(f"orders[{i}]", one) for i, one in enumerate(orders)]
-    if "order" not in getattr(run, "sizes", ()):
-        run = order_map(run, **({"highest": max(orders) + 0.5} | options))
-    elif options:
-        raise checks.refusal(next(iter(options)), next(iter(options.values())), "left to the map")
-    own = run.order.values
-    at = [int(np.abs(own - one).argmin()) for one in orders]
-    for one, i in zip(orders, at, strict=True):
-        if abs(own[i] - one) > 1e-9 * max(one, 1.0):
-            raise ValueError(
-                f"orders = {one!r} is not allowed: it must be one of 0, "
-                f"{float(run.order_resolution):.4g}, ..., {own[-1]:.4g}"
-            )
-    return run.isel(order=at)
 
 
 def _course(run):
@@ -235,47 +266,3 @@ def _course(run):
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
     teeth = float(run.teeth) if "teeth" in run else teeth
     return np.array(json.loads(run.attrs["parameters"])["speed"]), teeth
-
-
-def summed(phase, values, blocks, span, step, count):
-    """Return Fourier coefficients of samples by trapezia over the phase, block by block.
-
-    Parameters
-    ----------
-    phase : ndarray, shape (n,)
-        From 0 on, rising.
-    values : ndarray, shape (n, ...)
-    blocks : int
-    span, step : float
-        Of the phase: a block, and the wave number of the first order.
-    count : int
-        Orders, from 0.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (blocks, count, ...)
-    squares : ndarray, shape (blocks, ...)
-        Means of the squares.
-    shares : ndarray, shape (blocks,)
-        Sums of the squares of the weights of samples: what noise is lowered by.
-    """
-    shape = (blocks, count, *values.shape[1:])
-    found, squares = np.zeros(shape, complex), np.zeros((blocks, *values.shape[1:]))
-    shares, base = np.zeros(blocks), np.arange(math.isqrt(count - 1) + 1)
-    large = np.arange(0, count, base.size)
-    for k in range(blocks):
-        i, j = np.searchsorted(phase, (k * span - _CLOSE, (k + 1) * span - _CLOSE))
-        own, part = phase[i:j] - k * span, values[i:j]
-        # The next block begins where this one ends, or the run is over.
-        last = values[j] if j < len(values) else values[j - 1]
-        own, part = np.append(own, span), np.concatenate([part, last[None]])
-        share = np.gradient(own, edge_order=1)
-        share[[0, -1]] *= 0.5
-        part, share = part.reshape(own.size, -1), share / span
-        # Waves of the order a n + b are products of two; BLAS would wake threads for small sums.
-        low, high = (np.exp(-1j * step * np.outer(few, own)) for few in (base, large))
-        sums = np.einsum("aim,bi->abm", high[:, :, None] * (share[:, None] * part), low)
-        found[k] = sums.reshape(-1, part.shape[1])[:count].reshape(found[k].shape)
-        squares[k] = np.einsum("i,im->m", share, part**2).reshape(squares[k].shape)
-        shares[k] = share @ share
-    return found, squares, shares

@@ -1,8 +1,6 @@
 """`orders`: order spectra of mesh force and transmission error over whole mesh periods.
 
-Those of one degree of freedom are integrals to rounding, as `order_map` has them of a run-up whose
-speed stays. Other models go by the sum over their samples; its error is the difference of every
-second sample.
+They are sums over the samples of the record; their error is the difference of every second sample.
 """
 
 import json
@@ -11,13 +9,11 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import course_orders
+from gearlib.analysis.order_maps import check_change
+from gearlib.analysis.order_sums import STENCIL, jump_phases, summed
 from gearlib.analysis.steady_course import as_run_up
 from gearlib.data.result import result_of_many
 from gearlib.models.harmonics import Harmonics
-
-#: Error of the closed forms, of the largest amplitude.
-_ROUNDING = 1e-11
 
 
 def orders(run, *, count=None):
@@ -36,14 +32,14 @@ def orders(run, *, count=None):
         Over ``order`` (per revolution of the gear whose teeth count, from 0): mesh_order (order
         over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
-        order), force_amplitude_error and error_amplitude_error, estimates and no bounds: 1e-11 of
-        the largest amplitude for rounding or, where a model has no closed form, the difference that
-        every second sample makes; mean squares. Of a train over ``mesh`` too.
+        order), force_amplitude_error and error_amplitude_error, estimates and no bounds: the
+        difference that every second sample makes; mean squares. Of a train over ``mesh`` too.
 
     Raises
     ------
     ValueError
-        If the run could not go on, or has no whole revolutions.
+        If the run could not go on, has no whole revolutions, or a coefficient changes by more than
+        5 % of the root mean square when every second sample is left out.
     """
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
@@ -66,21 +62,13 @@ def orders(run, *, count=None):
     harmonics = np.arange(count * periods + 1)
     scales = float(run.force_scale), float(run.static_deflection)
     x, force = transmission_error(run), run.dynamic_force.values
-    steady = as_run_up(run)
-    model = course_orders.of_run(steady)
-    if model is None:
-        sampled = [scale * values for scale, values in zip(scales, (force, x), strict=True)]
-        found = [_sampled(values, harmonics.size) for values in sampled]
-        half = [_sampled(values[::2], harmonics.size) for values in sampled]
-        errors = [np.abs(one - other) for one, other in zip(found, half, strict=True)]
-    else:
-        block = 1, math.tau * periods, 1.0 / periods, harmonics.size
-        names = "dynamic_force", "displacement"
-        found = [
-            course_orders.integrals(model, steady, course_orders.VARIABLES[name], *block)[0][0]
-            for name in names
-        ]
-        errors = [_ROUNDING * np.abs(one).max() * np.ones(one.shape) for one in found]
+    jumps = jump_phases(as_run_up(run), teeth)
+    repeats, smooth = orbit and periods % orbit == 0, np.empty(0)
+    found, errors = [], []
+    for values, own in ((force * scales[0], jumps), (x * scales[1], smooth)):
+        sums, change = _sums(run.phase.values, values, own, periods, harmonics.size, repeats)
+        found.append(sums)
+        errors.append(change)
     # A period that begins later turns the phases only: they count from the mesh phase 0.
     turn = np.exp(-1j * harmonics / periods * float(run.phase[0]))
     turn = turn.reshape(-1, *[1] * (x.ndim - 1))
@@ -98,7 +86,7 @@ def orders(run, *, count=None):
         data[name] = run[name].values
     coords = {"order": harmonics * teeth / periods}
     coords |= {name: run[name].values for name in dims[1:]}
-    found = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier integrals")
+    found = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     found["order"].attrs["long_name"] = "order, waves per revolution of the gear whose teeth count"
     kept = ("references", "gear_pair", "parameters")
     found.attrs |= {name: run.attrs[name] for name in kept if name in run.attrs}
@@ -120,6 +108,20 @@ def transmission_error(run):
     return x - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
 
 
-def _sampled(values, count):
-    """Return the first `count` Fourier coefficients of samples, along the first axis."""
-    return np.fft.rfft(values, axis=0)[:count] / len(values)
+def _sums(phase, values, jumps, periods, count, repeats):
+    """Return (Fourier coefficients of a record, their changes with half of the samples)."""
+    phase, span = phase - phase[0], math.tau * periods
+
+    def coefficients(step):
+        at, own = phase[::step], values[::step]
+        if repeats:
+            # An orbit goes on behind the record, and before it, as in it.
+            at = np.concatenate([at[-STENCIL:] - span, at, at[:STENCIL] + span])
+            own = np.concatenate([own[-STENCIL:], own, own[:STENCIL]])
+        found, squares, _ = summed(at, own, 1, span, 1.0 / periods, count, jumps)
+        return found[0], squares
+
+    found, squares = coefficients(1)
+    change = np.abs(found - coefficients(2)[0])
+    check_change(change, squares, phase)
+    return found, change

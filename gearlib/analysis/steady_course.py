@@ -6,7 +6,6 @@ import math
 import xarray as xr
 
 from gearlib.data.provenance import canonical_json
-from gearlib.models.from_values import model_of
 
 #: What order maps take of a run -> (powers of length, of the mesh frequency; CF units).
 _LENGTHS = {
@@ -42,15 +41,10 @@ def as_run_up(run):
     data["status"] = run.status
     coords = {"time": phase / omega} | {name: run[name].variable for name in over[1:]}
     found = xr.Dataset(data, coords)
-    exact = "method exact" in run.attrs["source"]
     kept = ("references", "model", "gear_pair")
     found.attrs = {name: run.attrs[name] for name in kept if name in run.attrs}
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"] / omega
-    course: dict = {"speed": [[0.0, rpm], [end, rpm]], "load": [[0.0, 1.0]], "driven_mass": 0.0}
-    course |= {"driver": None, "base_radius": None}
-    # By other methods the motion is that of their steps, of many coordinates no state is there.
-    model = model_of(run.attrs.get("gear_pair", "")) if exact else None
-    if model is not None and model.size == 2:
-        course["initial_state"] = [float(run[name][0]) for name in ("displacement", "velocity")]
+    course = {"speed": [[0.0, rpm], [end, rpm]], "load": [[0.0, 1.0]]}
     found.attrs |= {"title": run.attrs["title"], "parameters": canonical_json(course)}
+    found.attrs["first_phase"] = float(run.phase[0])
     return found

@@ -388,8 +388,9 @@ def init(path, force):
     help="Port on this machine; any free one by default.",
 )
 @click.option("--show/--no-show", default=True, help="Whether to open a browser.")
+@click.option("--model", hidden=True, expose_value=False, callback=refusals.other_model)
 def explore(mapping, damping, port, show):
-    """Explore the gear mesh or a gear train with sliders, in the browser."""
+    """Explore the gear mesh with sliders, in the browser."""
     try:
         from gearlib.pages.explorer import serving
     except ModuleNotFoundError as error:

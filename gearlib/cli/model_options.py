@@ -86,6 +86,11 @@ def configuration_options(command):
     @_gear_options
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, **others):
+        if not pair:
+            raise click.UsageError(
+                "gears is missing: the explorer shows gear pairs, and the file describes a train "
+                "only"
+            )
         sections = _sections(gears, damping)
         if mapping and not changes:
             sections = {}

@@ -6,6 +6,8 @@ import socket
 
 import click
 
+from gearlib.removed import REMOVED, sentence
+
 #: What stands in the help of an option that takes one value or two.
 EITHER = "TEETH | PINION WHEEL"
 
@@ -24,6 +26,9 @@ class Command(click.Command):
                         f"values, {args[place]} {option.metavar}",
                         ctx,
                     )
+        for option in (word.partition("=")[0] for word in args):
+            if (name := f"{ctx.info_name} {option}") in REMOVED:
+                raise click.UsageError(sentence(name), ctx)
         return super().parse_args(ctx, list(_joined(args, self.params)))
 
 
@@ -73,3 +78,13 @@ def free_port(ctx, option, port):
                 ctx,
             ) from None
     return port
+
+
+def other_model(ctx, option, model):
+    """Refuse any model but one pair, for an option of click of the explorer."""
+    if model not in (None, "one_degree"):
+        raise click.UsageError(
+            f"--model {model} is not allowed: it must be left out, the explorer shows gear pairs; "
+            "the functions of gearlib.plot draw gear trains",
+            ctx,
+        )

@@ -9,17 +9,15 @@ module                      responsibility
 ``speeds_section``          tunings given as speeds in rpm
 ``gear_pair_section``       sections of the gear pair and the length of the runs
 ``gears_section``           sections of gears by their drawing
-``stiffness_section``       drawn pairs, their mesh stiffness by every method, the rectangle's cost
+``stiffness_section``       drawn pairs, their mesh stiffness by every method
 ``drawing``                 from these to the geometry of `gearlib.models`, which checks and derives
 ``experiments``             sections of the experiments and of the figures
 ``scenes_section``          sections of the scenes and of their models
 ``train_section``           section of the gear train
 ``drawn_trains``            trains of drawn gears in it
-``reducer_section``         the paper's reducer, what stands for it, its Campbell diagram
+``reducer_section``         the paper's reducer, its Campbell diagram
 ``trials``                  sections of the trials of the methods
-``planetary``               the planetary train and its charts
-``dynamic_factor_section``  drawn gears and their dynamic factor over speed
-``relief_section``          tip relief of drawn gears
+``relief_section``          Harris maps of drawn gears
 ``global_dynamics``         basins, bifurcation diagram, Poincare sections
 ``validation``              refusals as sentences
 ``configuration``           the whole, and what must agree between sections

@@ -10,14 +10,12 @@ from gearlib.config.experiments import Figures
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears
 from gearlib.config.measured_description import MeasuredPath
-from gearlib.config.planetary import Planetary
-from gearlib.config.reducer_section import check_centres
 from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.of_trains import has_own_train
 from gearlib.config.studies.study import default, for_targets
 from gearlib.config.train_section import OF_PAIRS, Train
-from gearlib.config.types import MAX_PAGE_SAMPLES, Name, ProjectName, Section, entry, listing
+from gearlib.config.types import Name, ProjectName, Section, entry, listing
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
@@ -39,7 +37,6 @@ _OF_ONE_DAMPING = (
     "jump",
     "analytic_method",
     "stability_chart",
-    "jump_by_method",
     "reducer",
     "train_sweep",
     "run_ups",
@@ -78,7 +75,6 @@ class _Common(Section):
     run: Run = Run.unchecked()
     six_degrees: SixDegrees
     train: Train = Train.unchecked()
-    planetary: Planetary = Planetary.unchecked()
     scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
     figures: Figures
 
@@ -100,15 +96,9 @@ class _Common(Section):
     def _check(self):
         self._check_colours()
         self._check_size()
-        self._check_report_page()
         for key in _OF_ONE_DAMPING:
             self._check_damping(key, getattr(self, key))
         self._check_damping("branches.loci", self.branches.loci)
-        check_centres("one_mesh.other_teeth", self.one_mesh.other_teeth, self.reducer.modules)
-        for i, teeth in enumerate(self.train_chart.teeth):
-            self.planetary.check_teeth(f"train_chart.teeth[{i}]", teeth)
-        breaking = self.symmetry_breaking.teeth
-        self.planetary.check_teeth("symmetry_breaking.teeth", breaking, in_phase=True)
         for name, scene in self.scenes.items():
             self._check_scene(f"scenes.{name}", scene)
         for key in ("basins", "poincare"):
@@ -187,17 +177,6 @@ class _Common(Section):
                     f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
                     f"the dampings {', '.join(self.dampings)}"
                 )
-
-    def _check_report_page(self):
-        page = self.report_page
-        check_most("report_page.periods_shown", page.periods_shown, self.record_periods)
-        samples = len(self.dampings) * page.count() * page.periods_shown * page.samples_per_period
-        if samples > MAX_PAGE_SAMPLES:
-            raise ValueError(
-                f"report_page.samples_per_period = {page.samples_per_period} is not allowed: all "
-                f"orbits of the page have {samples:,} samples, which must be <= "
-                f"{MAX_PAGE_SAMPLES:,}"
-            )
 
     def _check_size(self):
         resonance, run = self.resonance, self.run

@@ -11,11 +11,10 @@ from typing import Annotated
 from pydantic import Field, TypeAdapter, ValidationError
 
 from gearlib.config import speeds_section
-from gearlib.config.experiments import ReportPage
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
 from gearlib.config.gears_section import Gears
 from gearlib.config.laying import laid_over
-from gearlib.config.types import MAX_PAGE_SAMPLES, Name
+from gearlib.config.types import Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
 _PAIR = GearPairSection(
@@ -64,7 +63,7 @@ def filled(mapping):
         for key in _BODIES:
             del made["six_degrees"][key]
     mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
-    _fit(made, _run(mapping), pair.teeth, len(dampings))
+    _fit(made, _run(mapping))
     whole = laid_over(made, mapping)
     whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}
     if "gears" in mapping:
@@ -165,7 +164,6 @@ def _made(pair, dampings):
             "damping": largest,
             "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
-        "jump_by_method": {"damping": first},
         "train_sweep": {"damping": first},
         "reducer": {
             "damping": first,
@@ -173,7 +171,6 @@ def _made(pair, dampings):
             "pin_error": [deflection, 0.0],
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
-        "one_mesh": {"soft_support": 0.25 * pair.max_stiffness},
         "basins": {
             "cases": [
                 {"title": _title(name, 0.72), "tuning": 0.72, "damping": damping}
@@ -206,14 +203,9 @@ def _run(mapping):
         return Run()
 
 
-def _fit(made, run, teeth, count):
-    """Add what has to stay within the recorded samples, and within what a browser takes in."""
+def _fit(made, run):
+    """Add what has to stay within the recorded samples."""
     made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, run.samples_per_period // 8))
-    page = ReportPage.unchecked()
-    shown = min(page.periods_shown, run.recorded_revolutions * teeth)
-    most = MAX_PAGE_SAMPLES // (count * page.count() * shown)
-    samples = max(8, min(page.samples_per_period, most))
-    made["report_page"] = {"periods_shown": shown, "samples_per_period": samples}
 
 
 def _title(name, tuning):

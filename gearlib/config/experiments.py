@@ -267,22 +267,6 @@ class Certificates(Section):
     )
 
 
-class ReportPage(Grid):
-    """The page of the report on which tunings are chosen: motions from rest over a grid."""
-
-    start: Start = 0.5
-    stop: Stop = 1.4
-    step: Step = 0.005
-    periods_shown: whole(1, 100) = entry("Mesh periods shown, the last ones.", 2)
-    samples_per_period: whole(8, 4096) = entry(
-        "Samples per mesh period; the page grows with them.", 128
-    )
-
-    def count(self):
-        """Return the number of tunings of the grid."""
-        return int(tunings.steps(self.start, self.stop, self.step)) + 1
-
-
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 

@@ -61,17 +61,12 @@ def _of_teeth(teeth):
     return "/".join(map(str, teeth))
 
 
-def of_planetary(section):
-    """Return the name of a section `planetary`."""
-    own = section.model_dump(exclude_defaults=True)
-    return "planetary set of own numbers" if own else "Lin and Parker's planetary set"
-
-
 def of_train(c, pair=""):
     """Return the name of the train of a configuration, and of its pairs where they are others."""
     train = c.train
     if train.kind == "planetary":
-        return of_planetary(train.planetary)
+        own = train.planetary.model_dump(exclude_defaults=True)
+        return "planetary set of own numbers" if own else "Lin and Parker's planetary set"
     if train.kind == "planetary_set":
         drawn = train.planetary_set
         teeth = [getattr(drawn, key).teeth for key in ("sun", "planet", "ring")]

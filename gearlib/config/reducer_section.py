@@ -1,4 +1,4 @@
-"""Sections of gear trains: the paper's reducer, and what stands for it."""
+"""Sections of the paper's reducer and of its Campbell diagram."""
 
 from pydantic import model_validator
 
@@ -14,9 +14,7 @@ from gearlib.config.types import (
     Section,
     Share,
     Started,
-    Starts,
     Stiffness,
-    Tolerance,
     entry,
     numbers,
     quantity,
@@ -69,38 +67,20 @@ class Reducer(Started, Recorded):
 
     @model_validator(mode="after")
     def _check(self):
-        check_centres("reducer.teeth", self.teeth, self.modules)
+        first, second = (
+            module * (self.teeth[2 * i] + self.teeth[2 * i + 1]) / 2.0
+            for i, module in enumerate(self.modules)
+        )
+        if abs(first - second) > _ONE_CENTRE * first:
+            raise ValueError(
+                f"reducer.teeth = {self.teeth!r} is not allowed: with reducer.modules = "
+                f"{self.modules!r} both stages must have one centre distance, and it is "
+                f"{first:.6g} m in the first, {second:.6g} m in the second"
+            )
         return self
-
-
-class OneMesh(Started):
-    """Models of the reducer, from one pair to the whole train, in cases that tell them apart."""
-
-    start: OwnStart = 0.75
-    stop: OwnStop = 1.8
-    step: OwnStep = 0.025
-    starts: Starts = 8
-    other_teeth: numbers(
-        Teeth, 4, "Of input, satellites a, satellites b, output: branches out of phase."
-    ) = [25, 35, 25, 35]
-    soft_support: Stiffness = entry(
-        "Of all axes where they are soft, N/m. Default: a quarter of max_stiffness."
-    )
-    tolerance: Tolerance = entry("Largest change of an answer that counts as none.", 0.1)
 
 
 class Campbell(Section):
     """Campbell diagram of the reducer whose branches are alike."""
 
     orders: whole(1, 20) = entry("Highest order of each mesh frequency.", 3)
-
-
-def check_centres(key, teeth, modules):
-    """Refuse gears whose two stages have different centre distances."""
-    first, second = (modules[i] * (teeth[2 * i] + teeth[2 * i + 1]) / 2.0 for i in (0, 1))
-    if abs(first - second) > _ONE_CENTRE * first:
-        raise ValueError(
-            f"{key} = {teeth!r} is not allowed: with reducer.modules = {modules!r} both stages "
-            f"must have one centre distance, and it is {first:.6g} m in the first, {second:.6g} m "
-            "in the second"
-        )

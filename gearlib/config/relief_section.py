@@ -1,4 +1,4 @@
-"""Sections of tip relief: Harris maps of drawn gears, and the motion by two models."""
+"""Section of tip relief: Harris maps of drawn gears."""
 
 from typing import Literal
 
@@ -7,22 +7,11 @@ from pydantic import model_validator
 from gearlib.config.gears_section import FZG_C, DrawnPair
 from gearlib.config.types import (
     NonNegative,
-    OwnStart,
-    OwnStep,
-    OwnStop,
-    Periods,
-    Positive,
-    Recorded,
-    RecordPeriods,
     Section,
-    Share,
-    Tolerance,
     entry,
     listing,
     whole,
 )
-
-_DampingRatio = Share
 
 
 class HarrisMap(Section):
@@ -54,19 +43,3 @@ class HarrisMap(Section):
                         "map is that of spur gears without errors, which get their reliefs by it"
                     )
         gears.check(place, self.stiffness)
-
-
-class ReliefDynamics(Recorded):
-    """These gears in motion, with the long relief: stiffness at the load beside pairs of teeth."""
-
-    start: OwnStart = 0.2
-    stop: OwnStop = 2.0
-    step: OwnStep = 0.04
-    loads: listing(Positive, "Over the design load.") = [0.25, 0.5, 1.0, 1.5]
-    damping_ratio: _DampingRatio = entry("In contact, at the mean.", 0.06)
-    backlash_damping_ratio: _DampingRatio = entry("In the backlash.", 0.0)
-    periods: Periods = 120
-    record_periods: RecordPeriods = 20
-    tolerance: Tolerance = entry(
-        "Largest relative difference of the dynamic force that is none.", 0.05
-    )

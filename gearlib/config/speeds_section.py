@@ -14,9 +14,8 @@ from gearlib.config import units
 from gearlib.config.gear_pair_section import GearPairSection
 
 #: Sections that count in tunings of something else than the gear pair.
-_OTHERS = {"reducer", "one_mesh", "planetary", "train", "train_chart", "symmetry_breaking"}
-_OTHERS |= {"mesh_stiffness", "rectangle", "dynamic_factor", "campbell", "gear_pair", "dampings"}
-_OTHERS |= {"gears", "train_sweep", "relief_dynamics"}
+_OTHERS = {"reducer", "train", "train_sweep", "campbell", "mesh_stiffness"}
+_OTHERS |= {"gears", "gear_pair", "dampings"}
 _TUNINGS = {"tuning", "tunings", "shown", "marked", "asked"}
 #: Sections whose start and stop are no ends of a grid.
 _NO_GRID = {"branches", "run_ups"}

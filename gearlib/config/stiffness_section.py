@@ -7,15 +7,7 @@ from pydantic import Field, model_validator
 from gearlib.config.gears_section import FZG_C, TWENTY, DrawnPair
 from gearlib.config.types import (
     Name,
-    OwnStart,
-    OwnStep,
-    OwnStop,
-    Periods,
-    Positive,
-    Recorded,
-    RecordPeriods,
     Section,
-    Share,
     Stiffness,
     entry,
     whole,
@@ -51,15 +43,3 @@ class MeshStiffness(Section):
     def check_gears(self, place, pair):
         """Refuse a `DrawnPair`, named by `place`, whose stiffness not all methods give."""
         pair.check(place, "iso", "energy")
-
-
-class Rectangle(Recorded):
-    """What the rectangular stiffness of the drawn pairs costs in their motion."""
-
-    start: OwnStart = 0.5
-    stop: OwnStop = 1.3
-    step: OwnStep = 0.005
-    damping_ratio: Share = entry("In contact, by the energy method; the coefficient is kept.", 0.03)
-    tolerance: Positive = entry("Largest difference of an observable that counts as none.", 0.05)
-    periods: Periods = 160
-    record_periods: RecordPeriods = 16

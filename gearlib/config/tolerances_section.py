@@ -1,4 +1,4 @@
-"""The sections `tolerances`, what of the gears scatters and how far, and `kept_contact`."""
+"""The section `tolerances`: what of the gears scatters, and how far."""
 
 from typing import Literal
 
@@ -20,7 +20,6 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
-    Tuning,
     entry,
     listing,
     number_within,
@@ -36,14 +35,6 @@ _KEYS = ("mean", "std", "min", "max", "nominal", "upper", "lower")
 _SHARE = "%"
 #: Keys of values; the others are of deviations, which may be shares.
 _VALUES = (".mean", ".min", ".max", ".nominal")
-#: Parameters on which it depends whether a pair that keeps contact goes on doing so.
-CARRYING = (
-    "max_stiffness",
-    "stiffness_ratio",
-    "contact_ratio",
-    "reduced_mass",
-    "material_damping",
-)
 
 
 class ToleratedParameter(Given):
@@ -230,46 +221,6 @@ class Tolerances(Grid):
         """Return the names of the shards, ranges of samples."""
         firsts = range(0, self.samples, self.shard)
         return [f"{first}-{min(first + self.shard, self.samples)}" for first in firsts]
-
-
-class KeptContact(Section):
-    """Where contact is proven to be kept, and which of the `tolerances` must shrink to keep it."""
-
-    tuning: Tuning = entry("Of the duty point.", 1.13)
-    across: numbers(
-        Literal[CARRYING], 2, "Parameters of the gear pair that a box has on its axes, two of them."
-    ) = ["max_stiffness", "stiffness_ratio"]
-    width: number_within(gt=0, lt=1) = entry(
-        "Of the box, on either side of the values of the gears, as a share of them.", 0.04
-    )
-    pieces: whole(1, 100_000) = entry("Most pieces of the box that are tried.", 500)
-    points: whole(1, 100_000) = entry("Of the box at which the orbit is followed.", 200)
-    risk: number_within(gt=0, lt=0.5) = entry("Share of the designs that may lose contact.", 0.01)
-    samples: whole(2, 2**24) = entry("Designs of each check of a tightened tolerance.", 512)
-
-    @model_validator(mode="after")
-    def _check(self):
-        if len({*self.across}) < 2:
-            raise ValueError(
-                f"kept_contact.across = {self.across!r} is not allowed: it must be of two "
-                "different parameters"
-            )
-        return self
-
-    def box(self, values):
-        """Return name -> (least, largest value) of the box; values: name -> value of the gears."""
-        known, found = tolerated.of_pair(), {}
-        for name in self.across:
-            own = values[name]
-            if not own:
-                raise ValueError(
-                    f"kept_contact.across = {self.across!r} is not allowed: {name} must be > 0, "
-                    "and no share of 0 is a box"
-                )
-            low, high = found[name] = (1.0 - self.width) * own, (1.0 + self.width) * own
-            words = f"{name} with kept_contact.width = {self.width!r}"
-            tolerated.check_range(words, {}, known[name], (own, low, high))
-        return found
 
 
 def known_parameters():

@@ -13,7 +13,6 @@ from gearlib.config.types import (
     Grid,
     Name,
     Option,
-    Positive,
     PositiveDampingCoefficient,
     Section,
     Start,
@@ -21,7 +20,6 @@ from gearlib.config.types import (
     Stop,
     entry,
     listing,
-    number_within,
     whole,
 )
 
@@ -31,17 +29,13 @@ Steps = whole(1, 100_000)
 #: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
 _METHODS = (
     *("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha"),
-    *("scipy", "smoothed", "heyoka", "cvode", "diffrax"),
+    *("scipy", "smoothed", "heyoka"),
 )
 MethodName = Literal[_METHODS]
 
 
 #: The package that each peer is imported from; where it is not installed, the peer is left out.
-PEERS = {
-    "heyoka": "heyoka",
-    "cvode": "sksundae",
-    "diffrax": "diffrax",
-}
+PEERS = {"heyoka": "heyoka"}
 
 
 class FixedStepMethod(Section):
@@ -98,9 +92,6 @@ def _trial(name, method, **options):
     return Trial.unchecked(name=name, method=method, options=options)
 
 
-Way = Literal["exact", "differences", "differences-1e-9", "smoothed", "diffrax", "heyoka"]
-
-
 class Failures(Section):
     """The methods that are tried on difficult problems."""
 
@@ -125,11 +116,7 @@ class Failures(Section):
         _trial("scipy-Radau", "scipy", solver="Radau"),
         _trial("smoothed", "smoothed"),
         _trial("heyoka", "heyoka"),
-        _trial("cvode", "cvode"),
     ]
-    gradients: listing(Way, "Ways to differentiate, see gearlib/studies/trials/gradients.py.") = (
-        list(get_args(Way))
-    )
 
     @model_validator(mode="after")
     def _check(self):
@@ -166,35 +153,3 @@ class WorkPrecision(Section):
     repeats: whole(1, 1000) = entry(
         "Largest number of timed runs, of which the shortest counts.", 9
     )
-
-
-class SlowScan(Grid):
-    """The scan of methods whose right-hand side is not compiled by the library."""
-
-    @classmethod
-    def key(cls):
-        return "jump_by_method.slow"
-
-    start: Start = 0.8149
-    stop: Stop = 0.8165
-    step: Step = 0.0001
-    resolution: number_within(gt=0, le=0.1) = entry(
-        "Width of the tuning interval to which the jump is bisected.", 1e-06
-    )
-
-
-class JumpByMethod(Grid):
-    """Where each method puts the jump of the motion from rest."""
-
-    start: Start = 0.812
-    stop: Stop = 0.82
-    step: Step = 0.0001
-    methods: listing(MethodName, "Names of `gearlib.methods()`.") = list(get_args(MethodName))
-    damping: DampingName
-    resolution: number_within(gt=0, le=0.1) = entry(
-        "Width of the tuning interval to which the jump is bisected.", 1e-08
-    )
-    most_evaluations: Positive = entry(
-        "Settings that cost more evaluations per mesh period are left out.", 7000.0
-    )
-    slow: SlowScan = SlowScan.unchecked()

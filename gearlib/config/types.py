@@ -31,9 +31,6 @@ from gearlib import parameters
 from gearlib.config import units
 from gearlib.config.agreement import check_grid, check_most
 
-#: Samples that a browser takes in: 32 MB of the page.
-MAX_PAGE_SAMPLES = 2_000_000
-
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
 _TRUTH = {"true": True, "false": False}
@@ -319,10 +316,6 @@ OwnTuning = number_within(gt=0, le=100)
 Harmonic = whole(1, 1000)
 Share = number_within(ge=0, le=1)
 Tolerance = number_within(gt=0, le=10)
-Resolution = Annotated[
-    number_within(gt=0, le=0.1),
-    Field(description="Width of the tuning interval to which the jump is bisected."),
-]
 
 
 def numbers(item, count, description):

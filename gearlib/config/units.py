@@ -6,7 +6,6 @@ with it.
 """
 
 import re
-import sys
 from decimal import Decimal
 from functools import cache
 
@@ -35,9 +34,6 @@ RPM = re.compile(rf"({_NUMBER})\s*rpm")
 
 @cache
 def _registry():
-    if "pint" in sys.modules and sys.modules["pint"] is None:
-        # Jobs keep xarray from loading it, which has looked by now.
-        del sys.modules["pint"]
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)

@@ -6,6 +6,7 @@ The allowed range is read from the JSON schema, so that message, schema and chec
 import re
 
 from gearlib.parameters import likely
+from gearlib.removed import REMOVED, sentence
 
 _BOUNDS = {
     "exclusiveMinimum": "> {}",
@@ -35,6 +36,8 @@ def _sentence(error, schema):
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
         section = node_at(path[:-1], schema)
+        if key in REMOVED:
+            return sentence(key)
         new = _RENAMED.get(section.get("title"), {}).get(path[-1])
         if new:
             return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
@@ -53,6 +56,8 @@ def _sentence(error, schema):
         key = _key(path)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed(node_at(path, schema), schema)}"
+    if path[:1] == ["targets"] and value in REMOVED:
+        return sentence(value)
     node = node_at(path, schema)
     hint = _hint(value, node)
     return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"

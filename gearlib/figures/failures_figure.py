@@ -1,7 +1,4 @@
-"""Difficult problems against methods: a heat map of verdicts with the measured errors.
-
-Beside it, on some of the problems, verdicts on ways to differentiate the motion by parameters.
-"""
+"""Difficult problems against methods: a heat map of verdicts with the measured errors."""
 
 import math
 
@@ -23,18 +20,7 @@ _LOOKS = {
     "stalled": ("s", "#A9A9A9"),
     "refused": ("–", "#FFFFFF"),
 }
-#: The same of derivatives.
-_GRADIENTS = {
-    "right": _LOOKS["right"],
-    "inaccurate": _LOOKS["inaccurate"],
-    "silently_wrong": ("x", "#C24F2F"),
-    "said_so": ("0", "#C8C8C8"),
-}
-_WORDS = {
-    "refused": "–: does not take the model",
-    "silently_wrong": "x: derivative silently wrong",
-    "said_so": "0: no derivative, and says so",
-}
+_WORDS = {"refused": "–: does not take the model"}
 
 
 def _number(error):
@@ -46,25 +32,19 @@ def _number(error):
 
 
 @style.styled()
-def draw(matrix, gradients=None):
+def draw(matrix):
     """Draw the verdicts, a row for each problem and a column for each trial.
 
-    `matrix` is gathered from `gearlib.studies.trials.failures.compute`; `gradients`, if given,
-    of `gearlib.studies.trials.gradients.compute`, are columns beside it for some problems. A
-    star marks a run of fewer periods than the others of its row.
+    `matrix` is gathered from `gearlib.studies.trials.failures.compute`. A star marks a run of
+    fewer periods than the others of its row.
     """
     names = matrix.verdict.attrs["flag_meanings"].split()
     periods = matrix.periods.values
     brief = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
     rows, trials = matrix.verdict.shape
-    labels, columns = list(matrix.trial.values), trials
-    if gradients is not None:
-        # A column between them stays empty.
-        labels += ["", *(f"d/dp {way}" for way in gradients.way.values)]
-        columns = len(labels)
     figure = style.page(_HEAD + _FOOT + _ROW_HEIGHT * rows)
     axes = figure.subplots()
-    colours = np.ones((rows, columns, 3))
+    colours = np.ones((rows, trials, 3))
 
     def cell(i, j, look, error, mark=""):
         colours[i, j] = to_rgb(look[1])
@@ -78,20 +58,12 @@ def draw(matrix, gradients=None):
             look = _LOOKS[names[int(matrix.verdict[i, j])]]
             cell(i, j, look, float(matrix.error[i, j]), "*" if brief[i, j] else "")
     looks = {name: _LOOKS[name] for name in names}
-    if gradients is not None:
-        kinds = gradients.verdict.attrs["flag_meanings"].split()
-        looks |= {kind: _GRADIENTS[kind] for kind in kinds}
-        places = {str(name): i for i, name in enumerate(matrix.problem.values)}
-        for row, name in enumerate(gradients.problem.values):
-            for k in range(gradients.sizes["way"]):
-                look = _GRADIENTS[kinds[int(gradients.verdict[row, k])]]
-                cell(places[str(name)], trials + 1 + k, look, float(gradients.error[row, k]))
     axes.imshow(colours, aspect="auto", interpolation="none")
-    axes.set_xticks(range(columns), labels, rotation=60, ha="left", fontsize=6)
+    axes.set_xticks(range(trials), matrix.trial.values, rotation=60, ha="left", fontsize=6)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=6)
     axes.tick_params(length=0)
-    axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
+    axes.set_xticks(np.arange(trials + 1) - 0.5, minor=True)
     axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
     axes.grid(which="minor", color="white", linewidth=0.8)
     axes.tick_params(which="minor", length=0)

@@ -199,11 +199,10 @@ def beside(axes, train, run=None, colours=None):
     return axes
 
 
-def with_train(figure, data, colours=None, below=False, **now):
+def with_train(figure, data, colours=None, below=False):
     """Draw the train that a dataset is about beside, or below, what else a figure has.
 
-    Nothing of a dataset without a `GearTrain.layout`. `now` are phase and contact of `draw`. Return
-    the part of the figure that is left.
+    Nothing of a dataset without a `GearTrain.layout`. Return the part of the figure that is left.
     """
     if "pitch_radius" not in data:
         return figure
@@ -214,7 +213,6 @@ def with_train(figure, data, colours=None, below=False, **now):
     else:
         part, own = figure.subfigures(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
     axes = own.subplots()
-    draw(axes, data, colours, **now)
-    lines = ["meshes of the train", *words(data, now.get("contact"))]
-    axes.set_title("\n".join(lines), fontsize=6)
+    draw(axes, data, colours)
+    axes.set_title("\n".join(["meshes of the train", *words(data)]), fontsize=6)
     return part

@@ -22,14 +22,10 @@ def draw_range(axes, x, data, name, colour):
     axes.fill_between(x, low, high, where=shown, color=colour, alpha=0.25, linewidth=0.0)
 
 
-def entries(share, colour="0.6", **options):
+def entries(share):
     """Return what a legend says of range and shares; share: of those on the commonest orbit."""
-    if options:
-        wide = style.entry("range of all starts", colour, alpha=0.4, **options)
-    else:
-        wide = Patch(color=colour, alpha=0.4, linewidth=0, label="range of all starts")
     return [
-        wide,
+        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
         Patch(color="0.8", label="share of the starts that settle"),
         style.entry(share, style.PALETTE[0], linewidth=0.9),
     ]

@@ -68,8 +68,6 @@ METHODS = _Modules(
         "scipy": "scipy_ivp",
         "smoothed": "smoothed",
         "heyoka": "peers.heyoka",
-        "cvode": "peers.cvode",
-        "diffrax": "peers.diffrax",
     }
 )
 

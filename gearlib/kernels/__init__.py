@@ -9,17 +9,14 @@ name                responsibility
 ``tooth_pairs``     one mesh whose pairs of teeth touch one by one
 ``several_meshes``  many coordinates, events of all meshes: modes of their contacts
 ``exponential``     matrix exponentials by their series
-``slopes``          what motions of `several_meshes` change by with parameters
 ``codes``           contact of a mesh, how a run ended
 ``polynomial``      first crossing and largest value of a polynomial, guaranteed
 ``orbit``           what is recorded of an orbit: extrema, fractions, samples, events
 ``copies``          copies between arrays
-``order_sums``      Fourier integrals as sums over nodes of quadrature
 ``growth``          growth of a small deviation under the maps of a run
 ``overflow``        states that are too large for floating-point numbers
 ``jit``             how every kernel is compiled
-``kernel_parts``    kernels that others call: no machine code of their own
-``cache``           where its machine code is kept, for any number of processes
+``cache``           folder of their machine code
 ==================  ========================================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).

@@ -1,80 +1,43 @@
-"""How every kernel is compiled."""
+"""The settings with which numba compiles every kernel.
 
-import gc
-from contextlib import contextmanager
-from functools import cache
+numba takes a constant in a call from another kernel for a type of its own, and compiles the called
+kernel once more. Before large kernels it is therefore written as ``np.int64(1)``.
+"""
 
 import numba
-from numba import njit, types
 
-from gearlib.kernels.cache import KernelCache
-from gearlib.kernels.kernel_parts import KernelCompiler, PartCompiler
+from gearlib.kernels.cache import cache_folder
 
-
-@contextmanager
-def _uncollected():
-    # What a compiler leaves behind is looked through again and again: a fifth of its time.
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
-
-
-def _compile(function, **options):
-    # No kernel is handed over as a function of C.
-    # Options not named are those of the kernel that calls first: the code would hang on the order.
-    options = {"forceinline": False} | options
-    options |= {"fastmath": False, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    compiled = njit(pipeline_class=KernelCompiler, **options)(function)
-    if numba.config.DISABLE_JIT:
-        return function
-    # What `cache=True` would do, with another cache.
-    compiled._cache = KernelCache(function)
-    compiled.compile = _uncollected()(compiled.compile)
-
-    @cache
-    def part():
-        found = njit(pipeline_class=PartCompiler, **options)(function)
-        found._cache = KernelCache(function, ".part")
-        return found
-
-    # numba compiles a kernel again for each constant in a call from another kernel, as a type of
-    # its own, and the code is the same: a third of all compilation.
-    compiled.get_call_template = lambda arguments, named: part().get_call_template(
-        [types.unliteral(kind) for kind in arguments],
-        {name: types.unliteral(kind) for name, kind in named.items()},
-    )
-    compiled.get_overload = lambda signature: part().get_overload(signature)
-    return compiled
+numba.config.CACHE_DIR = cache_folder()
+# No kernel is handed to C, so that numba need not write an entry for it.
+_SHARED = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
+_SHARED |= {"no_cfunc_wrapper": True}
 
 
 def kernel(function):
     """Compile `function` with the settings that all kernels share.
 
-    ``fastmath=False``: the order of events hangs on the last digits. ``error_model="numpy"``: a
+    ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
     """
-    return _compile(function, _nrt=True)
+    return numba.njit(_nrt=True, forceinline=False, **_SHARED)(function)
 
 
 def inlined(function):
     """Compile `function` into its callers: for steps whose arguments cost more than their work."""
-    return _compile(function, _nrt=True, forceinline=True)
+    return numba.njit(_nrt=True, forceinline=True, **_SHARED)(function)
 
 
 def uncounted(function):
     """Compile `function` without counts of references: it makes and returns no arrays.
 
-    Every look into a tuple of arrays would count one reference up and down, for all threads: in
-    inner loops that costs more than the sums. (``_nrt`` stands everywhere: numba would pass it on
-    from a kernel to those that it calls.)
+    Every access to a tuple of arrays would count one reference up and down, for all threads: in
+    inner loops that costs more than the sums. ``_nrt`` and ``forceinline`` are named everywhere,
+    because numba passes options that are not named from a kernel to those that it calls.
     """
-    return _compile(function, _nrt=False)
+    return numba.njit(_nrt=False, forceinline=False, **_SHARED)(function)
 
 
 def woven(function):
     """Compile `function` into its callers, and as `uncounted`."""
-    return _compile(function, _nrt=False, forceinline=True)
+    return numba.njit(_nrt=False, forceinline=True, **_SHARED)(function)

@@ -16,9 +16,9 @@ the motion is of order one: tolerances are absolute.
 """
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from numbers import Complex
+from numbers import Real
 from typing import Annotated
 
 import numpy as np
@@ -28,7 +28,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented, named
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
 
 _STIFFNESSES = ("upper_stiffness", "lower_stiffness")
 
@@ -38,13 +38,6 @@ _FOLLOWING = {
     "upper_damping": "damping",
     "lower_damping": "damping",
 }
-#: Derivatives by what is no parameter.
-_OF_START = {
-    "tuning": ("1", "frequency of the forcing"),
-    "initial_displacement": ("1", "displacement at the start"),
-    "initial_velocity": ("1", "velocity by phase at the start"),
-}
-
 #: What variables of datasets are called that are otherwise those of a gear mesh.
 _LONG_NAMES = {
     "phase": "phase of the forcing, 2 pi per period",
@@ -170,27 +163,11 @@ class DeadZoneOscillator(Model):
             given = " and ".join(f"{name} = {getattr(self, name)!r}" for name in there)
             raise ValueError(f"{given} is not allowed: one contact must have a stiffness > 0")
 
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`: the numbers among the fields, and the start."""
-        known = self.as_dict()
-        return {
-            name: (units, self.long_names.get(name, words))
-            for name, (units, words) in (named(type(self)) | _OF_START).items()
-            if isinstance(known.get(name, 1.0), float) and math.isfinite(known.get(name, 1.0))
-        }
-
-    def direction(self, name):
-        """As of `Model.direction`; what has its value by default follows."""
-        same = [other for other, own in _FOLLOWING.items() if own == name]
-        value = getattr(self, name, None)
-        return {name: 1.0} | {one: 1.0 for one in same if getattr(self, one) == value}
-
     @cached_property
     def equation(self):
         """The `Equation`, in the model's own units."""
         near = _pieces(self.upper_stiffness)
-        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge.real)
+        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
         means = _mean(self.upper_stiffness), _mean(self.lower_stiffness)
         linear = self.lower_damping, self.damping, self.upper_damping
         damping = np.column_stack([linear, np.zeros((3, 2))])
@@ -205,7 +182,7 @@ class DeadZoneOscillator(Model):
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural=math.sqrt(self.ground_stiffness.real + max(mean.real for mean in means)),
+            natural=math.sqrt(self.ground_stiffness + max(mean for mean in means)),
         )
 
     def as_dict(self):
@@ -214,15 +191,14 @@ class DeadZoneOscillator(Model):
 
 
 def _pieces(stiffness):
-    if isinstance(stiffness, Complex):
-        pieces = Steps((0.0,), (stiffness.real,)).pieces()
-        return replace(pieces, lines=np.array([[stiffness, 0.0]]))
+    if isinstance(stiffness, Real):
+        return Steps((0.0,), (float(stiffness),)).pieces()
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    if isinstance(stiffness, Complex):
-        return stiffness
+    if isinstance(stiffness, Real):
+        return float(stiffness)
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
 

@@ -1,151 +1,87 @@
-"""By what models are differentiated: names and units, and copies a little off the real axis.
-
-The matrices of a piecewise-linear model are algebra in its parameters. With p + i h in place of p
-they become A + i h dA/dp - O(h^2), and for h = 1e-30 the square is nothing beside 1: imaginary
-parts are derivatives to rounding, without a difference of two values (Squire, Trapp: SIAM Review
-40 (1998) 110-112).
-"""
+"""The numbers of a model that can be read and changed one by one, by their names."""
 
 import dataclasses
 import math
+import re
 
 from gearlib import parameters
-from gearlib.models.pair_parameters import PairParameters
 
-#: h.
-STEP = 1e-30
-
-#: name -> (CF units, words): fields of a pair, its ratios, arguments of the run.
-PARAMETERS = parameters.named(PairParameters) | {
-    "damping_ratio": ("1", "damping ratio beta"),
-    "backlash_damping_ratio": ("1", "damping ratio beta_m of the backlash"),
-    "backlash_ratio": ("1", "backlash in static deflections"),
-    "tuning": ("1", "tuning nu"),
-    "initial_displacement": ("1", "displacement at the start"),
-    "initial_velocity": ("1", "dx/dtau at the start"),
+#: Ratios of a pair -> the field that each sets.
+RATIOS = {
+    "damping_ratio": "material_damping",
+    "backlash_damping_ratio": "backlash_damping",
+    "backlash_ratio": "backlash",
 }
-#: Of `PARAMETERS`: those of the start.
-START = ("initial_displacement", "initial_velocity")
-_OF_GEARS = (
-    ("inertias", "kg m2", "inertia of gear", 2),
-    ("masses", "kg", "mass of gear", 2),
-    ("bearing_stiffness", "N m-1", "stiffness of bearing", 4),
-    ("bearing_damping", "N s m-1", "damping of bearing", 4),
-)
-_PLACES = {2: ("3", "2"), 4: ("y3", "z3", "y2", "z2")}
-#: Of every model with one degree of freedom.
-OF_ALL = {name: PARAMETERS[name] for name in ("tuning", *START)}
-
-
-def complex_step(element, slopes):
-    """Return an unchecked copy of a frozen dataclass with some fields off the real axis.
-
-    Slopes are name of a field, or (name, index) -> what it changes by.
-    """
-    values = {one.name: getattr(element, one.name) for one in dataclasses.fields(element)}
-    for key, slope in slopes.items():
-        name, *index = key if isinstance(key, tuple) else (key,)
-        if index:
-            entries = list(values[name])
-            entries[index[0]] += 1j * STEP * slope
-            values[name] = tuple(entries)
-        else:
-            values[name] += 1j * STEP * slope
-    return unchecked(type(element), **values)
+_RATIO_WORDS = {
+    "damping_ratio": "damping ratio beta",
+    "backlash_damping_ratio": "damping ratio beta_m of the backlash",
+    "backlash_ratio": "backlash in static deflections",
+}
 
 
 def settable(model):
-    """Return the names of derivatives that are fields, or entries of fields as ``masses[0]``."""
-    known = {one.name for each in (model, model.mesh) if each for one in dataclasses.fields(each)}
-    return tuple(name for name in model.derivatives if name.partition("[")[0] in known)
+    """Return name -> (CF units, words) of the finite numbers among a model's parameters.
+
+    Names are those of fields of the model and its `GearPair`, entries of fields with several values
+    as ``masses[0]``, and of a pair the keys of `RATIOS`.
+    """
+    described: dict = {}
+    for owner in filter(None, (model, model.mesh)):
+        for name, parameter in parameters.declared(type(owner)).items():
+            value = getattr(owner, name)
+            units = parameters.cf_units(parameter.unit)
+            head = re.match(r"[^;,=]*", parameter.words)[0].strip()  # type: ignore[index]
+            words = head[:1].lower() + head[1:]
+            if type(value) is float and math.isfinite(value):
+                described.setdefault(name, (units, words))
+            elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
+                for i, entry in enumerate(value):
+                    if math.isfinite(entry):
+                        described[f"{name}[{i}]"] = units, f"{words} [{i}]"
+    if model.mesh:
+        described |= {name: ("1", words) for name, words in _RATIO_WORDS.items()}
+    return described
 
 
 def value(model, name):
     """Return the value of one of `settable`."""
     field, _, index = name.rstrip("]").partition("[")
-    found = getattr(model, field)
-    return found[int(index)] if index else found
+    whole = getattr(model, field)
+    return whole[int(index)] if index else whole
 
 
 def with_values(model, changes):
-    """Return the model with some of `settable` changed and checked."""
+    """Return the model with some of `settable` changed and checked.
+
+    Fields keep the values of all other fields; a ratio is set last, with the fields as they are
+    then.
+    """
     fields: dict = {}
     for name, new in changes.items():
         field, _, index = name.rstrip("]").partition("[")
         if index:
             entries = list(fields.get(field, getattr(model, field)))
             entries[int(index)] = new
-            new = tuple(entries)
-        fields[field] = new
-    return model.replace(**fields)
+            fields[field] = tuple(entries)
+        elif name not in RATIOS:
+            fields[name] = new
+    model = model.replace(**fields)
+    for name in RATIOS:
+        if name in changes:
+            model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
+    return model
+
+
+def ratio_fields(pair, name, value):
+    """Return field -> value by which a `GearPair` has a value of one of `RATIOS`; arrays too."""
+    if name == "backlash_ratio":
+        return {"backlash": value * pair.static_deflection}
+    return {RATIOS[name]: value * (2.0 * pair.reduced_mass * pair.mean_eigenfrequency)}
 
 
 def unchecked(kind, **values):
     """Return a frozen dataclass of numbers that its checks do not know."""
     made = object.__new__(kind)
-    for one in dataclasses.fields(kind):
-        object.__setattr__(made, one.name, values.get(one.name, one.default))
+    for field in dataclasses.fields(kind):
+        object.__setattr__(made, field.name, values.get(field.name, field.default))
     return made
-
-
-def of_pair(pair, name):
-    """Return what the fields of a `GearPair` change by with one of `PARAMETERS`, a dict.
-
-    A field changes with all other fields kept, a ratio that is no field with all other ratios kept.
-    """
-    damping = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-    return {
-        "damping_ratio": {"material_damping": damping},
-        "backlash_damping_ratio": {"backlash_damping": damping},
-        "backlash_ratio": {"backlash": pair.static_deflection},
-    }.get(name, {name: 1.0})
-
-
-def about_the_mean(mesh, name):
-    """Return the same for a contact or stiffness ratio about a mean stiffness that stays."""
-    contact, kappa = mesh.contact_ratio, mesh.stiffness_ratio
-    slope = {"contact_ratio": 1.0 - kappa, "stiffness_ratio": 2.0 - contact}[name]
-    share = slope * mesh.max_stiffness / mesh.mean_stiffness
-    return {name: 1.0, "max_stiffness": -share * mesh.max_stiffness}
-
-
-def along_branch(pair, name):
-    """Return the same for a ratio of a `GearPair`, of `followed_parameters.RATIOS`."""
-    own = {"damping": "damping_ratio", "backlash_damping": "backlash_damping_ratio"}
-    if name in ("contact_ratio", "stiffness_ratio"):
-        return about_the_mean(pair, name)
-    return of_pair(pair, {**own, "backlash": "backlash_ratio"}.get(name, name))
-
-
-def check_edges(words, mesh, slopes):
-    """Refuse to move a switch of the stiffness that is not there.
-
-    `words` name the parameter, `mesh` is a `GearPair` or a mesh of a train.
-    """
-    if slopes.get("contact_ratio") and mesh.contact_ratio in (1.0, 2.0):
-        raise ValueError(
-            f"sensitivities = {words!r} is not allowed at contact_ratio = {mesh.contact_ratio!r}: "
-            "it must be > 1 and < 2, where the stiffness has switches"
-        )
-
-
-def of_gears(gears):
-    """Return name -> (CF units, words) of the parameters of a `SixDegreePair`."""
-    found = dict(PARAMETERS)
-    for name, units, words, count in _OF_GEARS:
-        for i in range(count):
-            if math.isfinite(getattr(gears, name)[i]):
-                found[f"{name}[{i}]"] = units, f"{words} {_PLACES[count][i]}"
-    return found
-
-
-def along_gears(gears, name):
-    """Return what the fields of a `SixDegreePair` and of its pair change by with a parameter."""
-    if "[" in name:
-        field, index = name[:-1].split("[")
-        return {(field, int(index)): 1.0}
-    slopes = gears.pair.direction(name)
-    if name == "load" and gears.torques == gears.by_default["torques"](gears):
-        # Those of the load go with it.
-        slopes |= {("torques", i): radius for i, radius in enumerate(gears.base_radii)}
-    return slopes

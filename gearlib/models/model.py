@@ -126,17 +126,8 @@ class Model:
         return checks.state("initial_state", value)
 
     @property
-    def derivatives(self):
-        """Names of the parameters by which `simulate` differentiates -> (CF units, words)."""
-        return derivatives.OF_ALL
-
-    def direction(self, name):
-        """Return what changes with one of `derivatives`, for `complex_step`: a dict."""
-        return {name: 1.0}
-
-    @property
     def settable(self):
-        """Those of `derivatives` that can be given, one by one, as `with_values` takes them."""
+        """Name -> (CF units, words) of the numbers that `with_values` changes."""
         return derivatives.settable(self)
 
     def value(self, name):
@@ -146,14 +137,6 @@ class Model:
     def with_values(self, changes):
         """Return the model with some of `settable` changed, and checked: name -> value."""
         return derivatives.with_values(self, changes)
-
-    def along_branch(self, name):
-        """Return the same for a parameter over which orbits are followed; None: not known."""
-        return {name: 1.0} if name == "tuning" else None
-
-    def complex_step(self, slopes):
-        """Return a copy off the real axis, see `gearlib.models.derivatives`."""
-        return derivatives.complex_step(self, slopes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""

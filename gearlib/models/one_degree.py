@@ -75,16 +75,6 @@ class OneDegreePair(WithPair):
         """As of `Model.parameters`: the numbers that it adds to the pair."""
         return named(type(self))
 
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`: also what it adds to the pair, where that counts."""
-        own = {} if self.equation.is_piecewise_linear() else self.parameters
-        return self.pair.derivatives | own
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        return {name: 1.0} if name in self.parameters else self.pair.direction(name)
-
     @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""

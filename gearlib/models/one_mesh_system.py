@@ -45,7 +45,7 @@ def one_mesh(free, sides, pieces, frequencies, tuning, repeats=1):
     for code, side in sides.items():
         for q in range(p):
             # Segments of one level but another derivative are not alike.
-            what = code, side.stiffness[q].real, bool(pieces.low[q]), pieces.sense[q]
+            what = code, side.stiffness[q], bool(pieces.low[q]), pieces.sense[q]
             effect[code + 1, q, 0], *_ = kinds.setdefault(what, (len(kinds) + 1, side, q))
     push, grip = np.zeros((2, 1, len(kinds) + 1, 2, n), free.dtype)
     for d, side, q in kinds.values():
@@ -66,18 +66,18 @@ def one_mesh(free, sides, pieces, frequencies, tuning, repeats=1):
         effect,
         stiffness[:, :, None],
         np.repeat(np.asarray(pieces.low)[None, :, None], 3, axis=0),
-        np.real(pieces.starts).copy(),
+        pieces.starts.copy(),
         np.array([0, p]),
         1.0,
-        np.real(frequencies).astype(float),
+        np.asarray(frequencies, float),
         tuning,
         repeats,
     )
     # Velocities over the highest frequency of all combinations.
-    half, moving = one // 2, (free + np.swapaxes(push[0], 1, 2) @ grip[0])[:, :one, :one].real
+    half, moving = one // 2, (free + np.swapaxes(push[0], 1, 2) @ grip[0])[:, :one, :one]
     highest = math.sqrt(_sizes(moving[:, half:, :half])) or 1.0
     scale = np.array([1.0, highest]).repeat(half)
-    waves = np.abs(system.harmonics * tuning.real).max(initial=1e-300)
+    waves = np.abs(system.harmonics * tuning).max(initial=1e-300)
     return system._replace(longest=REACH / max(_sizes(moving * scale / scale[:, None]), waves))
 
 
@@ -89,12 +89,7 @@ def _sizes(matrices):
 def matrix(system, effects):
     """Return the matrix dz/dtheta of a combination of effects, shape (n, n)."""
     a = np.empty_like(system.free)
-    if np.iscomplexobj(a):
-        a[:] = system.free
-        for j, effect in enumerate(effects):
-            a += system.push[j, effect].T @ system.grip[j, effect]
-    else:
-        matrix_of(system, np.array(effects, np.int64), a)
+    matrix_of(system, np.array(effects, np.int64), a)
     return a
 
 

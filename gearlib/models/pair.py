@@ -164,23 +164,6 @@ class GearPair(PairParameters, Model):
         scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
         return {"exact": "closed_form" if scalar else "piecewise_linear", "taylor": "taylor"}
 
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`: fields, ratios and the start."""
-        return derivatives.PARAMETERS
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        slopes = derivatives.of_pair(self, name)
-        derivatives.check_edges(name, self, slopes)
-        return slopes
-
-    def along_branch(self, name):
-        """As of `Model.along_branch`."""
-        slopes = derivatives.along_branch(self, name)
-        derivatives.check_edges(name, self, slopes)
-        return slopes
-
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
         return self.material_damping > 0.0 or self.backlash_damping > 0.0
@@ -199,7 +182,7 @@ class GearPair(PairParameters, Model):
     def mean_eigenfrequency(self):
         """Omega_s = sqrt(C_s / m_red), rad/s."""
         square = self.mean_stiffness / self.reduced_mass
-        # Off the real axis, see `gearlib.models.derivatives`, math has no root.
+        # Many pairs at once have arrays for numbers.
         return math.sqrt(square) if isinstance(square, float) else square**0.5
 
     @property
@@ -221,34 +204,6 @@ class GearPair(PairParameters, Model):
     def backlash_ratio(self):
         """Backlash in static deflections."""
         return self.backlash / self.static_deflection
-
-    def ratio_slopes(self, name):
-        """Return the derivatives of `RATIOS` by a parameter, a list.
-
-        `name` is a field other than teeth, all other fields kept; or a ratio that is no field,
-        all other ratios kept. An infinite backlash stays infinite.
-        """
-        if name in self.RATIOS[2:]:
-            return [float(name == ratio) for ratio in self.RATIOS]
-        contact, kappa = self.contact_ratio, self.stiffness_ratio
-        over_max = mean_over_max(contact, kappa)
-        # Logarithmic: mean stiffness; mass times stiffness, rooted; static deflection.
-        stiffness = {
-            "max_stiffness": 1.0 / self.max_stiffness,
-            "contact_ratio": (1.0 - kappa) / over_max,
-            "stiffness_ratio": (2.0 - contact) / over_max,
-        }.get(name, 0.0)
-        damping = 0.5 * (stiffness + (name == "reduced_mass") / self.reduced_mass)
-        deflection = (name == "load") / self.load - stiffness
-        unit = 2.0 * self.reduced_mass * self.mean_eigenfrequency
-        backlash = self.backlash_ratio if math.isfinite(self.backlash) else 0.0
-        return [
-            float(name == "contact_ratio"),
-            float(name == "stiffness_ratio"),
-            (name == "material_damping") / unit - self.damping_ratio * damping,
-            (name == "backlash_damping") / unit - self.backlash_damping_ratio * damping,
-            (name == "backlash") / self.static_deflection - backlash * deflection,
-        ]
 
     @property
     def tuning_factor_max(self):

@@ -52,7 +52,7 @@ class Rectangular:
         lengths = np.array([half_high, whole_low, half_high])
         values = np.array([high, low, high])
         is_low = np.array([False, True, False])
-        there = lengths.real > 0.0
+        there = lengths > 0.0
         breaks = np.concatenate([[0.0], np.cumsum(lengths[there])])
         breaks[-1] = 2.0 * math.pi
         lines = np.column_stack([values[there], np.zeros(there.sum())])
@@ -292,7 +292,6 @@ def _about(mean, table):
     # Imported here: it costs every job of the workflow 0.3 s, and only these profiles need it.
     from scipy.optimize import brentq
 
-    whole, table = table, table.real
     scan = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(int(table[:, 0].max(initial=0.0)), 1) + 1)
     signs = np.sign(_waves(table, scan))
     turns = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
@@ -304,11 +303,4 @@ def _about(mean, table):
     middle = (breaks[:-1] + breaks[1:]) / 2.0
     lines = np.column_stack([np.full(middle.size, mean), np.zeros(middle.size)])
     low = _waves(table, middle) < 0.0
-    if np.iscomplexobj(whole) and inner:
-        # Where the mean is crossed moves off the real axis too, see `gearlib.models.derivatives`.
-        n, cosines, sines = table.T
-        steep = _waves(np.column_stack([n, n * sines, -n * cosines]), breaks[1:-1])
-        breaks = breaks + 0j
-        moved = _waves(np.column_stack([n, *whole.T[1:].imag]), breaks[1:-1].real)
-        breaks[1:-1] -= 1j * moved / steep
-    return Pieces(breaks, lines, low, whole)
+    return Pieces(breaks, lines, low, table)

@@ -37,7 +37,6 @@ from typing import Annotated
 
 import numpy as np
 
-from gearlib.models.derivatives import along_gears, of_gears
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair
@@ -163,8 +162,7 @@ class SixDegreePair(WithPair):
         """As of `Model.parameters`: run-out and friction by their phases."""
         return named(type(self))
 
-    derivatives = property(of_gears, doc="As of `Model.derivatives`.")
-    direction, contact_map = along_gears, contact_map
+    contact_map = contact_map
 
     @property
     def reduced_mass_torsional(self):
@@ -212,7 +210,7 @@ class SixDegreePair(WithPair):
 
     def flexible(self):
         """Return the indices of the bearing coordinates that can move."""
-        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c.real)]
+        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
 
     @cached_property
     def train(self):
@@ -240,7 +238,7 @@ class SixDegreePair(WithPair):
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # s = y - (y - s)
         rows[OUTPUTS.index("backlash")] = system.near[0] - system.far[0]
-        if math.isinf(pair.backlash.real):
+        if math.isinf(pair.backlash):
             rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
         rows[OUTPUTS.index("friction_force")] = system.grip[0, system.effect[:, :, 0], 1]
         rate = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness

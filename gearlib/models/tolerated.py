@@ -7,6 +7,7 @@ import math
 import re
 
 from gearlib import checks, parameters
+from gearlib.models.derivatives import RATIOS
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import PairParameters
@@ -19,12 +20,6 @@ WORDS = (
     "one of {mean, std}, {min, max}, {nominal, upper, lower} with deviations from the nominal "
     "value, or {distribution: a name of scipy.stats, and its parameters}"
 )
-#: Ratios of a pair -> the field that each sets.
-RATIOS = {
-    "damping_ratio": "material_damping",
-    "backlash_damping_ratio": "backlash_damping",
-    "backlash_ratio": "backlash",
-}
 _LEFT_OUT = ("mean", "nominal")
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 

@@ -4,7 +4,6 @@ Every name that is offered is listed: a name that means something else for the m
 does not reach the pair unseen.
 """
 
-import dataclasses
 from typing import Any
 
 from gearlib.models.model import Model
@@ -43,25 +42,3 @@ class WithPair(Model):
     mesh_frequency = _of_pair("mesh_frequency")
     scales = _of_pair("scales")
     speed = _of_pair("speed")
-
-    @property
-    def derivatives(self):
-        """As of `Model.derivatives`: the parameters of the pair."""
-        return self.pair.derivatives
-
-    def direction(self, name):
-        """As of `Model.direction`."""
-        return self.pair.direction(name)
-
-    def along_branch(self, name):
-        """As of `Model.along_branch`."""
-        return None if name in self.parameters else self.pair.along_branch(name)
-
-    def complex_step(self, slopes):
-        """As of `Model.complex_step`."""
-        names = [one.name for one in dataclasses.fields(self.pair)]
-        own = {key: slope for key, slope in slopes.items() if key not in names}
-        model = super().complex_step(own)
-        inner = {key: slope for key, slope in slopes.items() if key in names}
-        object.__setattr__(model, "pair", self.pair.complex_step(inner))
-        return model

@@ -3,7 +3,7 @@
 ============  =============================================
 name          responsibility
 ============  =============================================
-``report``    tables as pages, a page to choose tunings on
+``tables``    tables as pages that need nothing else
 ``explorer``  sliders, and what the gear mesh makes of them
 ============  =============================================
 """

@@ -12,6 +12,8 @@ from gearlib.runs.run_up import run_up
 
 #: Multiples of the mesh order, blocks of whole revolutions.
 ORDERS, BLOCKS = 3, 300
+#: Samples of the model in a mesh period.
+SAMPLES = 128
 #: Means of the speed; its share by which lines between some of them may be off.
 _MEANS, _STRAIGHT = 200, 2e-3
 
@@ -66,7 +68,7 @@ def _track(part, names, models, teeth):
     measured = np.array([_orders(turned, part[name].values, edges, teeth) for name in names])
     knots, computed = _knots(time, speed), []
     for model in models.values():
-        run = run_up(model, speed=knots, samples_per_period=1)
+        run = run_up(model, speed=knots, samples_per_period=SAMPLES)
         for name in names:
             own = order_map(
                 run, variable=name, resolution=1.0 / each, highest=(ORDERS + 0.5) * teeth

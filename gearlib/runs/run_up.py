@@ -45,6 +45,8 @@ _SAID = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
+#: Propagators of models that are not piecewise linear.
+_STEPPED = "taylor", "tooth_pairs"
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
@@ -66,20 +68,20 @@ def run_up(
     initial_state=(0.0, 0.0),
     samples_per_period=0,
     max_events=MAX_EVENTS,
-    sensitivities=(),
 ):
     """Run a model up, down, or along any piecewise linear course of speed and load.
 
     While the acceleration is constant the stiffness switches at roots of a quadratic, and where it
     is constant in between the motion is that of a run at constant speed: nothing is approximated.
-    Nonlinear damping, a stiffness that varies between switches, run-out, deviations and pairs of
-    teeth go by Taylor steps, whose error is that of rounding; ``source`` says so. The mesh carries
-    the inertia of the acceleration beside the load, see `gearlib.models.acceleration`.
+    Run-out and deviations go by Taylor steps, whose error is that of rounding; ``source`` says so.
+    The mesh carries the inertia of the acceleration beside the load, see
+    `gearlib.models.acceleration`.
 
     Parameters
     ----------
-    model : GearPair, OneDegreePair, LoadSharingPair, SixDegreePair or GearTrain
-        Without gyroscopic forces.
+    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
+        Piecewise linear: linear damping, a stiffness that is constant between switches. Without
+        gyroscopic forces.
     start, stop : float
         First and last speed in rpm of the gear whose teeth count, >= 0; and one of:
     duration : float
@@ -103,9 +105,6 @@ def run_up(
         Of the time course, at equal steps of time in each mesh period; 0: none.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
-    sensitivities : sequence of str, optional
-        By what to differentiate: ``model.derivatives`` as of `simulate`, without the tuning; or
-        "speed", a factor of all speeds of the course, "driven_mass", "base_radius".
 
     Returns
     -------
@@ -116,10 +115,7 @@ def run_up(
         bounces. Over ``event``: event_time, event_speed, event_from, event_to, event_velocity. With
         samples over ``time``: speed, load_ratio, phase, displacement, velocity, acceleration,
         dynamic_force, contact, of trains body_motion. And status; when it is not 0, numbers are NaN
-        and ``status.attrs["message"]`` says what to do. With `sensitivities` also
-        ``d_<variable>_d_<parameter>``, exact derivatives of all these but bounces, contact and
-        body_motion, at fixed time or of the same revolution, and sensitivity_status as of
-        `simulate`.
+        and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -137,22 +133,15 @@ def run_up(
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
     limit = checks.integer("max_events", max_events, 1)
-    names: tuple = ()
-    if sensitivities:
-        from gearlib.runs import run_up_sensitivities as derivatives
-
-        closed = courses.propagator_of(model).words == "closed forms"
-        names = derivatives.check(model, sensitivities, base_radius, closed)
     push = inertia_of(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     runner, pieces, z = courses.set_out(model, speeds, loads, state)
     meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (meshes * (6 + 4 * len(names)) + model.size)
-    columns += _PER_PERIOD * meshes * (1 + len(names))
+    columns = samples * (meshes * 6 + model.size) + _PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
-    every = courses.equal_steps(max(samples, 1) if names else samples)
+    every = courses.equal_steps(samples)
     found = list(
         courses.run_through(runner, pieces, z, every, limit, push, model.periods_per_revolution)
     )
@@ -165,11 +154,6 @@ def run_up(
     if code != status.OK:
         data = {name: _nothing(*variable) for name, variable in data.items()}
     data = {name: _described(name, *variable) for name, variable in data.items()}
-    if names:
-        course = {"state": state, "driver": driver}
-        course |= {"driven_mass": driven_mass, "base_radius": base_radius}
-        about = found, summaries(found), samples, _SAID, code == status.OK
-        data |= derivatives.variables(model, names, *about, **course)
     own = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
     coords = {name: own[name] for name in own if name in used}
@@ -188,6 +172,11 @@ def _check_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
+    if next(iter(model.propagators.values())) in _STEPPED:
+        raise ValueError(
+            f"model of type {name} is not allowed in a run-up, where it has Taylor steps only: it "
+            "must be piecewise linear, or run at several constant speeds by gearlib.simulate"
+        )
     if model.gyroscopic:
         raise ValueError(
             "gyroscopic = True is not allowed in a run-up, where its forces would change with the "

@@ -1,7 +1,7 @@
 """`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,6 @@ def simulate(
     method=None,
     options=None,
     max_events=MAX_EVENTS,
-    sensitivities=(),
 ):
     """Run a gear pair at one tuning and record the end of the run.
 
@@ -66,14 +65,6 @@ def simulate(
         Options of the method, see `gearlib.methods`.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
-    sensitivities : sequence of str, optional
-        By what to differentiate, by the default method; ``pair.derivatives`` lists all names. Of a
-        `GearPair`: its fields max_stiffness, stiffness_ratio, contact_ratio, reduced_mass, load,
-        backlash, material_damping and backlash_damping, in SI units, all others and the tuning
-        kept; its ratios damping_ratio, backlash_damping_ratio and backlash_ratio, all other ratios
-        kept; tuning, initial_displacement, initial_velocity. Of a `GearTrain`: tuning; load, all
-        torques in proportion; fields of a `Mesh`, of all meshes alike; a field of one element, as
-        "inertia of body sun"; "initial_state of" a component.
 
     Returns
     -------
@@ -87,12 +78,7 @@ def simulate(
         and status. Where the motion has not settled at the end, it is followed on, for up to
         twenty times its periods or 5000 more, to tell its period; ``followed`` says how long. When
         status is not 0, the run could not go on: all results are NaN and
-        ``status.attrs["message"]`` says what to do. With `sensitivities` also
-        ``d_<variable>_d_<parameter>``, exact derivatives of displacement, velocity, acceleration,
-        dynamic_force, final_state, the extrema, the fractions of time, event_phase and
-        event_velocity, also of body_motion; and sensitivity_status: 1 where the motion grazes a
-        flank line, with NaN for such an event, 2 where a start on a flank line has one side only, 5
-        at a contact ratio of 1 or 2, with NaN for what jumps there.
+        ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -104,16 +90,8 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = tuning_of(pair, tuning, speed)
-    propagator: Any = None
-    if sensitivities:
-        from gearlib.runs import sensitivities as derivatives
-
-        chosen = integrators.choose(pair, method, options)[0]
-        sensitivities = derivatives.check(pair, sensitivities, chosen)
-        along, propagator = derivatives.directions(pair, sensitivities), pair.propagator(tuning)
-        start = propagator.start_tangents(pair.check_state(initial_state), along)
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
-    ran = _run(pair, tuning, asked, samples_per_period, propagator, follow=True)
+    ran = _run(pair, tuning, asked, samples_per_period, follow=True)
     recorded = asked.span.recorded
     first = (asked.span.periods - recorded) * samples_per_period
     data = {
@@ -128,11 +106,6 @@ def simulate(
         "evaluations": ran.evaluations,
         "followed": np.int64(ran.followed),
     }
-    if propagator is not None:
-        z, sizes = propagator.start(asked.state), (len(ran.samples), len(ran.events))
-        span, ok = asked.span, not ran.status
-        counts = span.periods, span.recorded, span.limit, ok
-        data |= derivatives.variables(propagator, sensitivities, along, z, start, sizes, *counts)
     coords = {
         "phase": (first + np.arange(len(ran.samples))) * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
@@ -165,11 +138,8 @@ def run(pair, tuning, samples_per_period, **asked):
     return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
 
 
-def _run(pair, tuning, asked, samples_per_period, propagator=None, follow=False):
-    """Run; `propagator`, where there is one already, is that of pair, tuning and method.
-
-    To `follow` the motion is to go on behind the run until its period is proven.
-    """
+def _run(pair, tuning, asked, samples_per_period, follow=False):
+    """Run, and with `follow` go on behind the run until the period of the motion is proven."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = asked.span.recorded
     words = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
@@ -178,7 +148,8 @@ def _run(pair, tuning, asked, samples_per_period, propagator=None, follow=False)
     record = empty_record(pair, recorded * samples_per_period)
     samples, _, table = record
     arguments = record.over(asked.span)
-    if propagator is None and follow and asked.method in integrators.AUTOMATIC:
+    propagator = None
+    if follow and asked.method in integrators.AUTOMATIC:
         propagator = pair.propagator(tuning, asked.method, **asked.options)
     if propagator is None:
         done = asked.module.run(pair, tuning, asked.state, *arguments, **asked.options)

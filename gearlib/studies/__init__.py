@@ -22,10 +22,8 @@ name                    responsibility
 ``nonlinear_damping``   equivalent linear, quadratic and cubic damping side by side
 ``analytic_method``     the paper's analytic method at work, against exact orbits
 ``gear_table``          all that a drawing of two gears comes to
-``dynamic_factor``      dynamic factor of drawn gears over speed, beside ISO 6336-1
 ``mesh_stiffness``      stiffness of drawn gears by every method
-``rectangle``           what the rectangular stiffness costs
-``tip_relief``          Harris maps, and the motion with tip relief by two models
+``tip_relief``          Harris maps
 ``trains``              what only a whole gear train shows
 ``claims``              the paper's statements, checked against computed data
 ``trials``              which method is right, at what cost, and where each fails

@@ -5,8 +5,8 @@ Enclosures, see `docs/theory/proofs.md`, are far narrower than the digits printe
 
 #: Phases of contact as letters, by contact code.
 _LETTERS = {1: "N", 0: "B", -1: "I"}
-#: Columns; of a range or tongue `tuning` is where it begins, `until` where it ends.
-_HEAD = ["damping", "claim", "tuning", "until", "contacts", "lowest", "periods"]
+#: Columns; of a range `tuning` is where it begins, `until` where it ends.
+_HEAD = ["damping", "claim", "tuning", "until", "contacts", "lowest"]
 #: Columns that are those of the certificates.
 _SAID = ["stability", "reason"]
 
@@ -15,18 +15,18 @@ def rows(certificates):
     """Yield the table of the certificates of `gearlib.studies.certificates`.
 
     Refusals and counts are left out. lowest: the least displacement of the orbit, static
-    deflections; periods: of a motion, after how many mesh periods it is near the orbit.
+    deflections.
     """
     yield _HEAD + _SAID
     for row in certificates:
         if row["claim"] not in ("count", "refusal"):
-            ends = "start" if row["claim"] in ("range", "tongue") else "tuning"
-            until = _decimal(row["stop"]) if ends == "start" else ""
+            tuning, until = row.get("tuning", row.get("start")), row.get("stop")
+            until = "" if until is None else _decimal(until)
             contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
             lowest = _decimal(row["displacement_min"]) if "displacement_min" in row else ""
             name = ", ".join(row[key] for key in ("damping", "model") if key in row)
-            own = [name, row["claim"], _decimal(row[ends]), until, contacts, lowest]
-            yield own + [row.get(name, "") for name in ("periods", *_SAID)]
+            own = [name, row["claim"], _decimal(tuning), until, contacts, lowest]
+            yield own + [row[name] for name in _SAID]
 
 
 def _decimal(value):

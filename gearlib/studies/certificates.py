@@ -1,10 +1,9 @@
 """What is proven of the paper's orbits: a file of certificates that a second program can check.
 
-Of every damping: the tongues, the special points of the branches behind Fig. 3, the orbits on these
-branches at the tunings that the paper's statements name, and where the motion from rest tends to
-there; the ranges of tunings with an orbit that never loses contact. Of all other points of the
-branches only how many are proven, unless all are asked for. Of the first damping that is one also
-`certificates_of_trains`.
+Of every damping: the orbits on the branches behind Fig. 3 at the tunings that the paper's
+statements name; the ranges of tunings with an orbit that never loses contact. Of all other points
+of the branches only how many are proven, unless all are asked for. Of the first damping that is one
+also `certificates_of_trains`.
 """
 
 import json
@@ -17,12 +16,9 @@ import numpy as np
 from gearlib.analysis.orbits.branch_points import as_orbit
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, REGULAR
+from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify
-from gearlib.analysis.proofs.points import certify_fold, certify_grazing
-from gearlib.analysis.proofs.proven_motions import certify_motion
 from gearlib.analysis.proofs.ranges import certify_range
-from gearlib.analysis.proofs.tongue_edges import certify_tongues
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -38,13 +34,12 @@ ABOVE = 1.14
 CANDIDATE_DIGITS = 11
 
 
-def compute(pairs, branches, tunings, initial_state, whole=False):
+def compute(pairs, branches, tunings, whole=False):
     """Return the certificates of all dampings.
 
     pairs: keyword arguments of `GearPair`, by the name of the damping; branches: as of
-    `gearlib.studies.resonance_branches`, by the name of the damping; tunings: at which orbits and
-    motions are asked for, beside `TWO` and `ABOVE`; initial_state: shape (2,); whole: whether all
-    points of the branches are asked for.
+    `gearlib.studies.resonance_branches`, by the name of the damping; tunings: at which orbits are
+    asked for, beside `TWO` and `ABOVE`; whole: whether all points of the branches are asked for.
 
     Claims as of `Certificate.as_dict` and the others, with the name of the damping, of trains also
     that of the model; refusals with status and message; of each damping how many points of its
@@ -56,17 +51,15 @@ def compute(pairs, branches, tunings, initial_state, whole=False):
     found = []
     for name, parameters in pairs.items():
         pair, branch = GearPair(**parameters), _rounded_branch(branches[name])
-        rows = [{}, *_tongues(pair, branch), *_points(pair, branch), *_ranges(pair, branch)]
+        rows = [{}, *_ranges(pair, branch)]
         for tuning in tunings:
-            rows += _at(pair, branch, tuning, initial_state)
+            rows += _at(pair, branch, tuning)
         counts, orbits = _all_points(pair, branch)
         rows[0] = {"claim": "count", "orbits": counts}
         found += [{"damping": name} | row for row in rows + (orbits if whole else [])]
     damped = (name for name, parameters in pairs.items() if GearPair(**parameters).damped())
     for name in list(damped)[:1]:
-        proven = certificates_of_trains.compute(
-            GearPair(**pairs[name]), _rounded_orbit, _rounded_branch
-        )
+        proven = certificates_of_trains.compute(GearPair(**pairs[name]), _rounded_orbit)
         for train, tuning, row in proven:
             found.append({"damping": name, "model": train} | _row(row, tuning))
     return found
@@ -99,21 +92,6 @@ def _rounded_orbit(orbit):
     return replace(orbit, state=_rounded(orbit.state))
 
 
-def _tongues(pair, branch):
-    low, high = float(branch.tuning.min()), float(branch.tuning.max())
-    return [_row(one) for one in certify_tongues(pair, start=low, stop=high)]
-
-
-def _points(pair, branch):
-    """Yield the special points of orbits of one mesh period."""
-    for point in np.flatnonzero(branch.period.values == 1):
-        label, tuning = int(branch.label[point]), float(branch.tuning[point])
-        if label in (FOLD, DOUBLING):
-            yield _row(certify_fold(pair, branch, int(point)), tuning)
-        elif label == GRAZING:
-            yield _row(certify_grazing(pair, branch, int(point)), tuning)
-
-
 def _ranges(pair, branch):
     """Yield ranges of tunings with an orbit without loss of contact: between special points."""
     tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
@@ -139,8 +117,8 @@ def _ranges(pair, branch):
             yield _row(certify_range(_rounded_orbit(orbit), to=high), low)
 
 
-def _at(pair, branch, tuning, initial_state):
-    """Yield the orbits of one mesh period at a tuning, and the motion from the initial state."""
+def _at(pair, branch, tuning):
+    """Yield the orbits of one mesh period at a tuning."""
     seen = []
     for guess in _crossings(branch, tuning):
         try:
@@ -150,12 +128,6 @@ def _at(pair, branch, tuning, initial_state):
         if not any(np.abs(orbit.state - state).max() < 1e-6 for state in seen):
             seen.append(orbit.state)
             yield _row(certify(_rounded_orbit(orbit)), tuning)
-    if pair.damped():
-        try:
-            orbit = periodic_orbit(pair, tuning)
-        except NoOrbit:
-            return
-        yield _row(certify_motion(_rounded_orbit(orbit), tuple(initial_state)), tuning)
 
 
 def _crossings(branch, tuning):

@@ -16,6 +16,8 @@ from gearlib.runs.run_up import run_up
 #: Points of a curve, and columns of an order map, in each direction.
 _POINTS = 240
 DIRECTIONS = ("up", "down")
+#: Samples in a mesh period, from which the order map comes.
+SAMPLES = 128
 
 
 def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
@@ -36,7 +38,8 @@ def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
     for i, count in enumerate(revolutions):
         seconds = 120.0 * count / sum(ends)
         course = [(0.0, ends[0]), (seconds, ends[1]), (2.0 * seconds, ends[0])]
-        run = run_up(model, speed=course, samples_per_period=1)
+        samples = SAMPLES if count == slowest else 0
+        run = run_up(model, speed=course, samples_per_period=samples)
         for j, way in enumerate(_ways(run.revolution_time.values, seconds)):
             groups = _groups(way)
             size = len(groups)

@@ -4,7 +4,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.analysis.orbits.mean_forces import mean_forces
 from gearlib.kernels import orbit as columns
 from gearlib.models.trains.statics import branches
 
@@ -46,6 +45,8 @@ def measured(name, model, summary):
 
 def share_slopes(model, tuning, z, period, names, moved):
     """Return the derivatives of the load sharing of every mesh of a train, shape (m, k)."""
+    from gearlib.analysis.orbits.mean_forces import mean_forces
+
     forces, slopes = mean_forces(_Orbit(model, tuning, period, z), names, moved)
     groups, found = branches(model), np.empty_like(slopes)
     for group in set(groups):

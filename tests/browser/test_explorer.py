@@ -8,16 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 from bokeh.models import Span
 from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import config
-from gearlib.models.trains.described_train import described
-from gearlib.pages.explorer import one_pair, serving, trains, view
-from gearlib.pages.explorer.explored import setting_of
+from gearlib.pages.explorer import one_pair, serving, view
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 from tests.browser.glyphs import plots_of, points_of
 
@@ -159,175 +156,6 @@ def _check_stems(stems, spectrum, mesh_orders):
 
 
 @pytest.fixture(scope="module")
-def with_own(mapping, request):
-    """The configuration with the train of one's own of the documentation."""
-    page = request.config.rootpath / "docs" / "how_to" / "your_own_train.md"
-    blocks = re.findall("```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    (own,) = [block for block in blocks if "kind: own" in block]
-    return {**mapping, **yaml.safe_load(own)}
-
-
-@pytest.fixture(scope="module")
-def machines(with_own):
-    return {kind: trains.Machine(with_own, "k1", kind) for kind in trains.offered(with_own)}
-
-
-def test_sliders_stand_for_the_trains_of_the_library(mapping, pair, machines):
-    values = {"speed": 3000.0, "stiffness_jump": 0.25, "backlash": 50e-6, "load": 1500.0}
-    setting = setting_of(values | {"pin_error": 12e-6})
-    errors = [(0.0, 12e-6), (0.0, 0.0), (0.0, 0.0)]
-    own = pair.replace(stiffness_ratio=0.75, backlash=50e-6, load=1500.0)
-    expected = {
-        "split_power_reducer": gearlib.split_power_reducer(own, pin_errors=errors),
-        "planetary": gearlib.planetary(
-            stiffness_ratio=(0.75, 0.75), backlash=50e-6, load=1500.0, pin_errors=errors
-        ),
-        "idler": gearlib.idler(own),
-        "two_stage": gearlib.two_stage(own),
-        "own": _own_train(),
-    }
-    for kind, machine in machines.items():
-        assert machine.train(setting) == expected[kind]
-        # The file describes the same train to the commands.
-        saved = config.load(yaml.safe_load(machine.configuration(setting)))
-        assert described(**saved.train_parameters("k1")) == expected[kind]
-        assert saved.scenes == config.load(mapping).scenes
-
-
-@pytest.mark.parametrize(("ratio", "jump"), [(0.9, 0.1), (0.75, 0.25), (1.0, 0.3)])
-def test_the_jump_starts_at_that_of_the_meshes_if_they_have_one(mapping, ratio, jump):
-    gears = mapping["gear_pair"] | {"stiffness_ratio": ratio}
-    machine = trains.Machine({**mapping, "gear_pair": gears}, "k1", "idler")
-    assert machine.start.stiffness_jump == pytest.approx(jump, rel=1e-12)
-
-
-def _own_train():
-    """Return that of the documentation, as the sliders of the test have it.
-
-    Its torques are 90 and 180 N m, 2000 N at the base circles; the load is 1500 N.
-    """
-    bodies = [
-        gearlib.Body(name="motor", inertia=0.02, base_radius=0.05, torque=67.5),
-        gearlib.Body(name="pinion", inertia=0.002, base_radius=0.045, teeth=24),
-        gearlib.Body(name="wheel", inertia=0.03, base_radius=0.09, teeth=48, torque=135.0),
-    ]
-    shaft = gearlib.Shaft(bodies=("motor", "pinion"), stiffness=2e5, damping=0.2)
-    mesh = gearlib.Mesh(
-        pinion="pinion",
-        wheel="wheel",
-        max_stiffness=3e8,
-        stiffness_ratio=0.75,
-        contact_ratio=1.6,
-        backlash=50e-6,
-        material_damping=2000.0,
-    )
-    return gearlib.GearTrain(bodies=bodies, shafts=[shaft], meshes=[mesh])
-
-
-def test_a_train_of_ones_own_is_offered_where_there_is_one(mapping, with_own):
-    assert set(trains.KINDS) - set(trains.offered(mapping)) == {"own", "planetary_set"}
-    assert set(trains.KINDS) - set(trains.offered(with_own)) == {"planetary_set"}
-    shown = serving.page_of(with_own, "k1", "own")
-    assert "pin_error" not in shown.sliders
-    assert "Followed for 180 mesh periods" in shown.note.object
-    assert shown.explored.start.load == pytest.approx(2000.0)
-
-
-def test_backlashes_of_branches_give_way_to_the_slider(mapping):
-    gaps = {"backlashes": [[1e-6, 2e-6]] * 3}
-    whole = {**mapping, "train": {"reference": "second 1", "split_power_reducer": gaps}}
-    machine = trains.Machine(whole, "k1", "split_power_reducer")
-    train = machine.train(replace(machine.start, backlash=30e-6))
-    assert {mesh.backlash for mesh in train.meshes} == {30e-6}
-    assert train.reference == "second 1"
-    # No mesh of the planetary set is called so.
-    assert trains.Machine(whole, "k1", "planetary").train(machine.start).reference == "sun 1"
-
-
-def test_each_curve_of_a_train_is_that_of_its_mesh(mapping):
-    shown = serving.page_of(mapping, "k1", "planetary")
-    before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
-    slider = shown.sliders["pin_error"]
-    slider.value = 10.0
-    # As the browser does when the slider is let go.
-    slider.param.trigger("value_throttled")
-    for name, source in shown.figures.sources.items():
-        assert source.data["y"] is not before[name], name
-    setting = shown.setting()
-    train, tuning = shown.explored.train(setting), setting.speed / shown.explored.rpm(setting)
-    run = gearlib.simulate(train, tuning, periods=180, record_periods=12, samples_per_period=64)
-    assert float(run.speed) == pytest.approx(setting.speed, rel=1e-12)
-    sweeps = {
-        way: gearlib.sweep(
-            train,
-            shown.explored.speeds / shown.explored.rpm(setting),
-            periods=36,
-            record_periods=12,
-            direction=way,
-        )
-        for way in ("up", "down")
-    }
-    assert float(run.load_sharing.std()) > 0.01
-    plots = plots_of(shown)
-    meshes = train.mesh_names
-    speeds = shown.explored.speeds
-    named = _named(plots["Resonance characteristic"])
-    assert tuple(named) == meshes
-    curves = plots["Resonance characteristic"].renderers
-    shares, courses = plots["Load sharing"].renderers, plots["Time course"].renderers
-    spectra = plots["Order spectrum"].renderers
-    for i, mesh in enumerate(meshes):
-        assert curves[i] is named[mesh]
-        for way, curve in (("up", curves[i]), ("down", curves[i + len(meshes)])):
-            factor = sweeps[way].dynamic_factor.sel(mesh=mesh)
-            np.testing.assert_array_equal(points_of(curve), [speeds, factor])
-        sharing = sweeps["up"].load_sharing.sel(mesh=mesh)
-        np.testing.assert_array_equal(points_of(shares[i]), [speeds, sharing])
-        force = run.dynamic_force.sel(mesh=mesh)[-3 * 64 :]
-        np.testing.assert_array_equal(points_of(courses[i])[1], force)
-        spectrum = gearlib.orders(run).sel(mesh=mesh)
-        seen = spectrum.force_amplitude.values > 1e-6 * float(spectrum.force_amplitude[0])
-        seen[0] = False
-        _check_stems(spectra[i], spectrum, spectrum.mesh_order.values[seen])
-        colours = {r.glyph.line_color for r in (curves[i], shares[i], courses[i], spectra[i])}
-        assert len(colours) == 1
-
-
-@pytest.mark.parametrize(
-    ("period", "backlash", "inverse", "words"),
-    [
-        (3, [0.0, 0.0], [0.0, 0.0], "repeats after 3 mesh periods; all meshes stay in contact"),
-        (
-            0,
-            [0.0, 0.1],
-            [0.0, 0.0],
-            "has not settled after 900 mesh periods; contact is lost in idl",
-        ),
-        (
-            1,
-            [0.0, 0.2],
-            [0.1, 0.1],
-            "repeats every mesh period; contact is lost in pinion-idler, idler-wheel",
-        ),
-    ],
-)
-def test_a_motion_of_a_train_in_words(period, backlash, inverse, words):
-    shares = {"fraction_backlash": ("mesh", backlash), "fraction_inverse": ("mesh", inverse)}
-    meshes = {"mesh": ["pinion-idler", "idler-wheel"]}
-    assert words in view._of_meshes(
-        xr.Dataset({"status": 0, "period": period, "followed": 900} | shares, coords=meshes)
-    )
-
-
-def test_what_is_refused_is_said(mapping):
-    whole = {**mapping, "train": {"planetary": {"planets": 4}}}
-    shown = serving.Explorer(whole, "k1")
-    shown.choice.value = "planetary set"
-    (pane,) = shown.shown
-    assert "planets = 4 is not allowed" in pane.object
-
-
-@pytest.fixture(scope="module")
 def address(request):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -374,15 +202,6 @@ def test_in_a_browser(browser, address, mapping):
     text = wait_for(lambda: saved.read_text(encoding="utf-8"))
     tunings = config.load(yaml.safe_load(text)).phase_planes.tunings
     assert tunings[0] > mapping["phase_planes"]["tunings"][0]
-
-    # A train: a curve of each mesh, which follows the slider.
-    (button,) = [b for b in everywhere(browser, ".bk-btn") if b.text == "planetary set"]
-    button.click()
-    # Of the keys before, some may be answered only now.
-    third = wait_for(lambda: _note(browser, words="all meshes stay in contact"))
-    handle = wait_for(lambda: everywhere(browser, ".noUi-handle"))[1]
-    handle.send_keys(Keys.PAGE_UP)
-    wait_for(lambda: _note(browser, third))
     assert errors(browser) == []
 
 

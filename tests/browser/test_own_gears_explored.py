@@ -11,7 +11,6 @@ from click.testing import CliRunner
 from selenium.webdriver.common.action_chains import ActionChains
 
 from gearlib import cli, config
-from gearlib.models.trains.described_train import described
 from gearlib.pages.explorer import serving
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 
@@ -26,19 +25,10 @@ PAIR = {
     },
     "dampings": {"d": {"damping_ratio": 0.03, "backlash_damping_ratio": 0.03}},
 }
-SET = {
-    "sun": {"teeth": 27, "module": "3 mm", "width": "25 mm"},
-    "planet": {"teeth": 36},
-    "ring": {"teeth": 99, "outer_diameter": "340 mm"},
-    "power": "30 kW",
-    "speed": "955 rpm",
-    "backlashes": ["60 um", "50 um"],
-    "damping_ratio": 0.05,
-}
 RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
 PINION = PAIR["gears"]["pinion"] | {"tip_relief": RELIEF, "pitch_errors": ["5 um"] + ["0 um"] * 22}
 RELIEVED = PAIR | {"gears": PAIR["gears"] | {"pinion": PINION}}
-TRAIN = PAIR | {"train": {"kind": "planetary_set", "planetary_set": SET}}
+TRAIN = {"train": {"kind": "planetary"}}
 
 
 def explored(tmp_path, monkeypatch, whole, *options):
@@ -50,24 +40,17 @@ def explored(tmp_path, monkeypatch, whole, *options):
     return (serving.Explorer(*served[0]) if served else None), said
 
 
-@pytest.mark.parametrize(
-    ("whole", "kind"),
-    [(PAIR, serving.DRAWN), (RELIEVED, serving.DRAWN), (TRAIN, "planetary_set")],
-)
-def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole, kind):
+@pytest.mark.parametrize("whole", [PAIR, RELIEVED])
+def test_the_users_gears_are_seen_first_and_saved(tmp_path, monkeypatch, whole):
     explorer, said = explored(tmp_path, monkeypatch, whole)
-    assert said.exit_code == 0 and serving.opened(whole) == kind
-    assert explorer.mapping == whole and explorer.choice.value == serving.KINDS.get(kind, kind)
+    assert said.exit_code == 0 and serving.opened(whole) == serving.DRAWN
+    assert explorer.mapping == whole and explorer.choice.value == serving.DRAWN
     page = explorer.page
-    teeth = "sun z 27" if whole is TRAIN else "z 23/61, module 2.5 mm"
-    assert teeth in page.explored.heading
+    assert "z 23/61, module 2.5 mm" in page.explored.heading
     again = yaml.safe_load(page.file().read())
-    gears = config.load(again).gears if kind == serving.DRAWN else None
-    if gears:
-        assert [gears.pinion.teeth, gears.wheel.teeth, gears.pinion.module] == [23, 61, 2.5e-3]
-        assert gears.torque == 85.0 and gears.backlash == 80e-6
-    else:
-        assert config.load(again) == config.load(whole)
+    gears = config.load(again).gears
+    assert [gears.pinion.teeth, gears.wheel.teeth, gears.pinion.module] == [23, 61, 2.5e-3]
+    assert gears.torque == 85.0 and gears.backlash == 80e-6
     # Opened again, it holds the same.
     second, _ = explored(tmp_path, monkeypatch, again)
     assert vars(second.page.setting()) == vars(page.setting())
@@ -107,20 +90,16 @@ def test_a_pair_that_is_not_changed_keeps_its_drawing(tmp_path, monkeypatch):
     assert again == PAIR
 
 
-def test_sliders_change_the_drawn_set(tmp_path, monkeypatch):
-    explorer, _ = explored(tmp_path, monkeypatch, TRAIN)
-    machine, start = explorer.page.explored, explorer.page.explored.start
-    assert start.torque == pytest.approx(30e3 / (955.0 * 3.14159265 / 30.0), rel=1e-6)
-    values = vars(start) | {"torque": 200.0, "backlash": 45e-6, "pin_error": 5e-6}
-    saved = config.load(yaml.safe_load(machine.configuration(type(start)(**values))))
-    given = config.load(TRAIN).train_parameters("d")
-    changes = {
-        "torque": 200.0,
-        "backlashes": [45e-6] * 2,
-        "pin_errors": [[0.0, 5e-6], [0.0, 0.0], [0.0, 0.0]],
-    }
-    given["arguments"] |= changes
-    assert described(**saved.train_parameters("d")) == described(**given)
+@pytest.mark.parametrize(
+    ("whole", "options", "words"),
+    [
+        (TRAIN, (), "gears is missing: the explorer shows gear pairs"),
+        (PAIR, ("--model", "train"), "--model train is not allowed"),
+    ],
+)
+def test_trains_are_refused(tmp_path, monkeypatch, whole, options, words):
+    explorer, said = explored(tmp_path, monkeypatch, whole, *options)
+    assert explorer is None and said.exit_code == 2 and words in said.output
 
 
 def test_options_that_contradict_a_drawing_are_refused(tmp_path, monkeypatch):
@@ -130,14 +109,16 @@ def test_options_that_contradict_a_drawing_are_refused(tmp_path, monkeypatch):
     assert said.exit_code == 0 and explorer.mapping["gears"] == PAIR["gears"]
 
 
-def _layout(whole):
-    return serving.Explorer(whole, "d").layout()
+def _layout(chosen):
+    explorer = serving.Explorer(PAIR, "d")
+    explorer.choice.value = chosen
+    return explorer.layout()
 
 
 @pytest.fixture(scope="module")
 def served():
-    """The address of the pages of a drawn pair and of a train."""
-    pages = {"0": lambda: _layout(PAIR), "1": lambda: _layout(TRAIN)}
+    """The address of the pages of a drawn pair: its drawing, and its motion over tuning."""
+    pages = {"0": lambda: _layout(serving.DRAWN), "1": lambda: _layout(serving.PAIR)}
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -176,10 +157,10 @@ def test_figures_grow_with_the_window_and_a_click_moves_the_motion(browser, serv
     # Of 400 px more 55 % and 45 %: each row as much as it has of the window.
     grown = [b - a for a, b in zip(low, high, strict=True) if b != a]
     assert len(grown) >= 4 and sorted({*grown}) == [180, 220]
-    (before,) = [text for text in texts(browser, ".bk-slider-title") if "rpm" in text]
-    assert before == "speed of the reference pinion, rpm: 21447"
+    (before,) = [text for text in texts(browser, ".bk-slider-title") if "tuning" in text]
+    assert before == "tuning ν: 0.6"
     ActionChains(browser).move_to_element(everywhere(browser, "canvas")[0]).click().perform()
     wait_for(lambda: before not in texts(browser, ".bk-slider-title"), 60.0)
-    (after,) = [text for text in texts(browser, ".bk-slider-title") if "rpm" in text]
-    assert 24000 < int(after.split(": ")[1]) < 34000
+    (after,) = [text for text in texts(browser, ".bk-slider-title") if "tuning" in text]
+    assert 0.8 < float(after.split(": ")[1]) < 1.1
     assert errors(browser) == []

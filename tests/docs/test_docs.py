@@ -197,15 +197,24 @@ def test_reasons_say_what_their_tables_say(hook):
 
     reproduction = hook("reproduction")
     why = reproduction.reasons()
+
+    def stored(name):
+        return reproduction._rows(reproduction.FOLDER / name)
+
     third = meissner.tongue(meissner.equation_of(PAPER), 3)
     assert f"from {third.start:.4f} to {third.stop:.4f}" in " ".join(why["P4"].split())
-    tongue, proven = reproduction.tables()
+    tongue, branches, proven = reproduction.tables().values()
     assert tongue["k1m"]["cause"] == "parametric instability"  # P10
     # P6: what is said of k1 holds of k1+k1m, every range is one of stable orbits.
-    for kind in ("range N", "grazing N"):
-        assert [row["tuning"] for row in proven["k1"][kind]] == [
-            row["tuning"] for row in proven["k1+k1m"][kind]
-        ]
+    ranges = [[row["tuning"] for row in proven[k]["range N"]] for k in ("k1", "k1+k1m")]
+    assert ranges[0] == ranges[1]
+    grazings = [branches[k]["grazing"] for k in ("k1", "k1+k1m")]
+    assert grazings[0][3:] == grazings[1][1:]
+    # P4 to P7: a proven range ends just where the orbit touches the flank.
+    for damping, first, second in (("conservative", 2, 3), ("k1", 3, 4), ("k1m", 3, 4)):
+        last, after = [branches[damping]["grazing"][i] for i in (first, second)]
+        *_, below, above = proven[damping]["range N"]
+        assert 0.0 < last - below["until"] < 2e-4 and 0.0 < above["tuning"] - after < 2e-4
     assert {row["stability"] for row in proven["k1"]["range N"]} == {"stable"}
     # P4, P7, P10: both multipliers on the unit circle, or unstable.
     for damping, kinds in (
@@ -215,15 +224,22 @@ def test_reasons_say_what_their_tables_say(hook):
         rows = [row for kind in kinds for row in proven[damping][kind] if row["contacts"] == "N"]
         assert [row["stability"] == "unstable" for row in rows] == [False, True, False, False]
         assert sum("on the unit circle, exactly" in row["reason"] for row in rows) == 3
-    for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82):
+    for damping in ("k1", "k1+k1m"):
+        (kept,) = proven[damping]["orbit 1.14"]
+        assert (kept["contacts"], kept["stability"]) == ("N", "stable")
+    labels = {(row["damping"], float(row["tuning"])): row for row in stored("labels.csv")}
+    for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82, 1.14):
         for damping in ("k1", "k1+k1m", "k1m"):
-            reached = f"motion {nu}" in proven[damping]
-            assert reached == (damping != "k1m" or nu >= 0.8)
+            row = labels[damping, nu]
+            reached = (row["label"], row["period"]) == ("periodic", "1")
+            assert reached == (damping != "k1m" or 0.8 <= nu < 1.0)
     # P11: of two stable orbits the motion from rest tends to the small one.
+    (settled,) = [row["computed"] for row in stored("claims.csv") if row["id"] == "P11"]
     for nu in (0.815, 0.8151):
         small, _, large = proven["k1"][f"orbit {nu}"]
         assert small["stability"] == large["stability"] == "stable"
-        assert small["lowest"] == proven["k1"][f"motion {nu}"][0]["lowest"] > large["lowest"]
+        assert small["lowest"] > large["lowest"]
+        assert f"{nu}: y_min {small['lowest']:.4g}," in settled
 
 
 @needs_mkdocs

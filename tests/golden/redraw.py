@@ -67,8 +67,7 @@ def redraw(folder, figures=()):
         settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))
         targets = [f"results/figures/{name}.png" for name in settings["scenes"]]
         rules = project.snakemake("--list-rules").split()
-        others = {"draw_scene", "draw_report_page"}
-        targets += [name for name in rules if name.startswith("draw_") and name not in others]
+        targets += [n for n in rules if n.startswith("draw_") and n != "draw_scene"]
     _put_data(project)
     project.snakemake("-j2", *targets)
     found = sorted((project / "results/figures").glob("*.png"))

@@ -37,11 +37,6 @@ TABLE = {
     ("loci.nc", "multiplier_*"): Tolerance(
         1e-6, 1e-6, "where two multipliers meet they part with the square root of rounding"
     ),
-    ("gradients.nc", "error"): Tolerance(
-        10.0,
-        1e-4,
-        "differences of runs, rounding and tolerances over a small step; flags are exact",
-    ),
     ("jump.nc", "height_*"): Tolerance(
         1e-9,
         1e-9,
@@ -65,9 +60,6 @@ TABLE = {
     ),
     ("labels/*", "digits exponent uncertainty"): Tolerance(
         0.1, 2.0, "digits left of chaos, and averages over it; the label itself is exact"
-    ),
-    ("symmetry_breaking.nc", "dynamic_force"): Tolerance(
-        1e-6, 1e-6, "rounding grows with the disturbance that breaks the symmetry, by ten places"
     ),
 }
 

@@ -9,7 +9,7 @@ import pytest
 import gearlib
 from gearlib.models import acceleration
 from gearlib.models.propagators import courses
-from tests.physics.test_run_up import CURVED, DAMPED, random_course, reference
+from tests.physics.test_run_up import DAMPED, random_course, reference
 
 
 def course_of(model, speed, load, push, samples):
@@ -44,7 +44,11 @@ def test_statistics_of_arcs_and_of_matrices_are_the_same():
 
 @pytest.mark.parametrize(
     ("model", "tuning"),
-    [(DAMPED, 0.7), (CURVED[0], 0.7), (gearlib.planetary(stiffness_ratio=(0.7, 0.7)), 0.2)],
+    [
+        (DAMPED, 0.7),
+        (gearlib.OneDegreePair(pair=DAMPED), 0.7),
+        (gearlib.planetary(stiffness_ratio=(0.7, 0.7)), 0.2),
+    ],
 )
 def test_energy_is_in_balance(model, tuning):
     speed, load = random_course(np.random.default_rng(0), model, tuning, 12, 0.5)

@@ -1,4 +1,4 @@
-"""Order maps of run-ups: against spectra, a second code, the balance of powers, pure waves."""
+"""Order maps of run-ups: against spectra, a second code, the balance of powers."""
 
 import functools
 import itertools
@@ -24,8 +24,7 @@ OTHERS = {
     "six": SIX.replace(pair=FEW),
     "run-out": RUN_OUT.replace(pair=FEW, teeth=(3, 5)),
     "idler": gearlib.idler(FEW),
-    "waves": gearlib.OneDegreePair(pair=FEW, cubic_damping=1e6, cubic_stiffness=1e9, **WAVES),
-    "smooth": gearlib.OneDegreePair(pair=FEW, profile=gearlib.Fourier(3)),
+    "waves": gearlib.OneDegreePair(pair=FEW, **WAVES),
 }
 
 
@@ -62,18 +61,17 @@ def test_a_ramp_agrees_with_a_quadrature_of_a_second_code(name, tuning):
     # The load of a pair steps, elsewhere it falls by and by.
     load += [(seconds / (4.0 if name == "pair" else 2.0), 0.7)]
     start = (0.0,) * max(model.size, 2)
-    run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=1)
+    run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=256)
     found = gearlib.order_map(run, highest=15, amplitude="peak")
     orders = found.order.values
     assert found.sizes["time"] == 2 and run.event_time.size > 5
     exact = by_quadrature(model, run, speed, load, orders).reshape(found.amplitude[0].shape)
     size = np.abs(exact)
     size[orders > 0] *= 2.0
-    # Gauss's rules on both sides; the second code adds the rounding of its series.
-    assert np.abs(found.amplitude[0].values - size).max() < 1e-10 * size.max()
+    assert np.abs(found.amplitude[0].values - size).max() < 1e-6 * size.max()
     turned = np.exp(1j * (found.phase[0].values - np.angle(exact)))
-    assert np.abs((turned - 1.0) * size).max() < 1e-10 * size.max()
-    assert found.amplitude_error.max() < 1e-9 * size.max()
+    assert np.abs((turned - 1.0) * size).max() < 1e-6 * size.max()
+    assert found.amplitude_error.max() < 1e-4 * size.max()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -82,7 +80,7 @@ def test_random_ramps_agree_with_forty_digits(seed):
     pair = FEW.replace(teeth=2, contact_ratio=rng.uniform(1.2, 1.8))
     first, last = (float(pair.speed(nu)) for nu in rng.uniform(0.5, 1.2, 2))
     speed = [(0.0, first), (180.0 / (first + last), last)]
-    run = gearlib.run_up(pair, speed=speed, samples_per_period=1)
+    run = gearlib.run_up(pair, speed=speed, samples_per_period=1024)
     names = "event_time", "event_from", "event_to"
     events = list(zip(*(run[name].values.tolist() for name in names), strict=True))
     values = {name: getattr(pair, name) for name in type(pair).__dataclass_fields__}
@@ -118,27 +116,29 @@ def test_random_ramps_agree_with_forty_digits(seed):
         exact = np.array(found[name], float) * share
         exact = np.exp(-1j * np.outer(own.order / pair.teeth, taus)) @ exact
         peak = own.amplitude * np.exp(1j * own.phase) / np.where(own.order > 0, 2.0, 1.0)
-        assert np.abs(peak.values - exact).max() < 1e-13 * np.abs(exact).max(), name
+        close = 1e-8 if name == "displacement" else 3e-5
+        assert np.abs(peak.values - exact).max() < close * np.abs(exact).max(), name
+        assert np.abs(peak.values - exact).max() < own.amplitude_error.max()
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.9])
 def test_at_constant_speed_it_is_the_spectrum(tuning):
     rpm = PAPER.speed(tuning)
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-    once = gearlib.simulate(pair, tuning, periods=240, record_periods=24, samples_per_period=64)
+    once = gearlib.simulate(pair, tuning, periods=240, record_periods=24, samples_per_period=256)
     spectrum = gearlib.orders(once, count=5)
-    run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=1)
+    run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=256)
     for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
         found = gearlib.order_map(run, variable=variable, amplitude="peak").isel(time=-1)
         exact = spectrum[f"{name}_amplitude"].values
         # What has not died out in nine revolutions is far smaller.
-        assert np.abs(found.amplitude.values - exact).max() < 1e-10 * exact.max()
+        assert np.abs(found.amplitude.values - exact).max() < 1e-7 * exact.max()
         assert float(found.rpm) == pytest.approx(rpm, rel=1e-12)
 
 
 def test_powers_of_all_orders_make_the_overall_level():
     rpm = FEW.speed(0.8)
-    run = gearlib.run_up(FEW, rpm, 1.1 * rpm, duration=0.4, samples_per_period=1)
+    run = gearlib.run_up(FEW, rpm, 1.1 * rpm, duration=0.4, samples_per_period=1024)
     whole = {"resolution": 0.3, "highest": 400.0}
     power = gearlib.order_map(run, amplitude="power", **whole)
     assert float(power.order_resolution) == 0.25 and float(power.order[1]) == 0.25
@@ -147,49 +147,50 @@ def test_powers_of_all_orders_make_the_overall_level():
     np.testing.assert_allclose(total, power.overall, rtol=1e-4)
     rms = gearlib.order_map(run, **whole)
     np.testing.assert_allclose(rms.amplitude[:, 1:] ** 2, power.amplitude[:, 1:], rtol=1e-12)
-    track = gearlib.order_track(rms, [3.0, 1.5])
-    assert track.order.values.tolist() == [3.0, 1.5]
-    assert np.array_equal(track.amplitude[:, 0], rms.amplitude.sel(order=3.0))
-    again = gearlib.order_track(run, [3.0, 1.5], resolution=0.25)
-    np.testing.assert_allclose(again.amplitude, track.amplitude, rtol=1e-9, atol=1e-18)
+    single = gearlib.order_map(run, orders=[3.0, 1.5], resolution=0.25)
+    assert single.order.values.tolist() == [3.0, 1.5]
+    np.testing.assert_allclose(single.overall, rms.overall, rtol=1e-12)
+    track = rms.amplitude.sel(order=single.order)
+    np.testing.assert_allclose(single.amplitude, track, rtol=1e-9, atol=1e-18)
 
 
-def test_samples_tend_to_the_closed_forms():
+@pytest.mark.parametrize("variable", ["displacement", "dynamic_force"])
+def test_errors_fall_with_the_samples_and_are_estimated(variable):
     rpm = FEW.speed(0.85)
     course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2}
-    exact = gearlib.order_map(gearlib.run_up(FEW, samples_per_period=1, **course), highest=9)
-    errors = []
-    for samples in (64, 256):
-        run = gearlib.run_up(FEW, samples_per_period=samples, **course)
-        # No pair that is known: samples are all there is.
-        found = gearlib.order_map(run.assign_attrs(gear_pair="{}"), highest=9)
-        gap = np.abs(found.amplitude - exact.amplitude).max("order")
-        errors.append(float(gap.max()))
-        assert (gap <= 2.0 * found.amplitude_error.max("order")).all()
-    assert errors[1] < 0.1 * errors[0] < 1e-2 * float(exact.overall.max())
+    found = [
+        gearlib.order_map(
+            gearlib.run_up(FEW, samples_per_period=samples, **course), highest=9, variable=variable
+        )
+        for samples in (64, 256, 2048)
+    ]
+    errors = [float(np.abs(one.amplitude - found[-1].amplitude).max()) for one in found[:2]]
+    assert errors[1] < 0.1 * errors[0] < 1e-3 * float(found[-1].overall.max())
+    for error, one in zip(errors, found, strict=False):
+        assert error < float(one.amplitude_error.max())
 
 
 def test_a_course_from_rest_to_rest_has_orders():
     top = float(FEW.speed(0.6))
     course = {"speed": [(0.0, 0.0), (0.1, top), (0.15, top), (0.25, 0.0), (0.3, 0.0)]}
-    course |= {"sensitivities": ("speed",), "samples_per_period": 1}
+    course |= {"samples_per_period": 64}
     models = FEW, gearlib.OneDegreePair(pair=FEW)
     found, same = (gearlib.order_map(gearlib.run_up(one, **course), highest=9) for one in models)
-    for name in ("amplitude", "d_amplitude_d_speed"):
-        assert np.isfinite(found[name]).all()
-        assert np.abs(same[name] - found[name]).max() < 1e-9 * np.abs(found[name]).max(), name
+    assert np.isfinite(found.amplitude).all()
+    gap = np.abs(same.amplitude - found.amplitude)
+    assert gap.max() < 1e-9 * found.amplitude.max()
 
 
 def test_a_coast_side_has_the_orders_of_the_drive_side():
     rpm = float(FEW.speed(0.85))
-    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2, "samples_per_period": 1}
+    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2, "samples_per_period": 64}
     drive = gearlib.order_map(gearlib.run_up(FEW, **course), highest=9)
     start = -FEW.backlash_ratio, 0.0
     coast = gearlib.run_up(FEW, load=[(0.0, -1.0)], initial_state=start, **course)
     own = gearlib.order_map(coast, highest=9)
     # The mean is measured from the other flank.
     gap = np.abs(own.amplitude - drive.amplitude)[:, 1:]
-    assert gap.max() < 1e-11 * drive.overall.max()
+    assert gap.max() < 1e-5 * drive.overall.max()
 
 
 @pytest.mark.parametrize(
@@ -200,15 +201,21 @@ def test_a_coast_side_has_the_orders_of_the_drive_side():
         ({"resolution": 0.0}, "it must be a finite number > 0 and <= 1"),
         ({"resolution": 1e-3}, "must have 1000 whole revolutions, and the run has"),
         ({"highest": -1}, "highest = -1 is not allowed"),
+        ({"highest": 100}, "highest = 100 is not allowed with samples_per_period = 64"),
+        ({"orders": [2.2]}, "orders = 2.2 is not allowed: it must be one of 0, 1, ..."),
     ],
 )
 def test_what_is_no_map_is_refused_in_a_sentence(options, says):
-    run = gearlib.run_up(FEW, 500.0, 600.0, duration=0.5, samples_per_period=1)
+    run = gearlib.run_up(FEW, 500.0, 600.0, duration=0.5, samples_per_period=64)
     with pytest.raises(ValueError, match="is not allowed") as error:
         gearlib.order_map(run, **options)
     assert says in str(error.value) and "\n" not in str(error.value)
     for what in (run.drop_vars("displacement"), "run"):
         with pytest.raises(ValueError, match="a dataset of gearlib.run_up"):
             gearlib.order_map(what)
-    with pytest.raises(ValueError, match=r"orders = 2\.2 is not allowed: it must be one of 0, 1"):
-        gearlib.order_track(run, [2.2])
+
+
+def test_too_few_samples_are_refused():
+    run = gearlib.run_up(PAPER, 500.0, 600.0, duration=0.5, samples_per_period=12)
+    with pytest.raises(ValueError, match="samples_per_period = 12 is not allowed"):
+        gearlib.order_map(run, variable="dynamic_force", highest=48)

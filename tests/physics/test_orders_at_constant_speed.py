@@ -9,6 +9,7 @@ from tests.paper import PAPER
 PAIR = PAPER.replace(material_damping=1000.0)
 #: Three mesh periods with all phases of contact, from the first period of the record on.
 FAR = {"periods": 1507, "initial_state": (-2.0, 1.0), "record_periods": 48}
+FAR["samples_per_period"] = 256
 
 
 @pytest.mark.parametrize("tuning", [0.66, 1.055])
@@ -21,30 +22,24 @@ def test_a_block_has_the_spectrum_of_its_revolutions(tuning):
         )
         assert found.order.values == pytest.approx(spectrum.order.values, rel=1e-14)
         exact = spectrum[f"{name}_amplitude"].values
-        assert np.abs(found.amplitude[0].values - exact).max() < 1e-10 * exact.max()
+        assert np.abs(found.amplitude[0].values - exact).max() < 1e-7 * exact.max()
         # The spectrum counts phases from the mesh phase 0, the map from the first sample.
         begin = found.order.values / PAIR.teeth * float(run.phase[0])
         turned = np.exp(1j * (found.phase[0].values - spectrum[f"{name}_phase"].values - begin))
-        assert np.abs(exact * (turned - 1.0)).max() < 1e-9 * exact.max()
+        assert np.abs(exact * (turned - 1.0)).max() < 1e-7 * exact.max()
         assert float(found.rpm[0]) == pytest.approx(float(run.speed), rel=1e-12)
     # Of each revolution there is a block; both are the same motion.
-    halves = gearlib.order_track(run, [24, 48], variable="dynamic_force")
+    halves = gearlib.order_map(run, orders=[24, 48], variable="dynamic_force")
     assert halves.sizes == {"time": 2, "order": 2}
     assert halves.amplitude[0].values == pytest.approx(halves.amplitude[1].values, rel=1e-9)
 
 
-def test_steps_go_by_their_samples_and_other_models_by_integrals():
+def test_all_methods_have_the_same_orders():
     exact = gearlib.order_map(gearlib.simulate(PAIR, 0.9, **FAR), highest=48)
     size = float(exact.overall[0])
-    asked = FAR | {"samples_per_period": 512}
-    # The same motion by the matrices of one degree of freedom.
-    one = gearlib.simulate(gearlib.OneDegreePair(pair=PAIR), 0.9, **FAR)
-    again = gearlib.order_map(one, highest=48)
-    assert np.abs(again.amplitude - exact.amplitude).max() < 1e-13 * size
-    found = gearlib.order_map(gearlib.simulate(PAIR, 0.9, method="taylor", **asked), highest=48)
-    gap = np.abs(found.amplitude - exact.amplitude)
-    assert 1e-8 * size < gap.max() < 1e-3 * size
-    assert float(gap.max()) <= 2.0 * float(found.amplitude_error.max())
+    for model, method in ((gearlib.OneDegreePair(pair=PAIR), "exact"), (PAIR, "taylor")):
+        found = gearlib.order_map(gearlib.simulate(model, 0.9, method=method, **FAR), highest=48)
+        assert np.abs(found.amplitude - exact.amplitude).max() < 1e-9 * size
 
 
 def test_orders_of_a_train_are_those_of_its_meshes():

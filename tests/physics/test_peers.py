@@ -7,13 +7,10 @@ import sys
 import pytest
 
 import gearlib
-from gearlib import (
-    integrators,
-    simulate,
-)
+from gearlib import integrators, simulate
 from tests.paper import PAPER
 
-PEERS = ("heyoka", "cvode", "diffrax")
+PEERS = ("heyoka",)
 AVAILABLE = {method.name: method for method in gearlib.methods()}
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 
@@ -43,8 +40,7 @@ def test_limits_are_a_status(name):
 @pytest.mark.parametrize("name", PEERS)
 def test_wrong_options_are_refused(name):
     need(name)
-    key = "tol" if name == "heyoka" else "rtol"
-    for options, part in (({key: 0.0}, f"options['{key}'] = 0.0"), ({"h": 1}, "knows")):
+    for options, part in (({"tol": 0.0}, "options['tol'] = 0.0"), ({"h": 1}, "knows")):
         with pytest.raises(ValueError) as refusal:
             simulate(PAIR, 0.9, periods=1, method=name, options=options)
         assert part in str(refusal.value)
@@ -75,7 +71,7 @@ def test_nothing_is_imported_before_it_is_used():
         "methods()\n"
         "pair = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6)\n"
         "simulate(pair, 0.9, periods=1)\n"
-        f"print([m for m in {modules + ['jax']} if m in sys.modules])\n"
+        f"print([m for m in {modules} if m in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -26,15 +26,16 @@ SIX = gearlib.SixDegreePair(
     bearing_damping=(300.0, 400.0, 200.0, 500.0),
     friction=(0.05, 0.05),
 )
-#: Motions without closed forms: everything that Eq. (3) admits.
+#: Waves that have no closed form while the speed changes.
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=2000.0)
 WAVES = {
     "excitation": gearlib.Harmonics((100.0, 50.0), (20.0,)),
     "deviation": gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
 }
+WAVY = gearlib.OneDegreePair(pair=DAMPED, **WAVES)
+#: Models that run on Taylor steps at constant speed.
 CURVED = [
     gearlib.OneDegreePair(pair=DAMPED, profile=gearlib.Fourier(3)),
-    gearlib.OneDegreePair(pair=DAMPED, **WAVES),
     gearlib.OneDegreePair(
         pair=DAMPED, quadratic_damping=3e5, cubic_damping=1e6, backlash_quadratic_damping=1e5
     ),
@@ -48,10 +49,7 @@ CURVED = [
     ),
 ]
 RELIEVED = gearlib.LoadSharingPair.from_geometry(
-    optimum_relief(fzg_c(), 150.0, length="long"),
-    torque=300.0,
-    damping_ratio=0.05,
-    pitch_errors=(0.0, 3e-6, 1e-6),
+    optimum_relief(fzg_c(), 150.0, length="long"), torque=300.0, damping_ratio=0.05
 )
 RUN_OUT = SIX.replace(
     pair=DAMPED,
@@ -72,9 +70,7 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
     [
         (PAPER, 0.6, (0.0, 0.0)),
         (PAPER, 0.9, (2.0, -0.5)),
-        (CURVED[0], 0.7, (0.0, 0.0)),
-        (CURVED[3], 0.9, (2.0, -0.5)),
-        (RELIEVED, 0.9, (0.0, 0.0)),
+        (WAVY, 0.9, (2.0, -0.5)),
         (SIX, 0.9, (0, 0)),
         (TRAIN, 0.12, (0, 0)),
         (RUN_OUT, 0.5, (0.0, 0.0)),
@@ -146,9 +142,8 @@ def in_digits(model, speed, load, push, times, until=math.inf):
         return moved[:, 0].astype(float), np.array([float(one[0]) for one in events])
 
 
-@pytest.mark.parametrize("model", CURVED)
-def test_taylor_steps_on_random_courses(model):
-    rng = np.random.default_rng(3)
+def test_taylor_steps_on_random_courses():
+    rng, model = np.random.default_rng(3), WAVY
     speed, load = random_course(rng, model, 0.7, 20, 0.6)
     mass, radius = 0.5 * model.reduced_mass, 0.05
     given = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
@@ -221,7 +216,7 @@ def test_random_courses_of_many_coordinates_agree_with_scipy(model, tuning):
         assert np.abs(wrong).max() < 1e-10 / fastest
 
 
-@pytest.mark.parametrize("model", [DAMPED, CURVED[3], RUN_OUT])
+@pytest.mark.parametrize("model", [DAMPED, WAVY, RUN_OUT])
 def test_a_course_that_rests_in_between(model):
     # Next to rest a phase says little about the speed there.
     top, span = float(model.speed(0.8)), 10.0 * math.tau / float(model.mesh_frequency(0.8))
@@ -319,7 +314,7 @@ def test_a_ramp_of_the_load_does_not_begin_anew():
     assert np.abs(run.mean_force / wanted - 1.0).max() < 1e-3
 
 
-@pytest.mark.parametrize(("model", "start"), [(TRAIN, "static"), (RELIEVED, (0.0, 0.0))])
+@pytest.mark.parametrize(("model", "start"), [(TRAIN, "static"), (WAVY, (0.0, 0.0))])
 def test_a_course_in_parts_is_one_course(model, start):
     load = [(0.01, 0.3), (0.02, 1.4), (0.05, 0.7)]
     whole = {"load": load, "initial_state": start, "samples_per_period": 4}
@@ -329,7 +324,8 @@ def test_a_course_in_parts_is_one_course(model, start):
     cut = [(t, 100.0 + 4e4 * t) for t in np.linspace(0.0, 0.06, 38).tolist()]
     two = gearlib.run_up(model, speed=cut, **whole)
     for name in ("displacement_max", "dynamic_force_min", "mean_force", "fraction_normal"):
-        assert np.abs(two[name] - one[name]).max() < 1e-9 * np.abs(one[name]).max(), name
+        size = np.abs(one[name.replace("_min", "_max")]).max()
+        assert np.abs(two[name] - one[name]).max() < 1e-9 * size, name
     assert one.sizes["revolution"] == two.sizes["revolution"]
     assert (one.mean_force.values[-1] > 0.0).all()
 
@@ -364,7 +360,13 @@ def test_what_is_no_course_is_refused(given, words):
     assert words in str(told.value)
 
 
-def test_models_without_closed_forms_are_refused():
+@pytest.mark.parametrize("model", [*CURVED, RELIEVED])
+def test_models_on_taylor_steps_are_refused(model):
+    with pytest.raises(ValueError, match="not allowed in a run-up.*must be piecewise linear"):
+        gearlib.run_up(model, 10.0, 20.0, duration=1.0)
+
+
+def test_gyroscopic_forces_and_unknown_drivers_are_refused():
     for model, words in ((gearlib.planetary(turning=True, gyroscopic=True), "gyroscopic"),):
         with pytest.raises(ValueError, match="is not allowed") as told:
             gearlib.run_up(model, 10.0, 20.0, duration=1.0)

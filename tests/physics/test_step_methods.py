@@ -45,7 +45,7 @@ SIX = SixDegreePair(
 )
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}
 NAMES = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "scipy", "smoothed")
-PEERS = ("heyoka", "cvode", "diffrax")
+PEERS = ("heyoka",)
 #: Every method but the exact ones, with each of its options that changes what it does.
 VARIANTS = [
     ("rk4", {}),

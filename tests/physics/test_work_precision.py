@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.studies.trials import high_precision, jump_by_method, problems, references
+from gearlib.studies import jump
+from gearlib.studies.trials import high_precision, problems, references
 from gearlib.studies.trials import work_precision as wp
 from tests.paper import CONFIG
 
@@ -94,14 +95,13 @@ def test_a_problem_that_settles_on_no_orbit_of_one_period_has_none():
 
 
 def test_the_exact_jump_lies_where_30_digits_have_it():
-    # By it the jumps of all methods are measured, that of the exact method too.
     pair = build("near_fold").model
     run = {"periods": 120, "record_periods": 24, "initial_state": (0.0, 0.0)}
-    jump = jump_by_method.scan(pair, [0.815, 0.816], 1e-8, "exact", {}, run).jump
-    low, high = (high_precision.run(pair, jump + side, 120, 30).state[0] for side in (-2e-8, 2e-8))
+    nu = jump.find(pair, [0.815, 0.816], 1e-8, **run).tuning
+    low, high = (high_precision.run(pair, nu + side, 120, 30).state[0] for side in (-2e-8, 2e-8))
     found = [
-        problems.Bound(pair, nu, "exact", {}).run((0.0, 0.0), 120).state[0]
-        for nu in (jump - 2e-8, jump + 2e-8)
+        problems.Bound(pair, nu + side, "exact", {}).run((0.0, 0.0), 120).state[0]
+        for side in (-2e-8, 2e-8)
     ]
     assert abs(found[1] - found[0]) > 0.1
     np.testing.assert_allclose([float(low), float(high)], found, rtol=0, atol=1e-6)

@@ -4,7 +4,7 @@ Intervals of mpmath, mesh phase as time, closed forms by amplitudes, and derivat
 of dual numbers: nothing is differentiated by hand, and no saltation matrix is written down, since
 the map of small deviations follows from the derivatives of the equations by elimination.
 
-Here orbits, folds, period doublings and grazings; `tongues`, `motions` and `ranges` for the others.
+Here orbits; `ranges` for the others.
 """
 
 from mpmath import iv, matrix, mp
@@ -15,21 +15,17 @@ from tests.proofs.meshes import Arc, Mesh, inside
 
 
 class Claim:
-    """The equations of a claim in its unknowns: x, v, phases of contacts, of a touch, and nu."""
+    """The equations of a claim in its unknowns: x, v, phases of contacts, and nu of a range."""
 
     def __init__(self, claim):
         self.claim, self.mesh = claim, Mesh(claim["pair"])
-        self.kind, self.tuned = claim["claim"], claim["claim"] != "orbit"
-        marks = [(event["phase"], (event["before"], event["after"])) for event in claim["events"]]
-        if claim.get("touch"):
-            marks.append((claim["touch"], "touch"))
-        marks.sort(key=lambda mark: iv.mpf(mark[0]).mid)
-        self.kinds = [what for _, what in marks]
-        boxes = [claim["displacement"], claim["velocity"], *(phase for phase, _ in marks)]
+        self.tuned = claim["claim"] != "orbit"
+        events = sorted(claim["events"], key=lambda event: iv.mpf(event["phase"]).mid)
+        self.kinds = [(event["before"], event["after"]) for event in events]
+        boxes = [claim["displacement"], claim["velocity"], *(event["phase"] for event in events)]
         boxes += [claim["tuning"]] if self.tuned else []
         self.box = [iv.mpf(box) for box in boxes]
         self.nu = None if self.tuned else Dual(iv.mpf(float.fromhex(claim["tuning"])))
-        self.start = Dual(iv.pi if claim.get("start") == "pi" else iv.mpf(0))
 
     def nodes(self, phases):
         """Return [(phase, contact and level before, what happens)] in the order of the orbit."""
@@ -38,65 +34,44 @@ class Claim:
         for n in range(-1, -1 if self.mesh.constant else periods + 1):
             marks.append((Dual(half + n * turn), "low"))
             marks.append((Dual((n + 1) * turn - half), "high"))
-        marks.append((self.start + periods * turn, "end"))
+        marks.append((Dual(periods * turn), "end"))
         marks.sort(key=lambda mark: mark[0].middle)
         low, contact, found = not half.b > 0, self.claim["pattern"][0], []
         for phase, what in marks:
-            if phase.middle > self.start.middle:
+            if phase.middle > 0:
                 found.append((phase, contact, low, what))
             if what == "end":
                 return found
             if what in ("low", "high"):
                 low = what == "low"
-            elif what != "touch":
+            else:
                 assert what[0] == contact, "contacts do not follow from each other"
                 contact = what[1]
 
-    def line(self, contact, what):
-        """Return the flank line of a contact or of a touch; None at other nodes."""
-        if what == "touch":
-            # Where the load bends the motion away from the line.
-            return zero() if contact == 1 else self.mesh.far
+    def line(self, what):
+        """Return the flank line of a contact; None at other nodes."""
         if isinstance(what, tuple):
             return zero() if 1 in what else self.mesh.far
         return None
 
     def equations(self, unknowns):
-        """Return residuals of contacts, of a touch, and those of the return."""
+        """Return residuals of contacts, and those of the return."""
         x, v, *phases = unknowns
         nu = phases.pop() if self.tuned else self.nu
-        at, contacts, touches = self.start, [], []
+        at, contacts = zero(), []
         for phase, contact, low, what in self.nodes(phases):
             x, v = self.mesh.move(contact, low, nu, x, v, phase - at)
-            at, end = phase, self.line(contact, what)
-            if what == "touch":
-                touches += [x - end, v]
-            elif end is not None:
+            at, end = phase, self.line(what)
+            if end is not None:
                 contacts.append(x - end)
-            # The equation holds: on the line from here on.
-            x = x if end is None else end
-            v = zero() if what == "touch" else v
-        return contacts, touches, [x - unknowns[0], v - unknowns[1]]
+                # The equation holds: on the line from here on.
+                x = end
+        return contacts, [x - unknowns[0], v - unknowns[1]]
 
     def system(self, box):
         """Return the residuals over a box, dual numbers in the unknowns."""
-        if self.kind not in ("fold", "period doubling"):
-            contacts, touches, back = self.equations(duals(box))
-            return [*contacts, *touches, *back]
-        rows, (a, b, c, d) = self.with_deviations(box)
-        sign = 1 if self.kind == "fold" else -1
-        return [*rows, (1 - a * sign) * (1 - d * sign) - b * c]
-
-    def with_deviations(self, box):
-        """Return the residuals, and the map of small deviations, each with its derivatives."""
-        n = len(box)
-        # The map depends on derivatives: of these the derivatives are asked for.
-        outer = [
-            Dual(value, [Dual(iv.mpf(int(i == j))) for j in range(n)])
-            for i, value in enumerate(duals(box))
-        ]
-        contacts, _, back = self.equations(outer)
-        return [row.value for row in [*contacts, *back]], self.deviations(contacts, back)
+        contacts, back = self.equations(duals(box))
+        return [*contacts, *back]
 
     def deviations(self, contacts, back):
         """Return the map of small deviations over the orbit: the contacts' phases eliminated."""
@@ -138,20 +113,11 @@ class Claim:
 
     def within(self, share):
         """Return a share of the box in which the claim says that there is no other."""
-        nu = self.box[-1] if self.tuned else self.nu.value
-        rates = [1, 1 / nu, *[1] * (len(self.box) - 2)]
-        # The radius of a tuning is one of 1 / nu.
-        rates = rates[:-1] + [nu**2] if self.tuned else rates
+        rates = [1, 1 / self.nu.value, *[1] * (len(self.box) - 2)]
         radius = iv.mpf([-1, 1]) * self.claim["radius"] * share
         return [
             iv.mpf(value.mid) + radius * rate for value, rate in zip(self.box, rates, strict=True)
         ]
-
-    def is_the_only_one(self, share):
-        """Return whether there is no other in a share of the box, and the box is what is said."""
-        ends = [1 / iv.mpf(tuning) - 1 / self.box[-1] for tuning in self.claim.get("interval", ())]
-        radius = self.claim["radius"]
-        return all(abs(end).b <= radius for end in ends) and bool(self.image(self.within(share)))
 
     def repeats_earlier(self, box):
         """Return whether the orbit may repeat after fewer mesh periods than the claim says."""
@@ -164,31 +130,25 @@ class Claim:
             way = shorter.follow(box[: 2 + len(events)])
             if way is None or all(
                 one.a <= other.b and other.a <= one.b
-                for one, other in zip(way[2], box[:2], strict=True)
+                for one, other in zip(way[1], box[:2], strict=True)
             ):
                 return True
         return False
 
-    def follow(self, box, narrow=False):
+    def follow(self, box):
         """Go along all motions of a box of unknowns; None unless the contacts are all.
 
-        That is, unless every arc keeps off the flank lines strictly between its ends. `narrow`: the
-        phases of contact are near those in the box, and follow from the state.
+        That is, unless every arc keeps off the flank lines strictly between its ends.
 
-        Returns (unknowns, arcs with their durations, state at the end).
+        Returns (arcs with their durations, state at the end).
         """
         x, v, *phases = map(Dual, box)
         nu = phases.pop() if self.tuned else self.nu
-        at, arcs, found = self.start, [], [x.value, v.value]
+        at, arcs, count = zero(), [], 0
         on = zero() if x.value.a == x.value.b == 0 else None
         for phase, contact, low, what in self.nodes(phases):
-            arc, end = Arc(self.mesh, contact, low, nu, x, v), self.line(contact, what)
+            arc, end = Arc(self.mesh, contact, low, nu, x, v), self.line(what)
             span = phase - at
-            if narrow and end is not None:
-                time = arc.crossing(span.value, end)
-                if time is None:
-                    return None
-                span, phase = Dual(time), at + time
             if not span > 0:
                 return None
             for side, line in self.sides(contact):
@@ -196,16 +156,13 @@ class Claim:
                 if not arc.keeps_off(side, line, span.value, *ends):
                     return None
             x, v = arc.at(span.value)
-            if isinstance(what, tuple) and not (v > 0 if what[1] > what[0] else v < 0):
-                return None
-            x = x if end is None else end
-            v = zero() if what == "touch" else v
+            if end is not None:
+                if not (v > 0 if what[1] > what[0] else v < 0):
+                    return None
+                x, count = end, count + 1
             at, on = phase, end
             arcs.append((arc, span.value))
-            if end is not None:
-                found.append(phase.value)
-        found += [nu.value] * self.tuned
-        return (found, arcs, (x.value, v.value)) if len(found) == len(box) else None
+        return (arcs, (x.value, v.value)) if count == len(phases) else None
 
     def sides(self, contact):
         """Return (side, line): side (x - line) > 0 is what a contact code means."""
@@ -216,7 +173,7 @@ class Claim:
 
     def invariants(self, box):
         """Return trace and determinant of the map of small deviations over the orbit."""
-        contacts, _, back = self.equations(duals(box))
+        contacts, back = self.equations(duals(box))
         a, b, c, d = [entry.interval for entry in map(dual, self.deviations(contacts, back))]
         drags = [self.mesh.material if code else self.mesh.oil for code in self.claim["pattern"]]
         # Where nothing is damped, areas are kept.
@@ -280,13 +237,12 @@ def faults(claim, share=0.25):
     way = one.follow(box)
     if way is None:
         found.append("contacts")
-    if not (claim["radius"] > 0 and one.is_the_only_one(share)):
+    if not (claim["radius"] > 0 and one.image(one.within(share))):
         found.append("uniqueness")
-    if one.kind == "orbit":
-        if one.repeats_earlier(box):
-            found.append("period")
-        if not one.is_judged_right(box):
-            found.append("stability")
-        if way and not one.extrema_are_right(way[1]):
-            found.append("extrema")
+    if one.repeats_earlier(box):
+        found.append("period")
+    if not one.is_judged_right(box):
+        found.append("stability")
+    if way and not one.extrema_are_right(way[0]):
+        found.append("extrema")
     return found

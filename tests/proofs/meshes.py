@@ -71,15 +71,6 @@ class Arc:
             force = force - mesh.levels[low] * (x - (0 if contact == 1 else mesh.far))
         return force / (nu * nu) - drag * 2 / nu * v
 
-    def crossing(self, t, line):
-        """Return within which times near t all motions cross a line, once each; else None."""
-        reach = 2 * max(t.delta, abs(t).b * mp.mpf(10) ** -12)
-        around = iv.mpf([t.mid - reach, t.mid + reach])
-        newton = self._newton(around, lambda x, v: (x - line, v))
-        if newton is None or not inside(newton, around):
-            return None
-        return self._narrowed(newton, lambda x, v: (x - line, v))
-
     def turns(self, span):
         """Return intervals that hold the displacement wherever the velocity is zero."""
         found, todo = [], [iv.mpf([0, span.b])]
@@ -125,12 +116,12 @@ class Arc:
 
     def keeps_off(self, side, line, span, from_line, to_line):
         """Return whether side (x - line) > 0 strictly between the ends, which may be on it."""
-        (x, v), (x_end, v_end) = self.state, self.at(span)
+        (x, _), (x_end, _) = self.state, self.at(span)
         if not from_line and not (x - line) * side > 0:
             return False
         if not to_line and not (x_end - line) * side > 0:
             return False
-        rests, todo = (_still(v.value), _still(v_end.value)), [(iv.mpf(0), span)]
+        todo = [(iv.mpf(0), span)]
         for _ in range(3000):
             if not todo:
                 return True
@@ -142,19 +133,13 @@ class Arc:
             # By the mean value of the velocity: sharper where it is small.
             if (self.at(middle)[0] + v * (piece - middle) - line) * side > 0:
                 continue
-            # Leaving the line, or coming to it: by speed, or at rest and bent away.
-            away = self.bends(x, v) * side > 0
-            if from_line and low.b == 0 and (v * side > 0 or (rests[0] and away)):
+            # Leaving the line, or coming to it.
+            if from_line and low.b == 0 and v * side > 0:
                 continue
-            if to_line and high is span and (v * side < 0 or (rests[1] and away)):
+            if to_line and high is span and v * side < 0:
                 continue
             todo += [(low, middle), (middle, high)]
         return False
-
-
-def _still(speed):
-    """Return whether a speed is that of a touch, zero by the equations."""
-    return 0 in speed and abs(speed).b < 1e-20
 
 
 def inside(one, other):

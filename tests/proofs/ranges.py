@@ -60,7 +60,7 @@ class Piece(Claim):
     def rows(self, unknowns):
         """Return the residuals, dual numbers in x, nu dx/dtau, the phases and nu."""
         x, w, *rest = duals(unknowns)
-        contacts, _, (back_x, back_v) = self.equations([x, w / rest[-1], *rest])
+        contacts, (back_x, back_v) = self.equations([x, w / rest[-1], *rest])
         return [*contacts, back_x, back_v]
 
     def holds_at(self, nu):

@@ -9,9 +9,7 @@ import json
 import sys
 
 from tests.proofs import checker
-from tests.proofs.motions import motion_faults
 from tests.proofs.ranges import range_faults
-from tests.proofs.tongues import tongue_faults
 
 #: What is no claim.
 _OTHERS = ("count", "refusal")
@@ -19,10 +17,7 @@ _OTHERS = ("count", "refusal")
 
 def faults(claim, share=1e-3):
     """Return what is not confirmed of a claim of any kind, a list of words."""
-    if claim["claim"] == "range":
-        return range_faults(claim)
-    kinds = {"motion": motion_faults, "tongue": tongue_faults}
-    return kinds.get(claim["claim"], checker.faults)(claim, share)
+    return range_faults(claim) if claim["claim"] == "range" else checker.faults(claim, share)
 
 
 def main(path):

@@ -1,16 +1,13 @@
-"""The second program on motions and ranges: it confirms what is right and refuses what is not."""
+"""The second program on ranges: it confirms what is right and refuses what is not."""
 
 import json
 import math
-from decimal import Decimal
-from functools import cache
 
 import pytest
 
 import gearlib
 from gearlib.analysis.proofs.certificate_files import number
 from tests.paper import PAPER
-from tests.proofs.motions import motion_faults
 from tests.proofs.ranges import range_faults
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
@@ -23,69 +20,6 @@ def read(certificate):
     """Return a certificate as a file has it, a copy of its own."""
     assert certificate, certificate
     return json.loads(json.dumps(certificate.as_dict()))
-
-
-@cache
-def motion():
-    """From near a bouncing orbit: few mesh periods."""
-    orbit = gearlib.periodic_orbit(MATERIAL, 0.9)
-    return gearlib.certify_motion(orbit, (float(orbit.state[0]) + 1e-3, float(orbit.state[1])))
-
-
-@pytest.mark.parametrize(
-    "pair, tuning, start",
-    [(MATERIAL, 0.7, (0.3, -1.0)), (MATERIAL, 1.0, (-5.0, 0.0))],
-)
-def test_motions_are_confirmed(pair, tuning, start):
-    found = gearlib.certify_motion(gearlib.periodic_orbit(pair, tuning), start)
-    assert motion_faults(read(found)) == []
-    assert len(found.run) + 1 == len(found.run_pattern) and found.run_pattern[0] in (1, 0, -1)
-
-
-def test_a_motion_with_few_bounces_is_confirmed():
-    assert motion_faults(read(motion())) == []
-
-
-def moved(interval, away):
-    return [str(Decimal(end) + Decimal(away)) for end in interval]
-
-
-def without_a_bounce(claim):
-    del claim["run"][2:4], claim["run_pattern"][2:4]
-
-
-def without_a_run(claim):
-    claim["periods"], claim["run"], claim["run_pattern"] = 0, [], []
-    claim["arrival"] = [[repr(float.fromhex(text))] * 2 for text in claim["initial_state"]]
-
-
-#: What is changed, and what the second program finds of it at least.
-MOTIONS = {
-    "a larger trap": (lambda c: c.update(trap_radius=(0.02).hex()), "trap"),
-    "another trap": (lambda c: c["basis"].reverse(), "trap"),
-    "contacts of the trap": (
-        lambda c: c.update(trap_phases=[moved(p, "0.01") for p in c["trap_phases"]]), "trap",
-    ),
-    "a trap that contracts more": (lambda c: c.update(contraction=(0.8).hex()), "trap"),
-    "a longer run": (lambda c: c.update(periods=c["periods"] + 1), "run"),
-    "a shorter run": (lambda c: c.update(periods=c["periods"] - 1), "run"),
-    "a bounce that is not listed": (without_a_bounce, "run"),
-    "no run": (without_a_run, "caught"),
-    "another start": (lambda c: c.update(initial_state=[(0.5).hex(), (-0.5).hex()]), "run"),
-    "another end": (
-        lambda c: c.update(arrival=[moved(c["arrival"][0], "1e-25"), c["arrival"][1]]), "arrival",
-    ),
-    "other multipliers": (lambda c: c.update(multipliers=c["multipliers"][:1] * 2), "stability"),
-    "an orbit that is not said to be stable": (lambda c: c.update(stability="undecided"), "trap"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_motion_that_is_changed_is_refused(name):
-    change, fault = MOTIONS[name]
-    claim = read(motion())
-    change(claim)
-    assert fault in motion_faults(claim)
 
 
 def part(claim, pieces):

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,26 +14,29 @@ from gearlib.analysis.proofs import candidate, orbits
 from gearlib.analysis.proofs.balls import flint, precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.closed_laws import ClosedLaw
-from gearlib.analysis.proofs.signs import (
-    CROSSING,
-    OFF,
-    TOUCHING,
-    ClosedCurve,
-    check_contacts,
-    keeps_off,
-)
+from gearlib.analysis.proofs.path import DRIVE
+from gearlib.analysis.proofs.signs import check_arc, check_contacts
 from tests.paper import PAPER
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
-def arc(law, x, w, t, *ends, side=1, line=0.0):
-    """Return what is proven of an arc of a law of these numbers."""
+def arc(law, x, w, t, *crossed, code=1, line=0.0):
+    """Return whether an arc is proven to touch no flank line between its ends.
+
+    `crossed` says of both ends whether the line is crossed there, `code` is the contact code.
+    """
     with precision(160) as arb:
-        curve = ClosedCurve(
-            ClosedLaw(*law), flint().arb_mat([[x], [w], [1]]), flint().arb_mat([[1, 0, -line]])
-        )
-        return keeps_off(curve, arb(t), side, *ends)
+        law, z = ClosedLaw(*law), flint().arb_mat([[x], [w], [1]])
+        rows = [[None, flint().arb_mat([[1, 0, -line]])]]
+        laws = SimpleNamespace(distances=rows, moving=[False], mesh_names=["mesh"])
+        marks = [(0, DRIVE) if mark else None for mark in crossed or (False, False)]
+        try:
+            check_arc(laws, law, z, law.go(z, arb(t)), arb(t), [code], marks, 0.0)
+        except Uncertain as reason:
+            assert reason.args[0] == "grazing"
+            return False
+        return True
 
 
 #: Undamped contact about the rest position 1, of stiffness 1.
@@ -42,24 +46,22 @@ LINEAR = 1.0, 0.0, 1.0
 @pytest.mark.parametrize("lowest, keeps", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)])
 def test_a_dip_between_the_ends(lowest, keeps):
     # From the highest point over the lowest to the next highest one.
-    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi, OFF, OFF) == keeps
+    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == keeps
 
 
 def test_an_arc_that_starts_or_ends_on_the_line():
     # From the line with speed 1 to the line again, over the top.
     back = 2.0 * math.pi - 2.0 * math.atan(1.0)
-    assert arc(LINEAR, 0.0, 1.0, 0.5 * back, CROSSING, OFF)
-    assert not arc(LINEAR, 0.0, 1.0, back + 0.1, CROSSING, OFF)
-    assert not arc(LINEAR, 0.0, -1.0, 0.5, CROSSING, OFF)
-    # At rest on the line: the load bends the motion up, to normal mesh, not into the backlash.
-    assert arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF)
-    assert not arc(LINEAR, 0.0, 0.0, 1.0, TOUCHING, OFF, side=-1)
-    assert not arc(LINEAR, 0.0, 0.0, 1.0, OFF, OFF)
-    # A turn from rest on the line to rest on it.
-    assert arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING)
-    assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, TOUCHING, TOUCHING, side=-1)
-    # At rest on the line for ever, without load.
-    assert not arc((1.0, 0.0, 0.0), 0.0, 0.0, 1.0, TOUCHING, TOUCHING)
+    assert arc(LINEAR, 0.0, 1.0, 0.5 * back, True, False)
+    assert arc(LINEAR, 0.0, 1.0, back, True, True)
+    assert not arc(LINEAR, 0.0, 1.0, 0.5 * back, False, False)
+    assert not arc(LINEAR, 0.0, 1.0, 0.5 * back, True, False, code=0)
+    assert not arc(LINEAR, 0.0, 1.0, back + 0.1, True, False)
+    assert not arc(LINEAR, 0.0, -1.0, 0.5, True, False)
+    # At rest on the line, which is no crossing.
+    assert not arc(LINEAR, 0.0, 0.0, 1.0, True, False)
+    assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, True, True)
+    assert not arc((1.0, 0.0, 0.0), 0.0, 0.0, 1.0, True, True)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -70,7 +72,7 @@ def test_a_flight_that_nearly_reaches_the_far_flank(damping):
         rate = 2.0 * damping
         depth = 1.0 / rate - math.log1p(rate) / rate**2
     for line, keeps in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
-        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, OFF, OFF, line=line) == keeps
+        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, line=line) == keeps
 
 
 def without_loss(pair, tuning):
@@ -91,7 +93,7 @@ def without_loss(pair, tuning):
 
 def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
     """The orbit of the linear mesh is a zero of the equations without contacts, but no motion."""
-    monkeypatch.setattr(candidate, "run_contacts", lambda *_: ([1], [], (1,)))
+    monkeypatch.setattr(orbits, "listed_contacts", lambda _: ([1], []))
     for tuning, keeps in ((0.802, True), (0.803, False)):
         orbit = gearlib.periodic_orbit(MATERIAL, 0.79, guess=(0.5, 0.0))
         state = without_loss(MATERIAL, tuning)

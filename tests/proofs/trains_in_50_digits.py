@@ -17,8 +17,8 @@ mp.dps = 50
 _NUMBER = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
 #: Of what follows from the middle of a claim with 20 digits.
 _ROOM = mpf(10) ** -17
-#: How far from a line, in static deflections, a turning point lies that touches it; a deviation.
-_TOUCH, _STEP = mpf(10) ** -20, mpf(10) ** -24
+#: A deviation, in static deflections.
+_STEP = mpf(10) ** -24
 
 
 def described(claim):
@@ -50,8 +50,7 @@ class Motion:
     """The motions of the train of a claim; coordinates and rates in static deflections."""
 
     def __init__(self, claim):
-        self.claim, self.model, tuning = claim, described(claim), claim["tuning"]
-        self.nu = _exact(tuning) if isinstance(tuning, str) else sum(map(mpf, tuning)) / 2
+        self.claim, self.model, self.nu = claim, described(claim), _exact(claim["tuning"])
         self.machine = machine_of(self.model, self.nu, mp)
         names = claim["coordinates"]
         assert len(names) == self.machine.n
@@ -76,24 +75,14 @@ class Motion:
             found.append(part)
         return np.concatenate(found)
 
-    def run(self, state, period=None, phases=()):
-        """Return (kept coordinates and rates at the end, events, samples) from a state of such."""
+    def run(self, state, period=None):
+        """Return (kept coordinates and rates at the end, events) from a state of such."""
         machine, n, e = self.machine, self.machine.n, len(self.kept)
         whole = machine.zeros(2 * n)
         whole[self.kept], whole[[n + i for i in self.kept]] = state[:e], state[e:]
-        found = move(
-            self.model, self.nu, period or self.claim["period"], whole, mp,
-            phases=phases, codes=list(self.claim["contacts"]),
-        )  # fmt: skip
-        events = []
-        for one in found.events:
-            own = [i for i, other in enumerate(events) if other.contact == one.contact]
-            # A touch that its rounding makes a crossing, there and back.
-            if own and one.phase - events[own[-1]].phase < 1e-8:
-                assert events.pop(own[-1]).before == one.after
-            else:
-                events.append(one)
-        return self.reduced(found.state), events, found.record.samples
+        period, codes = period or self.claim["period"], list(self.claim["contacts"])
+        found = move(self.model, self.nu, period, whole, mp, codes=codes)
+        return self.reduced(found.state), found.events
 
     def deviation(self, end, state, way):
         """Return what a small deviation of a state becomes."""
@@ -106,7 +95,7 @@ class Motion:
 
     def orbit(self):
         """Return (state, events, map): a step of Newton from the middle of the claim's boxes."""
-        end, events, _ = self.run(self.middle)
+        end, events = self.run(self.middle)
         slopes = self.slopes(end, self.middle)
         step = lu_solve(slopes - mp.eye(len(end)), matrix((end - self.middle).tolist()))
         return self.middle - np.array(list(step), object), events, slopes
@@ -123,25 +112,6 @@ class Motion:
         if own != [(one["mesh"], one["before"], one["after"]) for one in listed]:
             return [], ["contacts"]
         return list(zip(events, listed, strict=True)), []
-
-    def point(self):
-        """Return what is not confirmed of a fold, a doubling or a grazing, from the middle."""
-        kind, touch = self.claim["claim"], self.claim.get("touch")
-        at = [sum(map(mpf, touch)) / 2] if touch else []
-        end, events, samples = self.run(self.middle, phases=at)
-        wrong = [] if max(abs(end - self.middle)) < mpf(10) ** -24 else ["orbit"]
-        wrong += self._contacts(events)[1]
-        if kind != "grazing":
-            one = -1 if kind == "period doubling" else 1
-            multipliers = eig(self.slopes(end, self.middle), left=False, right=False)
-            near = min(abs(value - one) for value in multipliers) < mpf(10) ** -11
-            return wrong if near else [*wrong, "multiplier"]
-        (name, side), names = self.claim["touched"], [m["name"] for m in self.model["meshes"]]
-        (_, _, rates, _, q), contact = samples[0], self.machine.contacts[names.index(name)]
-        length = self.machine.length
-        gap = self.machine.distance(getattr(contact, side), q * length, at[0]) / length
-        slow = abs(rates[names.index(name)]) < mpf(10) ** -12
-        return wrong if abs(gap) < _TOUCH and slow else [*wrong, "touch"]
 
     def faults(self, found):
         """Return what of an orbit does not lie in the enclosures of the claim."""
@@ -175,7 +145,7 @@ class Motion:
 def faults(claim):
     """Return what this program cannot confirm of a claim about a train, a list of words."""
     motion = Motion(claim)
-    return motion.faults(motion.orbit()) if claim["claim"] == "train" else motion.point()
+    return motion.faults(motion.orbit())
 
 
 def _holds(box, value, room=0):

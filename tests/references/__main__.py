@@ -14,7 +14,7 @@ from tests.references import Stored
 MODULES = [
     "tests/physics/test_accuracy.py",
     "tests/physics/test_random_meshes.py",
-    "tests/properties/test_conformance_of_derivatives.py",
+    "tests/physics/test_sensitivities.py",
 ]
 
 

@@ -382,8 +382,7 @@ LIBRARY = {
     "tunings = [0.7] with speeds = [3000.0] ": lambda: sweep([0.7], speeds=[3000.0]),
     "speeds[1] = -1.0 ... > 0": lambda: sweep(speeds=[3000.0, -1.0]),
     "speeds contains 10.0 twice": lambda: sweep(speeds=[10.0, 10.0]),
-    "branch = None": lambda: gearlib.certify_fold(PAPER, None, 0),
-    "pair = None": lambda: gearlib.certify_tongues(None),
+    "branch = None": lambda: gearlib.switch_branch(PAPER, None, 0),
     "values = [0.5] ... left out where parameter is None": lambda: gearlib.tongues(
         PAPER, values=[0.5]
     ),

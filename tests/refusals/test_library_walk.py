@@ -37,7 +37,7 @@ def branch():
 
 
 BRANCH = branch()
-RUN_UP = gearlib.run_up(PAPER, 1000.0, 1100.0, duration=0.2, samples_per_period=1)
+RUN_UP = gearlib.run_up(PAPER, 1000.0, 1100.0, duration=0.2, samples_per_period=64)
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
 #: What is made at once: also asked just inside the ranges.
 MADE = {
@@ -93,9 +93,11 @@ CALLED = {
     gearlib.lyapunov_exponents: {"pair": PAPER, "values": [NU], "settle": 2, "periods": 20},
     gearlib.trust: {"pair": PAPER, "tuning": NU, "periods": 200, "exponent_periods": 20},
     gearlib.periodic_orbit: {"pair": DAMPED, "tuning": NU},
-    gearlib.orbit_sensitivities: {"orbit": ORBIT, "sensitivities": ("tuning",)},
     gearlib.continue_orbit: {"orbit": ORBIT, "to": NU + 0.01, "max_points": 3},
-    gearlib.fold_sensitivities: BRANCH | {"sensitivities": ("load",)},
+    gearlib.sensitivities: {
+        **{"call": lambda model, tuning: model.load * tuning, "model": PAPER},
+        **{"parameters": ("load",), "tuning": NU},
+    },
     gearlib.switch_branch: BRANCH,
     gearlib.locus: BRANCH | {"parameter": "damping", "to": 0.1},
     gearlib.tongues: {"pair": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
@@ -103,7 +105,6 @@ CALLED = {
     gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0},
     gearlib.orders: {"run": gearlib.simulate(DAMPED, NU, periods=24, record_periods=24)},
     gearlib.order_map: {"run": RUN_UP},
-    gearlib.order_track: {"run": RUN_UP, "orders": (1.0,)},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.read_measured: {"path": ""},
     gearlib.scatter: {
@@ -128,13 +129,12 @@ HANDED_ON = {
 FREE = """
 locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
-dynamic_factor.rpm lyapunov_exponents.states orbit_sensitivities.sensitivities
-fold_sensitivities.sensitivities simulate.sensitivities
-order_track.run order_map.tacho
+dynamic_factor.rpm lyapunov_exponents.states
+order_map.tacho
 scatter.speed scatter.box scatter.progress
 sobol_indices.speed sobol_indices.progress first_order_scatter.speed first_order_scatter.progress
 tighten.speed tighten.progress
-run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius run_up.sensitivities
+run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 """.split()
 
 

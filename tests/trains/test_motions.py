@@ -5,7 +5,7 @@ import pytest
 
 from gearlib import GearPair, periodic_orbit, simulate
 from gearlib.config import load
-from gearlib.studies.trains import motions, one_mesh, reducer
+from gearlib.studies.trains import motions, reducer
 from tests.paper import CONFIG as PROJECT
 
 SETTINGS = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
@@ -116,17 +116,3 @@ def test_directions_lie_side_by_side():
         assert one.equals(alone)
         values = motions.over_starts(alone, names)["dynamic_factor"]
         np.testing.assert_array_equal(own.dynamic_factor.sel(direction=direction), values)
-
-
-def test_motions_that_rounding_decides_are_not_kept():
-    # On rigid axes: chaos at 1.025, at 1.05 an orbit that some starts reach through chaos, at 1.2
-    # straight ways; with elastic axes branches part at 1.6, but slowly.
-    settings = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 4}
-    models = one_mesh.models(PAIR, settings, "disturbed", CONFIG.one_mesh.model_dump())
-    for model, tunings, given, kept in (
-        (models["torsional"], [1.025, 1.05, 1.2], settings, [False, False, True]),
-        (TRAIN, [1.6], SETTINGS | {"starts": 2}, [True]),
-    ):
-        found = motions.from_rest(model, tunings, given)
-        assert motions.kept(model, tunings, found, given).tolist() == kept
-    assert (found[0].orbits < 0).any()

@@ -1,21 +1,19 @@
 """What phasing forbids stays zero through bounces; N planets in phase are the train of one."""
 
 import dataclasses
-from types import SimpleNamespace
+import math
 
 import numpy as np
 import pytest
 
-from gearlib import periodic_orbit, planetary, simulate, sweep
-from gearlib.analysis.tongues import undamped
-from gearlib.studies.trains import symmetry
+from gearlib import GearTrain, periodic_orbit, planetary, simulate, sweep
 
 SAMPLES = 120
 
 
 def train(teeth, planets, **options):
-    """Return a planetary train with a stiffness jump of 60 %; tunings are kHz."""
-    ratios = [undamped.stiffness_ratio(0.6, epsilon) for epsilon in (1.4, 1.6)]
+    """Return a planetary train with a stiffness jump of 60 % of its mean; tunings are kHz."""
+    ratios = [1.0 - 0.6 / (1.0 + 0.6 * (2.0 - epsilon)) for epsilon in (1.4, 1.6)]
     given = dict(planets=planets, teeth=teeth, stiffness_ratio=ratios, reference_frequency=1000.0)
     return planetary(**given | options)
 
@@ -46,6 +44,40 @@ def test_harmonics_that_phasing_forbids_are_zero_through_loss_of_contact(teeth, 
     assert found[2, ~rotational].max(initial=0.0) < 1e-11
     for motions, allowed in ((found[:2], translational), (found[2:], rotational)):
         assert motions[:, allowed].min(initial=1.0) > 1e-6
+
+
+def reduced(train):
+    """Return the train of one planet that moves as N equal planets in phase do."""
+    carried = [body for body in train.bodies if body.carrier]
+    first = carried[0]
+    bodies = []
+    for body in train.bodies:
+        if body is first:
+            bodies.append(body)
+        elif not body.carrier:
+            parts = ("inertia", "torque", "torsional_stiffness", "torsional_damping")
+            share = {name: getattr(body, name) / len(carried) for name in parts}
+            share |= {"support_stiffness": math.inf, "support_damping": 0.0}
+            bodies.append(dataclasses.replace(body, **share))
+    meshes = [mesh for mesh in train.meshes if first.name in (mesh.pinion, mesh.wheel)]
+    return GearTrain(
+        bodies=bodies,
+        meshes=[dataclasses.replace(mesh, phase=train.phases[mesh.name]) for mesh in meshes],
+        reference_frequency=train.reference_angular_frequency / (2.0 * math.pi),
+        carrier_ratio=train.carrier_ratio,
+    )
+
+
+def lifting(train, small):
+    """Return the state of the train that belongs to one of its reduced train, as a matrix."""
+    first = next(body.name for body in small.bodies if body.carrier)
+    theirs = {name: i for i, name in enumerate(small.structure.coordinates)}
+    matrix = np.zeros((len(train.structure.coordinates), len(theirs)))
+    for i, (body, axis) in enumerate(train.structure.coordinates):
+        place = (first if train.by_name[body].carrier else body), axis
+        if place in theirs:
+            matrix[i, theirs[place]] = 1.0
+    return np.kron(np.eye(2), matrix)
 
 
 def shifted(model):
@@ -88,8 +120,8 @@ def test_equal_planets_in_phase_move_as_the_reduced_train(planets, teeth, tuning
     torque, torsional stiffness and damping: weights N of two meshes.
     """
     full = train(teeth, planets)
-    small = symmetry.reduced(full)
-    lift = symmetry.lifting(full, small)
+    small = reduced(full)
+    lift = lifting(full, small)
     reduce, _ = full.reduction()
     run = dict(periods=60, record_periods=4, initial_state="static")
     one, all_of_them = (simulate(model, tuning, **run) for model in (small, full))
@@ -119,15 +151,17 @@ def test_multipliers_of_a_symmetric_orbit_are_those_of_the_reduced_train_and_oth
         (4, 10.0, False),
     ):
         full = trains[planets]
-        small = symmetry.reduced(full)
-        lift = symmetry.lifting(full, small)
+        small = reduced(full)
+        lift = lifting(full, small)
         orbit = periodic_orbit(small, tuning)
-        alike, others, coupling, miss = symmetry.multipliers(full, tuning, lift @ orbit.state)
-        assert miss < 1e-11 and coupling < 1e-11
+        whole = periodic_orbit(full, tuning, guess=lift @ orbit.state, period=full.repeats)
+        reduce, _ = full.reduction()
+        assert np.abs(reduce @ (whole.state - lift @ orbit.state)).max() < 1e-11
         # Double multipliers part by the root of rounding.
-        np.testing.assert_allclose(np.abs(alike), np.abs(orbit.multipliers), atol=1e-7)
-        assert alike.size + others.size == full.reduction()[0].shape[0]
-        assert orbit.stable and (abs(others[0]) > 1.0) == outside
+        sizes = np.abs(whole.multipliers)
+        assert all(np.abs(sizes - size).min() < 1e-7 for size in np.abs(orbit.multipliers))
+        assert sizes.size == len(reduce)
+        assert orbit.stable and (sizes.max() > 1.0) == outside
 
 
 def test_what_the_symmetry_breaks_into():
@@ -136,28 +170,4 @@ def test_what_the_symmetry_breaks_into():
     run = dict(periods=800, record_periods=8, initial_state="static", threads=1)
     bounces = sweep(full, [19.5], **run).bounces.values[0]
     assert sorted(bounces[:3]) == [0.0, 0.5, 0.5]
-    assert sweep(symmetry.reduced(train((27, 99), 3)), [19.5], **run).bounces.values.max() == 0.0
-
-
-@pytest.mark.parametrize(
-    "options", [dict(teeth=(28, 98)), dict(pin_errors=[(1e-6, 0.0), (0.0, 0.0), (0.0, 0.0)])]
-)
-def test_planets_that_differ_have_no_reduced_train(options):
-    with pytest.raises(ValueError, match="planet 2 is not allowed: all must be alike and in phase"):
-        symmetry.reduced(planetary(**options))
-
-
-@pytest.mark.parametrize("size", [1.0, 100.0])
-@pytest.mark.parametrize("apart", [0.5, 2.0])
-def test_forces_are_shown_where_a_start_beside_has_the_same_relatively(monkeypatch, size, apart):
-    forces = [size * np.cos(np.arange(24.0)).reshape(12, 2)]
-    forces += [forces[0] + apart * symmetry._SEEN_BESIDE * size * (forces[0] == size)]
-    names = "dynamic_force", "contact"
-    both = [[SimpleNamespace(values=one) for one in (force, force > 0.0)] for force in forces]
-    runs = (SimpleNamespace(**dict(zip(names, one, strict=True))) for one in both)
-    monkeypatch.setattr(symmetry, "simulate", lambda *_, **__: next(runs))
-    settings = dict(starts=1, seed=1, spread=0.1, record_periods=1)
-    settings |= dict(shown_after=1, samples_per_period=12)
-    course, contact = symmetry._course(train((27, 99), 3), 1.0, "static", settings)
-    np.testing.assert_array_equal(contact, forces[0] > 0.0)
-    assert np.isnan(course).all() == (apart > 1.0) and np.isnan(course).any() == (apart > 1.0)
+    assert sweep(reduced(train((27, 99), 3)), [19.5], **run).bounces.values.max() == 0.0

@@ -24,10 +24,7 @@ GOING = {
 }
 #: Functions that still take more than eight parameters: none may join them.
 TOO_MANY = {
-    "sensitivities.py: variables",
     "several_meshes.py: go",
-    "diffrax.py: solve",
-    "diffrax.py: period",
 }
 
 

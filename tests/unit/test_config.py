@@ -105,12 +105,11 @@ def test_a_configuration_in_other_units_is_the_same():
     read = changed(
         gear_pair=pair | {"load": "3.2895396 kN"},
         dampings={"k1": in_mm},
-        planetary={"pressure_angle": "24 deg"},
-        train_chart={"reference_frequency": "2 kHz"},
+        train={"reference_frequency": "2 kHz", "planetary": {"pressure_angle": "24 deg"}},
     )
     assert read.gear_pair == load(CONFIG).gear_pair and read.dampings == load(CONFIG).dampings
-    assert read.train_chart.reference_frequency == 2000.0
-    assert read.planetary.pressure_angle == pytest.approx(np.radians(24.0))
+    assert read.train.reference_frequency == 2000.0
+    assert read.train.planetary.pressure_angle == pytest.approx(np.radians(24.0))
     light = CONFIG["scenes"]["fig7_damping"]["cases"][0] | {"change": {"load": "1 kN"}}
     read = changed(scenes={"fig7_damping": {"cases": [light]}})
     assert read.case_parameters(read.scenes["fig7_damping"].cases[0])["load"] == 1000.0

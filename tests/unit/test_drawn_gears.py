@@ -15,7 +15,6 @@ from gearlib.config import gears_section as sections
 from gearlib.config.defaults import laid_over
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
 from gearlib.pages.explorer.one_pair import Pair
-from gearlib.pages.explorer.trains import Machine
 from tests.geometry.drawings import fzg_c, iso_example, ring
 from tests.paper import CONFIG
 
@@ -194,9 +193,6 @@ def test_the_explorer_takes_drawn_gears():
     settings = load(FZG)
     explored = Pair(FZG, "k")
     saved = load(yaml.safe_load(explored.configuration(explored.start)))
-    assert saved.gear_pair == settings.gear_pair
-    machine = Machine(FZG, "k", "split_power_reducer")
-    saved = load(yaml.safe_load(machine.configuration(machine.start)))
     assert saved.gear_pair == settings.gear_pair
 
 

@@ -19,15 +19,14 @@ from gearlib import (
     basins,
     bifurcation_diagram,
     continue_orbit,
-    fold_sensitivities,
     harmonic_balance,
     locus,
     lyapunov_exponents,
-    orbit_sensitivities,
     periodic_orbit,
     planetary,
     poincare_section,
     schmidt,
+    sensitivities,
     simulate,
     sweep,
     switch_branch,
@@ -134,6 +133,11 @@ def at_duty_point(call, *arguments, **options):
     return of
 
 
+def end(model, tuning):
+    """Return the final state of two mesh periods."""
+    return simulate(model, tuning, periods=2).final_state
+
+
 CALLS = {
     "scatter": scattered,
     "sobol_indices": at_duty_point(gearlib.sobol_indices, ("force",)),
@@ -151,11 +155,9 @@ CALLS = {
     # Of whole revolutions of all.
     "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
     "order_map": lambda pair: gearlib.order_map(turns(pair)),
-    "order_track": lambda pair: gearlib.order_track(turns(pair), [1.0, 3.0]),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
-    "orbit_sensitivities": lambda pair: orbit_sensitivities(orbit(pair), ("tuning",)),
-    "fold_sensitivities": lambda pair: fold_sensitivities(pair, *branch_and_point(), ("load",)),
+    "sensitivities": lambda pair: sensitivities(end, pair, "tuning", tuning=NU),
     "continue_orbit": lambda pair: continue_orbit(orbit(pair), to=NU + 0.01, max_points=3),
     "switch_branch": lambda pair: switch_branch(pair, *branch_and_point()),
     "locus": lambda pair: locus(pair, *branch_and_point(), "damping", to=0.1),
@@ -166,7 +168,6 @@ CALLS = {
 #: What a call does not take beside the number; one branch serves those of one kind only.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
-    "orbit_sensitivities": {"pairs of teeth"},
     "basins": {"train"},
     "basin_stability": {"train"},
     "bifurcation_diagram": {"train"},
@@ -178,11 +179,11 @@ REFUSED = {
     **dict.fromkeys(
         ("sobol_indices", "first_order_scatter", "tighten"), NO_GEARS | {"pairs of teeth"}
     ),
-    **dict.fromkeys(("run_up", "order_map", "order_track"), NO_GEARS),
+    **dict.fromkeys(("run_up", "order_map"), NO_GEARS | {"pairs of teeth", "one degree"}),
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }
-BRANCHES = {"fold_sensitivities", "switch_branch", "locus"}
+BRANCHES = {"switch_branch", "locus"}
 #: Words of a gear mesh, which an oscillator has not.
 MESH = re.compile("mesh|static deflection|flank|dtau")
 

@@ -14,7 +14,6 @@ from gearlib.config.trials import PEERS
 from gearlib.figures import (
     comparison_figure,
     failures_figure,
-    jump_by_method_figure,
     jump_figure,
     models_figure,
     nonlinear_damping_figure,
@@ -214,9 +213,8 @@ def test_words_on_bars_stay_in_the_panel():
         lambda: work_precision_figure.draw_evaluations(errors_of_methods()),
         lambda: work_precision_figure.draw_measures(errors_of_methods()),
         lambda: failures_figure.draw(verdicts_on_methods()),
-        lambda: jump_by_method_figure.draw([golden.read("jump_by_method/exact.nc")]),
     ],
-    ids=["evaluations", "measures", "failures", "jump_by_method"],
+    ids=["evaluations", "measures", "failures"],
 )
 def test_gears_and_methods_not_installed_are_named_beside_legend_and_panels(draw, tmp_path):
     figure = draw()

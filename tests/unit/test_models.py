@@ -164,8 +164,8 @@ def test_what_is_infinite_is_no_parameter_of_a_derivative():
     stiffness = (1e8, math.inf, 2e8, 3e8)
     model = SIX.replace(bearing_stiffness=stiffness, bearing_damping=(0.0,) * 4)
     for i, value in enumerate(stiffness):
-        assert (f"bearing_stiffness[{i}]" in model.derivatives) == math.isfinite(value)
-    assert {"inertias[0]", "inertias[1]", "masses[0]", "masses[1]"} <= model.derivatives.keys()
+        assert (f"bearing_stiffness[{i}]" in model.settable) == math.isfinite(value)
+    assert {"inertias[0]", "inertias[1]", "masses[0]", "masses[1]"} <= model.settable.keys()
 
 
 def test_the_equation_of_a_model_stays_as_it_is():

@@ -13,7 +13,7 @@ PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 @pytest.fixture(scope="module")
 def there_and_back():
     a, b = PAIR.speed(0.7), PAIR.speed(1.0)
-    run = gearlib.run_up(PAIR, speed=[(0.0, a), (0.8, b), (1.6, a)], samples_per_period=1)
+    run = gearlib.run_up(PAIR, speed=[(0.0, a), (0.8, b), (1.6, a)], samples_per_period=64)
     return gearlib.order_map(run, variable="dynamic_force", highest=60)
 
 

@@ -8,8 +8,7 @@ import sys
 import pytest
 
 from gearlib import processor
-from tests.workflow.recorder import emulated
-from tests.workflow.same_bytes import others
+from tests.workflow.recorder import code_taken
 
 V3 = processor.LEVEL | {"fpu", "sse2"}
 
@@ -66,10 +65,10 @@ def test_other_tunables_of_the_c_library_are_kept():
 @needs_settings
 def test_this_process_has_them():
     assert {name: os.environ.get(name) for name in processor.settings()} == processor.settings()
-    found = emulated.taken()
+    found = code_taken.taken()
     # Of a test process nobody sets what is read at its start; jobs have it.
     del found["glibc"]
-    assert others([{"rule": "tests", "processor": found}]) == []
+    assert code_taken.others([{"rule": "tests", "processor": found}]) == []
 
 
 @needs_settings

@@ -51,7 +51,7 @@ def test_the_map_keeps_powers(found):
     low, high = (PAIR.speed(nu) for nu in (0.5, 1.4))
     seconds = 120.0 * SLOWEST / (low + high)
     course = [(0.0, low), (seconds, high), (2.0 * seconds, low)]
-    run = run_up(PAIR, speed=course, samples_per_period=1)
+    run = run_up(PAIR, speed=course, samples_per_period=run_ups.SAMPLES)
     whole = order_map(run, variable="dynamic_force", highest=48)
     found = found.rename(block="time")
     assert found.sizes["time"] == 480 < whole.sizes["time"] == 2 * SLOWEST

@@ -35,7 +35,7 @@ def test_a_chirp_has_its_orders():
     assert np.abs(found.overall - math.sqrt(2.5)).max() < 1e-4
     middles = 600.0 + 200.0 * (found.time.values - 2.0)
     np.testing.assert_allclose(found.rpm, middles, rtol=2e-3)
-    track = gearlib.order_track(data, [12], variable="acceleration")
+    track = gearlib.order_map(data, orders=[12], variable="acceleration")
     assert np.abs(track.amplitude - math.sqrt(0.5)).max() < 2e-5
 
 

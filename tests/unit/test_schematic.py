@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 import gearlib
 from gearlib import plot
-from gearlib.figures import schematic, style, symmetry_breaking_figure, train_sweep_figure
+from gearlib.figures import schematic, train_sweep_figure
 from tests.golden import data as golden
 from tests.trains import random_trains
 
@@ -196,21 +196,3 @@ def test_a_mesh_has_the_colour_of_its_curve():
     assert {text.get_text(): text.get_color() for text in train.texts} == entries
     without = golden.read("train_sweep.nc").drop_vars("pitch_radius", errors="ignore")
     assert len(train_sweep_figure.draw(without).axes) == len(figure.axes) - 1
-
-
-def test_the_instant_of_a_figure_is_that_of_its_course():
-    data = own("symmetry_breaking", TRAINS["planetary"])
-    contact = np.ones(data.dynamic_force.shape, np.int8)
-    contact[30, 0] = contact[31, [0, 4]] = 0
-    figure = symmetry_breaking_figure.draw(
-        data.assign(contact=(("phase", "mesh"), contact)), periods_shown=1e9
-    )
-    train = next(axes for axes in figure.axes if "meshes of the train" in axes.get_title())
-    white = [line.get_markerfacecolor() == "white" for line in dots(train)]
-    assert np.flatnonzero(white).tolist() == [0, 4]
-    course = figure.axes[-1]
-    at = course.lines[0].get_xdata()[0] * math.tau + data.phase.values[0]
-    assert at == pytest.approx(data.phase.values[31])
-    suns = [line.get_color() for line in course.lines[1:4]]
-    assert [line.get_color() for line in dots(train)][:3] == suns
-    assert style.PALETTE[0] not in {line.get_color() for line in dots(train)[3:]}

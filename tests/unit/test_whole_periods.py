@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.kernels.closed_form.arc_tangents import RATES, enter
 from gearlib.kernels.closed_form.contact_table import (
     EMPTY,
     LAST,
@@ -26,9 +25,7 @@ from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.orbit import orbit_period
 from gearlib.kernels.overflow import within_range
-from gearlib.models.propagators.closed_form import ratios
 from gearlib.models.stiffness import levels, segment_lengths
-from tests.paper import PAPER
 
 PERIODS = 8
 LIMIT = 10**6
@@ -277,17 +274,6 @@ def test_a_period_takes_both_components(component, period):
     assert orbit_period(strobes, 0.9, 1.0) == period
     strobes[:, component] += np.arange(32)
     assert orbit_period(strobes, 0.9, 1.0) == 0
-
-
-def test_an_arc_in_the_contact_before_changes_no_tangent():
-    m = mesh(ratios(PAPER.replace(material_damping=3953.7, backlash_damping=800.0)), 0.8)
-    for contact in (NORMAL, BACKLASH, INVERSE):
-        tangents = np.random.default_rng(2).normal(size=(2, 40))
-        kept = tangents.copy()
-        arc = np.array([0.1, 0.2, contact, 1.0, 0.0, -1.0])
-        assert enter(m, np.ones((RATES, 40)), arc, contact, 2, tangents) == 2
-        # To the last bit: what a flank takes away and gives back again would leave a rounding.
-        np.testing.assert_array_equal(tangents, kept)
 
 
 def test_states_have_room_for_their_squares():

@@ -7,10 +7,9 @@ import pytest
 import xarray as xr
 
 from gearlib import integrators
-from gearlib.figures import jump_by_method_figure as jump_figure
 from gearlib.integrators.option import Option
 from gearlib.studies import jump
-from gearlib.studies.trials import fastest, jump_by_method, problems, references
+from gearlib.studies.trials import fastest, problems, references
 from gearlib.studies.trials import work_precision as wp
 from tests.paper import PARAMETERS
 from tests.tables import read_back
@@ -220,54 +219,3 @@ def test_switches_of_a_scan():
     np.testing.assert_allclose(steps, [0.1, 1.9, 1.8, 0.0, 0.0])
     assert large.tolist() == [False, True, True, False, False]
     assert not jump.height_steps(np.array([1.0, 1.05, 1.08]))[1].any()
-
-
-SCAN = {"resolution": 1e-4, "slow": {"resolution": 1e-3}, "most_evaluations": 1000}
-RUN = {"periods": 120, "record_periods": 24, "initial_state": [0.0, 0.0]}
-
-
-@pytest.fixture(scope="module")
-def scanned():
-    pair = PARAMETERS | {"material_damping": 3953.7}
-    nus = [0.812, 0.814, 0.816, 0.818]
-    return [
-        jump_by_method.compute(name, pair, nus, nus[1:3], SCAN, RUN)
-        for name in ("exact", "newmark")
-    ]
-
-
-def test_jump_by_method(scanned):
-    exact, newmark = scanned
-    assert exact.switches.values.tolist() == [1]
-    assert float(exact.jump_error[0]) == 0.0
-    assert float(exact.exact_jump) == pytest.approx(0.815695, abs=1e-4)
-    assert exact.switch_tuning.values.tolist() == [0.815]
-    # Newmark with 25 to 400 steps a period is within the cost allowed, with more it is not.
-    assert newmark.sizes["rung"] == 5 and int(newmark.left_out) == 5
-    assert newmark.sizes["switch"] == int(newmark.switches.sum())
-
-
-def test_the_largest_switch_is_the_jump_that_gearlib_jump_finds():
-    pair = problems.build("near_fold", PARAMETERS, {}, SETTINGS).model
-    nus = np.linspace(0.81, 0.82, 11)
-    run = RUN | {"initial_state": (0.0, 0.0)}
-    for method in ("exact", "rk45"):
-        found = jump_by_method.scan(pair, nus, 1e-5, method, {}, run)
-        expected = jump.find(pair, nus, 1e-5, method=method, **run)
-        assert found.jump == pytest.approx(expected.tuning, abs=1e-12)
-        assert found.switches.size == expected.switches
-
-
-def test_the_table_of_jumps_goes_by_cost(scanned, tmp_path):
-    table = read_back(jump_by_method.rows(scanned), tmp_path)
-    costs = [float(row["evaluations_per_period"]) for row in table]
-    assert costs == sorted(costs) and table[0]["line"] == "exact"
-
-
-def test_a_scan_without_a_switch():
-    pair = problems.build("smooth", PARAMETERS, {}, SETTINGS).model
-    found = jump_by_method.scan(pair, [0.70, 0.71], 1e-3, "exact", {}, RUN)
-    assert np.isnan(found.jump) and found.switches.size == 0
-    data = jump_by_method.compute("exact", pair.as_dict(), [0.70, 0.71], [0.70, 0.71], SCAN, RUN)
-    assert isinstance(data, xr.Dataset) and data.sizes["switch"] == 0
-    jump_figure.draw([data])

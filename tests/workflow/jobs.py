@@ -84,12 +84,6 @@ EXPERIMENTS = {
             "tolerance_table": 1,
         },
     ),
-    "kept_contact": Experiment(
-        {"kept_contact": 1},
-        {"draw_kept_contact": 1},
-        simulates=True,
-        with_k1={"kept_contact": 1},
-    ),
     "jump": Experiment({"jump": 1}, {"draw_jump": 1}, with_k1={"jump": 1}),
     "nonlinear_damping": Experiment(
         {"nonlinear_damping": 6, "nonlinear_damping_table": 1},
@@ -102,11 +96,6 @@ EXPERIMENTS = {
         {"draw_reducer": 1},
         with_k1={"reducer": 1, "reducer_table": 1},
     ),
-    "one_mesh": Experiment(
-        {"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
-        {"draw_one_mesh": 1},
-        with_k1={"one_mesh": 1, "one_mesh_table": 1, "assumption": 1},
-    ),
     "train_sweep": Experiment(
         {"train_sweep": 1}, {"draw_train_sweep": 1}, with_k1={"train_sweep": 1}
     ),
@@ -115,20 +104,13 @@ EXPERIMENTS = {
         {"draw_campbell": 1},
         with_k1={"campbell": 1, "campbell_table": 1},
     ),
-    "train_chart": Experiment({"train_chart": 1}, {"draw_train_chart": 1}),
-    "symmetry_breaking": Experiment(
-        {"symmetry_breaking": 1}, {"draw_symmetry_breaking": 1}, simulates=True
-    ),
-    "dynamic_factor": Experiment({"dynamic_factor": 1}, {"draw_dynamic_factor": 1}),
     "mesh_stiffness": Experiment(
         {"mesh_stiffness": 1, "mesh_stiffness_table": 1}, {"draw_mesh_stiffness": 1}
     ),
-    "rectangle": Experiment({"rectangle": 1, "rectangle_table": 1}, {"draw_rectangle": 1}),
     "harris_map": Experiment({"harris_map": 1}, {"draw_harris_map": 1}),
-    "relief_dynamics": Experiment({"relief_dynamics": 1}, {"draw_relief_dynamics": 1}),
     # Two methods each.
     "failures": Experiment(
-        {"trial": 2, "gather_failures": 1, "gradients": 1}, {"draw_failures": 1}, simulates=True
+        {"trial": 2, "gather_failures": 1}, {"draw_failures": 1}, simulates=True
     ),
     "work_precision": Experiment(
         {
@@ -149,17 +131,6 @@ EXPERIMENTS = {
     "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
     "bifurcation_branches": Experiment({"bifurcation_branches": 1}, {"draw_bifurcation": 1}),
     "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
-    "report_page": Experiment(
-        {"report_orbits": 1},
-        {"draw_report_page": 1},
-        simulates=True,
-        with_k1={"report_orbits": 1},
-    ),
-    "jump_by_method": Experiment(
-        {"jump_by_method": 2, "jump_by_method_table": 1},
-        {"draw_jump_by_method": 1},
-        with_k1={"jump_by_method": 2, "jump_by_method_table": 1},
-    ),
 }
 
 

@@ -8,7 +8,9 @@ from typing import get_args
 
 import pytest
 
+from gearlib import processor
 from gearlib.config.configuration import Target
+from tests.workflow.recorder import code_taken
 
 pytestmark = pytest.mark.slow
 
@@ -69,3 +71,12 @@ def test_no_job_compiles_what_another_has_compiled(first_run, jobs):
     ours = {path: n for path, n in compiled.items() if path.startswith(str(first_run[0].folder))}
     # Two at once start without.
     assert ours and {path for path, times in ours.items() if times > 2} == set()
+
+
+@pytest.mark.skipif(not processor.settings(), reason="this processor has no settings")
+def test_every_job_ran_under_the_settings(jobs):
+    assert code_taken.others(jobs) == []
+    libraries = [library for job in jobs for library in job["processor"]]
+    assert {"OpenBLAS", "numpy", "numba", "glibc"} <= {library.split()[0] for library in libraries}
+    # Not only in jobs that load nothing.
+    assert libraries.count("glibc") == len(jobs) and libraries.count("numba") > len(jobs) / 2

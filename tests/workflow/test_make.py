@@ -29,9 +29,6 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 #: A reference in 50 digits that is quickly computed.
 REFERENCE = "tests/physics/test_accuracy.py::test_grazing_the_far_flank_from_both_sides[1-1e-12]"
 
-#: A result that needs no kernels.
-DRAWN = "results/mesh_stiffness.nc"
-
 #: Target -> arguments of its short form, and what it prints.
 SHORT = {
     "all": ([], "Nothing to be done"),
@@ -39,14 +36,7 @@ SHORT = {
     "test": (["--assume-old=lint", "JOBS=0", "ARGS=tests/unit/test_tunings.py"], "10 passed"),
     "golden": (["ARGS=--drawn fig2_phase_shift"], "tests.golden"),
     "references": ([f"ARGS='{REFERENCE}'"], "accuracy.json: "),
-    "faults": (["ARGS='an unfinished file keeps its place'"], "1 of 1 faults caught"),
-    "mutants": (
-        ["JOBS=1", "ARGS=tunings --count 2 --tests tests/unit/test_tunings.py"],
-        "100.0%",
-    ),
     "bench": (["SHORT=1"], "all tables of this speed"),
-    "rounding": (["ARGS=--results results --moved results"], "0 differences"),
-    "same-bytes": ([f"ARGS=--target {DRAWN} 'Zen 2'"], "Zen 2: 1 jobs, 0 of 2 files"),
     "clean": ([], "rm -rf .snakemake"),
     "distclean": ([], "rm -rf .venv"),
 }

@@ -26,11 +26,6 @@ from tests.workflow.project import ROOT, small_project
 
 pytestmark = pytest.mark.slow
 
-DRAWN_BY_TABLE = {rule: n for rule, n in drawn().items() if rule != "draw_report_page"}
-
-# What rests on the charts of work and precision.
-MEASURED = ("work_precision", "jump_by_method")
-
 
 def after_an_edit(path, records):
     """Return rule -> number of the jobs that read a source, or what such jobs write."""
@@ -105,16 +100,16 @@ def test_a_new_tuning_and_a_new_scene_run_what_is_theirs(project):
 def test_a_changed_colour_only_redraws(project):
     before = project.results()
     project.configure(lambda settings: settings["figures"]["colours"].update(k1="#123456"))
-    assert project.jobs("-j2") == drawn("resonance", "phase_planes", "report_page")
+    assert project.jobs("-j2") == drawn("resonance", "phase_planes")
     after = project.results()
     changed = {path for path in before if before[path] != after[path]}
-    assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures", "results/report"}
+    assert {path.rsplit("/", 1)[0] for path in changed} == {"results/figures"}
 
 
 TRIAL = {"name": "mine", "method": "newmark", "options": {"contact": "frozen"}}
 #: Change of the configuration -> what runs then.
 CHANGES = {
-    "a new format": (lambda c: c["figures"]["formats"].append("svg"), DRAWN_BY_TABLE),
+    "a new format": (lambda c: c["figures"]["formats"].append("svg"), drawn()),
     "a raised stop leaves the computed windows": (
         lambda c: c["resonance"].update(stop=2.3),
         {
@@ -123,7 +118,6 @@ CHANGES = {
             "gather_resonance": 1,
             "draw_resonance": 1,
             "draw_run_ups": 1,
-            "draw_report_page": 1,
             "compute_claims": 1,
         },
     ),
@@ -162,29 +156,27 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
         (
             "gearlib/integrators/rk4.py",
             {
-                **{
-                    n: k for n, k in jobs("stability_chart", "failures").items() if n != "gradients"
-                },
+                **jobs("stability_chart", "failures"),
                 "trial": 1,
             },
         ),
         ("gearlib/studies/trials/difficult_problems.py", jobs("failures")),
-        # That of kept contact is drawn by what `gearlib.plot` draws by.
-        (
-            "gearlib/figures/resonance_figure.py",
-            {"draw_resonance": 1, **drawn("kept_contact"), "draw_report_page": 1},
-        ),
+        ("gearlib/figures/resonance_figure.py", {"draw_resonance": 1}),
         ("gearlib/figures/style.py", drawn()),
-        ("workflow/scripts/draw.py", DRAWN_BY_TABLE),
+        ("workflow/scripts/draw.py", drawn()),
         ("gearlib/figures/time_courses_figure.py", drawn("scenes")),
         ("gearlib/figures/poincare_figure.py", drawn("poincare")),
-        ("gearlib/figures/work_precision_figure.py", drawn(*MEASURED)),
+        ("gearlib/figures/work_precision_figure.py", drawn("work_precision")),
         (
             "gearlib/studies/trials/work_precision.py",
-            {rule: n for rule, n in jobs(*MEASURED).items() if rule != "work_precision_references"},
+            {
+                rule: n
+                for rule, n in jobs("work_precision").items()
+                if rule != "work_precision_references"
+            },
         ),
-        ("gearlib/studies/trials/high_precision.py", jobs(*MEASURED)),
-        ("gearlib/studies/claims/scene_claims.py", {**jobs("claims"), "assumption": 1}),
+        ("gearlib/studies/trials/high_precision.py", jobs("work_precision")),
+        ("gearlib/studies/claims/scene_claims.py", jobs("claims")),
         ("gearlib/figures/phase_planes_figure.py", {"draw_phase_planes": 1}),
         ("gearlib/config/experiments.py", {}),
     ],
@@ -318,8 +310,8 @@ def test_a_refusal_is_a_sentence_and_no_line_of_python(project):
         return printed.splitlines()[-1]
 
     (project / "mine.yaml").write_text(yaml.safe_dump(OWN), encoding="utf-8")
-    missing = refused("dynamic_factor", "--configfile", "mine.yaml")
-    assert missing.startswith("gears.pinion.quality is missing: it must be"), missing
+    missing = refused("reducer", "--configfile", "mine.yaml")
+    assert missing.startswith("reducer.teeth is missing: it must be"), missing
     assert refused("compare").startswith("compare needs several cases or projects")
     named = refused("--config", "targets=[compare]")
     assert named.startswith("targets[0] = 'compare' is not allowed") and "-j2 compare" in named

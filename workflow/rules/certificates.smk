@@ -19,5 +19,4 @@ use rule job as compute_certificates with:
         flint=find_spec("flint") is not None,
         pairs=canonical(pairs_of(CONFIG)),
         tunings=CONFIG.phase_planes.tunings,
-        initial_state=run_length(CONFIG)["initial_state"],
         whole=CONFIG.certificates.all_points,

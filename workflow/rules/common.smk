@@ -147,7 +147,7 @@ def table_page(study, table):
     return report(
         f"results/tables/{table.name}.html",
         caption="../report/table.rst",
-        category=table.part or study.part,
+        category=study.part,
         labels={"figure": table.label},
     )
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import write_table
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from gearlib.studies import certificate_table, certificates
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
@@ -14,9 +14,7 @@ if __name__ == "__main__":
     rows = []
     if given.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
-        rows = certificates.compute(
-            given.pairs, branches, given.tunings, given.initial_state, given.whole
-        )
+        rows = certificates.compute(given.pairs, branches, given.tunings, given.whole)
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)

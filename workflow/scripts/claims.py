@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from gearlib.data import storage
 from gearlib.data.files import write_table
 from gearlib.models.pair import GearPair
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from gearlib.studies import claims
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

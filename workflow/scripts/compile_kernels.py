@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from gearlib import kernels
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

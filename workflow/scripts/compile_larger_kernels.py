@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from gearlib.kernels.cache import source_hash
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
+from joblog import redirect_output
 
 
 def models():

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from joblog import redirect_output
 from compile_larger_kernels import run
 from gearlib.kernels.cache import source_hash
 from gearlib.models.trains.ready_made import planetary
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -1,26 +1,11 @@
 """Compute the results of a rule: one call, whose arguments are its other params and its inputs."""
 
 import inspect
-import sys
 from pkgutil import resolve_name
 
-from joblog import redirect_output
 from gearlib.data import storage
 from inputs import datasets
-
-
-def without_blas():
-    """Let numba start without the linear algebra of scipy, which no kernel calls.
-
-    It would load that before the first kernel: a fifth of a short job's time.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if "numba" in sys.modules and not {blas, "numba.np.arraymath"} & set(sys.modules):
-        sys.modules[blas] = None
-        try:
-            resolve_name("numba.np.arraymath")
-        finally:
-            del sys.modules[blas]
+from joblog import redirect_output
 
 
 def main(job):
@@ -29,7 +14,6 @@ def main(job):
     apart = ("script", "function")
     given = {name: value for name, value in job.params.items() if name not in apart}
     function = resolve_name(job.params.function)
-    without_blas()
     if "threads" in inspect.signature(function).parameters:
         given["threads"] = job.threads
     found = function(**given, **datasets(job.input))

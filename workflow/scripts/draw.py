@@ -3,9 +3,9 @@
 from pathlib import Path
 from pkgutil import resolve_name
 
-from joblog import redirect_output
 from gearlib.figures import style
 from inputs import datasets
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -2,7 +2,6 @@
 
 import atexit
 import contextlib
-import gc
 import os
 import sys
 import traceback
@@ -12,14 +11,6 @@ import __main__
 from gearlib.data.provenance import declare_sources
 from workflow import sources
 from workflow.checksums import record
-
-# Imports make objects that stay: to look for garbage among them takes a sixth of a short job.
-gc.set_threshold(200_000)
-
-# xarray loads these wherever they are installed, to no use in a job: a quarter of a short one's
-# time. Scripts import this module before the library, for xarray looks only once.
-if "xarray" not in sys.modules:
-    sys.modules.update(dask=None, pint=None)
 
 
 def redirect_output(path):
@@ -44,8 +35,6 @@ def redirect_output(path):
 
 def _record_outputs(log):
     print(record(log, map(Path, __main__.snakemake.output)), end="")
-    # Nor is there any need to look for it at the end: a quarter of a short job.
-    gc.freeze()
 
 
 def _report(terminal, kind, error, trace):

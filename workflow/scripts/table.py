@@ -2,10 +2,10 @@
 
 from pkgutil import resolve_name
 
-from joblog import redirect_output
 from gearlib.data.files import write_table
-from gearlib.pages.report import tables
+from gearlib.pages import tables
 from inputs import datasets
+from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -10,7 +10,6 @@ module                   responsibility
 ``special_points``       folds, period doublings, Neimark-Sacker points, grazings
 ``continuation``         `continue_orbit`, `switch_branch`: branches of orbits
 ``touching``             how far an orbit's turning points lie from the flank lines
-``mean_forces``          mean mesh forces of an orbit of a train, and their derivatives
 ``loci``                 `locus`: folds and grazings over two parameters
 ``linear_orbits``        the orbit of flanks that never part, over the tuning
 ``following``            folds, onsets and orbits followed from one model to others

@@ -1,9 +1,8 @@
 """The points of a branch of periodic orbits, and the equation that they solve.
 
 Unknowns are the state at tau = 0, without free rotation, and the parameter. The residual and its
-derivative by the state are those of shooting, exact. The derivative by the parameter is exact where
-the motion has closed forms; elsewhere it is a central difference, which decides how fast Newton's
-method converges, not where to.
+derivative by the state are those of shooting, exact. The derivative by the parameter is a central
+difference, which decides how fast Newton's method converges, not where to.
 """
 
 from dataclasses import dataclass
@@ -107,16 +106,8 @@ class Shooting:
 
     def slopes(self, y):
         """Return the derivatives of the residuals by the parameters, shape (n, parameters)."""
-        model, tuning, z = self.model(y)
-        propagator, n = self.propagator(model, tuning), len(self.reduce)
-        along = propagator.along_branch(model, self.names) if propagator.tangents else None
-        if along is None:
-            return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
-        tangents = np.zeros((z.size, len(self.names)))
-        code = propagator.tangents(z, along, tangents, self.period, self.max_events)
-        if code != status.OK:
-            raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
-        return self.reduce @ tangents
+        n = len(self.reduce)
+        return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
 
     def _difference(self, y, column):
         ends, steps = [], []

@@ -9,9 +9,8 @@ period doubling   det(M + I) = 0
 grazing           a turning point lies on a flank line
 ================  =============================================================
 
-Of folds and doublings with one degree of freedom, linear between events, its derivatives are exact.
-Elsewhere, and of grazings, they are central differences, which decide how fast Newton's method
-converges, not where to.
+Its derivatives are central differences, which decide how fast Newton's method converges, not where
+to.
 """
 
 import numpy as np
@@ -23,7 +22,6 @@ from gearlib.analysis.orbits.branch_points import Evaluation, Shooting
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.shooting import NoOrbit, multipliers_of
 from gearlib.analysis.orbits.tracing import Lost, advance, at_value, tangent
-from gearlib.data import status
 from gearlib.data.result import result
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -51,26 +49,7 @@ class _Extended:
         return np.prod(multipliers_of(shooting.evaluate(y).matrix) + self._sign).real
 
     def slopes(self, y):
-        """Return its derivatives by the scaled unknowns."""
-        shooting = self.shooting
-        pair, tuning, z = shooting.model(y)
-        propagator = shooting.propagator(pair, tuning)
-        # With more coordinates the rates by all of them cost more than differences.
-        exact = self.label != special.GRAZING and z.size == 2 and propagator.map_rates
-        along = propagator.along_branch(pair, shooting.names) if exact else None
-        if along is None:
-            return self._differences(y)
-        # By the state, then by both parameters.
-        along = [propagator.nowhere, propagator.nowhere, *along]
-        tangents = np.hstack([np.eye(2), np.zeros((2, 2))])
-        rest = shooting.period, shooting.max_events
-        matrix, rates, code = propagator.map_rates(z, along, tangents, *rest)
-        if code != status.OK or not np.isfinite(rates).all():
-            raise Lost("the map has no derivative at a grazing")
-        (a, b), (c, d) = matrix + self._sign * np.eye(2)
-        return np.tensordot(rates, [[d, -c], [-b, a]]) * shooting.units
-
-    def _differences(self, y):
+        """Return its derivatives by the scaled unknowns, by central differences."""
         row = np.empty(y.size)
         for column in range(y.size):
             ends = []

@@ -1,4 +1,4 @@
-"""Orbits that are theorems: existence, contacts, stability and special points in ball arithmetic.
+"""Orbits that are theorems: existence, contacts and stability in ball arithmetic.
 
 =====================  =====================================================================
 module                 responsibility
@@ -17,9 +17,6 @@ module                 responsibility
 ``multipliers``        eigenvalues, and what they say of stability
 ``extrema``            the smallest and the largest displacement of a motion
 ``orbits``             `certify`: one orbit
-``points``             `certify_fold`, `certify_grazing`
-``tongue_edges``       `certify_tongues`
 ``ranges``             `certify_range`: an orbit at every tuning of a range
-``proven_motions``     `certify_motion`: where a motion tends to
 =====================  =====================================================================
 """

@@ -81,7 +81,7 @@ def framed(path):
     """
     n, scale = 2 * len(path.laws.kept), 1 / path.laws.tuning
     frame = back = unit(path.laws.size)
-    spread, found, last, known = np.eye(n), [], path.start, True
+    spread, found, last, known = np.eye(n), [], 0, True
     for node, phase in zip(path.nodes, path.phases(path.guess), strict=True):
         starts_known, known = known, node.phase is not None
         base = (phase - last) * scale

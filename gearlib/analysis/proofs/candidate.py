@@ -41,12 +41,14 @@ def laws_over_tunings(model, tuning):
     return laws
 
 
-def run_contacts(model, tuning, state, period):
-    """Return (contact codes of all meshes at tau = 0, events, pattern) of a motion in floats.
+def listed_contacts(orbit):
+    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
 
-    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
+    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods; the
+    candidate has to list them.
     """
-    events, summary, _, code = model.propagator(tuning).recorded(state, period, MAX_EVENTS)
+    model, state, period = orbit.pair, orbit.state, orbit.period
+    events, summary, _, code = model.propagator(orbit.tuning).recorded(state, period, MAX_EVENTS)
     if code == JAMMED:
         raise Uncertain("jammed", MESSAGES[JAMMED])
     table = [
@@ -63,16 +65,10 @@ def run_contacts(model, tuning, state, period):
     pattern = tuple(codes) if not table else (table[0][2], *(after for *_, after in table))
     for _, mesh, before, _ in reversed(table):
         codes[mesh] = before
-    return codes, table, pattern
-
-
-def listed_contacts(orbit):
-    """Return (contact codes, events) of the motion from a candidate, which lists them."""
-    codes, events, pattern = run_contacts(orbit.pair, orbit.tuning, orbit.state, orbit.period)
     if pattern != tuple(orbit.pattern):
         raise Uncertain(
             "contacts",
             f"the motion from the candidate has the contacts {pattern}, not the listed "
             f"{tuple(orbit.pattern)}",
         )
-    return codes, events
+    return codes, table

@@ -35,12 +35,9 @@ REFUSALS = {
     "together": "contacts of several meshes come together and are not passed, or are too many",
     "grazing": "the motion comes too near to a flank line without crossing it, or crosses too flat",
     "jammed": "both flanks of a mesh touch at once, or it is not proven that they do not",
-    "tongue": "it is not proven that deviations grow everywhere between two edges",
     "period": "the orbit repeats after fewer mesh periods than the candidate says",
     "precision": "the digits asked for were not reached",
     "stability": "the stability changes within the range, or is not proven",
-    "trap": "no neighbourhood of the orbit was found that the period map contracts",
-    "arrival": "the motion did not reach the neighbourhood of the orbit",
 }
 
 
@@ -60,13 +57,10 @@ class _Claim:
     claim = ""
     exact: tuple = ()  #: names of floats that are exact numbers
 
-    def _claimed(self):
-        return self.claim
-
     def as_dict(self):
         """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
         bits = {name: number(getattr(self, name)) for name in self.exact}
-        return as_claim(self._claimed(), self) | bits
+        return as_claim(self) | bits
 
 
 class _OrbitClaim(_Claim):
@@ -182,95 +176,6 @@ class TrainFacts:
     coordinates: tuple  #: their names
     fixed: tuple  #: of these 0 throughout: a free rotation is counted from them
     derived: dict  #: numbers that the library derives from the model, exact ones in the proof
-    touched: Any = None  #: mesh and side, "drive" or "coast", of a flank line that is touched
-
-
-@dataclass(frozen=True, repr=False)
-class PointCertificate(_Claim):
-    """A fold, a period doubling or a grazing that is proven to exist, and where it lies."""
-
-    kind: str  #: "fold", "period doubling" or "grazing"
-    pair: object
-    period: int  #: mesh periods
-    pattern: tuple  #: contact codes in the order met, from the phase `start`
-    tuning: Enclosure
-    interval: tuple  #: of tunings, floats: it is the only such point there within `radius`
-    displacement: Enclosure  #: at the phase `start`, in static deflections
-    velocity: Enclosure  #: dx/dtau there
-    events: tuple  #: all contacts gained and lost from there on, `ContactEvent` in their order
-    touch: Enclosure | None  #: phase at which a grazing orbit touches the flank line
-    start: str  #: "0" or "pi", the mesh phase at which the orbit is looked at
-    radius: float  #: of the state, the phases and 1 / nu; see `Certificate`
-    moved: float  #: most that state and tuning may lie away from the candidate
-    digits: int
-    train: Any = None  #: `TrainFacts`; None: one degree of freedom
-
-    def _claimed(self):
-        return self.kind
-
-    def __repr__(self):
-        return (
-            f"Proven: a {self.kind} of {_orbit(self.period)}\n"
-            f"  tuning        {self.tuning}\n"
-            f"  contacts      {_met(self.pattern)}\n"
-            f"  the only one with tunings from {self.interval[0]!r} to {self.interval[1]!r}, state "
-            f"and phases within {self.radius:.3g}"
-        )
-
-
-@dataclass(frozen=True, repr=False)
-class Tongue(_Claim):
-    """A tongue: between two proven edges the orbit without loss of contact is unstable."""
-
-    pair: object
-    order: int
-    multiplier: int  #: on both edges, 1 or -1
-    start: Enclosure  #: tuning of the lower edge
-    stop: Enclosure
-    start_interval: tuple  #: of tunings, floats: no other edge of this multiplier is there
-    stop_interval: tuple
-    digits: int
-    derived: Any = None  #: as of `TrainFacts`; None: one degree of freedom
-
-    claim = "tongue"
-
-    def __repr__(self):
-        return (
-            f"Proven: a tongue of order {self.order}, unstable from tuning\n  {self.start}\nto\n"
-            f"  {self.stop}"
-        )
-
-
-@dataclass(frozen=True)
-class MotionCertificate:
-    """A motion that is proven to tend to an orbit."""
-
-    orbit: Certificate
-    initial_state: tuple  #: displacement and dx/dtau at tau = 0, exact floats
-    periods: int  #: mesh periods after which the motion is in the trap
-    run_pattern: tuple  #: contact codes of the motion until then, in the order met
-    run: tuple  #: its contacts, `ContactEvent` in their order, phases from its start
-    arrival: tuple  #: its displacement and dx/dtau then, two `Enclosure`
-    basis: tuple  #: V, a row after the other, exact floats: states (x, nu dx/dtau) = orbit + V y
-    trap_radius: float  #: of y: all motions from there tend to the orbit
-    trap_phases: tuple  #: of the contacts of all motions from there over the orbit, `Enclosure`
-    contraction: float  #: |y| falls by this factor or more in every period of the orbit
-
-    def __repr__(self):
-        x, v = self.initial_state
-        return (
-            f"Proven: the motion from ({x!r}, {v!r}) tends to this orbit; after {self.periods} "
-            f"mesh periods it is where deviations shrink by {self.contraction:.4g} per orbit\n"
-            f"{self.orbit!r}"
-        )
-
-    def as_dict(self):
-        """Return all of it as plain values, exact floats as texts that say all their bits."""
-        own = {one.name: getattr(self, one.name) for one in fields(self)[1:]}
-        exact = ("initial_state", "basis", "trap_radius", "contraction")
-        own |= {name: numbers(own[name]) for name in exact}
-        claimed = {name: plain(value) for name, value in own.items()}
-        return self.orbit.as_dict() | {"claim": "motion"} | claimed
 
 
 @dataclass(frozen=True)
@@ -325,20 +230,18 @@ def _complex(real, imaginary):
     return f"{real}" if not imaginary.low and not imaginary.high else f"{real}, i ({imaginary})"
 
 
-def as_claim(claim, certificate):
+def as_claim(certificate):
     """Return a certificate as a dict of plain values that names its claim."""
     values = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
     train = values.pop("train", None)
     values |= vars(train) if train else {}
-    for name in ("derived", "touched"):
-        if values.get(name, 0) is None:
-            del values[name]
-        elif name == "derived" and name in values:
-            values[name] = numbers(values[name])
+    if "derived" in values:
+        values["derived"] = numbers(values["derived"])
     # What has no part in the motion: the teeth of a pair.
     without = () if certificate.pair.equation is None else ("teeth",)
     plain_values = {name: plain(value) for name, value in values.items()}
-    return {"claim": claim} | plain_values | {"pair": numbers(certificate.pair.as_dict(), without)}
+    parameters = numbers(certificate.pair.as_dict(), without)
+    return {"claim": certificate.claim} | plain_values | {"pair": parameters}
 
 
 def listed(contacts, digits, names=()):

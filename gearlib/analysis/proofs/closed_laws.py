@@ -196,12 +196,10 @@ class ClosedLaws:
         """Return the law for the contact code of the mesh, a list of one, on a segment."""
         return self._laws[codes[0]][segment]
 
-    def on_line(self, side, touch):
-        """Return the matrix that puts z where a contact has it: on the line, at a touch at rest."""
+    def on_line(self, side):
+        """Return the matrix that puts z where a contact has it: on the flank line."""
         found = self.basis * 1
         found[0, 0], found[0, 2] = 0, self.lines[side]
-        if touch:
-            found[1, 1] = 0
         return found
 
     def kick(self, before, after, z, row):

@@ -104,12 +104,3 @@ def verdict(matrix, determinant):
     if matrix.nrows() == 2:
         return judge_two(matrix[0, 0] + matrix[1, 1], determinant)
     return judge(eigenvalues(matrix))
-
-
-def largest_eigenvalue(square):
-    """Return a bound of the eigenvalues of all symmetric matrices in balls, none < 0."""
-    if square.nrows() == 2:
-        one, two = square[0, 0], square[1, 1]
-        root = (((one - two) / 2) ** 2 + square[0, 1] ** 2).sqrt()
-        return ((one + two) / 2 + root).upper()
-    return max((abs(one).upper() for one in eigenvalues(square)), key=float)

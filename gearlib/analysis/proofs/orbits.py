@@ -140,13 +140,12 @@ def state_of(laws, box, scale, digits):
     return tuple(tuple(map(within, half)) for half in laws.spread(box, scale))
 
 
-def train_of(laws, codes, touch=None):
+def train_of(laws, codes):
     """Return the `TrainFacts` of the laws of a train; None: of one degree of freedom."""
     if not laws.framed:
         return None
-    touched = None if touch is None else (laws.mesh_names[touch[1]], ("coast", "drive")[touch[2]])
     fixed = tuple(laws.coordinates[i] for i in laws.fixed)
-    return TrainFacts(laws.mesh_names, tuple(codes), laws.coordinates, fixed, laws.derived, touched)
+    return TrainFacts(laws.mesh_names, tuple(codes), laws.coordinates, fixed, laws.derived)
 
 
 class Proof:
@@ -318,8 +317,8 @@ class Proof:
 
     def _of_train(self):
         """Return the same of a train."""
-        multipliers, facts = eigenvalues(self.map), vars(train_of(self.laws, self.codes))
-        own = {name: value for name, value in facts.items() if name != "touched"}
+        multipliers = eigenvalues(self.map)
+        own = vars(train_of(self.laws, self.codes))
         return TrainCertificate, own, multipliers, judge(multipliers)
 
 

@@ -1,10 +1,9 @@
 """An orbit as a system of equations: its state, all phases of its contacts, and their derivatives.
 
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contacts gained
-and lost at unknown ones, perhaps a touch of a flank line. Unknowns are the state at tau = 0,
-(y, dy/dtheta) of its laws, the phases of the contacts, that of the touch, and 1 / nu where the
-tuning is asked for as well. The equations: at each contact the mesh's distance from its flank line
-is 0; at a touch its rate too; the state returns. Arcs are linear flows, so is the derivative.
+and lost at unknown ones. Unknowns are the state at tau = 0, (y, dy/dtheta) of its laws, and the
+phases of the contacts. The equations: at each contact the mesh's distance from its flank line is 0;
+the state returns. Arcs are linear flows, so is the derivative.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from gearlib.kernels.codes import NORMAL
 
 #: Numbers of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
-SWITCH, CONTACT, TOUCH, END = range(4)
+SWITCH, CONTACT, END = range(3)
 #: Most arcs of an orbit.
 _MOST = 1000
 
@@ -29,7 +28,7 @@ class Node:
     kind: int
     law: Any  #: of the arc that ends here
     phase: Any = None  #: a ball; None: unknown
-    mesh: int = -1  #: of a contact or touch
+    mesh: int = -1  #: of a contact
     side: int = DRIVE  #: of the flank line that is crossed
     before: int = 0  #: contact code of the mesh before
     after: int = 0
@@ -39,31 +38,26 @@ class Path:
     """The nodes of a motion, and its equations.
 
     `codes` are the contact codes of all meshes at the start, `events` (phase, mesh, code before,
-    code after, ...) in their order, phases counted on over the periods; `touch` is (phase, mesh,
-    side) of a flank line that is touched, `start` the mesh phase, away from a switch, at which the
-    path begins and ends. `framed`: whether boxes turn with the motion, of use where there are many
-    coordinates, and they are wide, or the bits are many; by default as the laws have it.
+    code after, ...) in their order, phases counted on over the periods. `framed`: whether boxes
+    turn with the motion, of use where there are many coordinates, and they are wide, or the bits
+    are many; by default as the laws have it.
     """
 
-    def __init__(self, laws, codes, events, period, touch=None, start=0, framed=None):
+    def __init__(self, laws, codes, events, period, framed=None):
         arb, now = flint().arb, list(codes)
-        self.laws, self.codes, self.start = laws, tuple(codes), arb(start)
+        self.laws, self.codes = laws, tuple(codes)
         turn = 2 * arb.pi()
-        end = self.start + turn * period
+        end = turn * period
         marks: list = []
         segment = 0
-        # Where a period begins nothing need change: then it is a node of use for `ends` only.
-        idle = laws.segments[0][1] == laws.segments[-1][1] and self.start > 0
         for n in range(0, period + laws.repeats, laws.repeats):
             for i, (phase, following) in enumerate(laws.segments):
                 at = phase + turn * n
-                if at < end and at > self.start and not (idle and i == 0):
+                if at < end and at > 0:
                     marks.append((at, SWITCH, (following, i == 0)))
-                elif not at > self.start:
+                elif not at > 0:
                     segment = following
         marks += [(arb(phase), CONTACT, what[:3]) for phase, *what in events]
-        if touch is not None:
-            marks.append((arb(touch[0]), TOUCH, touch[1:]))
         if len(marks) >= _MOST:
             raise Uncertain("together", f"{len(marks)} arcs are too many: {_MOST} are allowed")
         # Events that floats do not tell apart stay in their order.
@@ -80,10 +74,6 @@ class Path:
                 self.nodes.append(Node(SWITCH, law, phase))
                 continue
             self.guess.append(phase)
-            if kind == TOUCH:
-                mesh, side = what
-                self.nodes.append(Node(TOUCH, law, None, mesh, side, now[mesh], now[mesh]))
-                continue
             mesh, before, after = what
             if before != now[mesh]:
                 raise Uncertain("contacts", "the contacts do not follow from each other")
@@ -108,93 +98,59 @@ class Path:
 
     def column(self, state):
         """Return z~ at the start, shape (size, 1), of (y, dy/dtheta)."""
-        rest = [1]
-        for frequency in self.laws.frequencies:
-            sine, cosine = (arcs.ball_of(frequency) * self.start).sin_cos()
-            rest += [cosine, sine]
-        values = [*state, *rest]
+        values = [*state, 1, *[1, 0] * len(self.laws.frequencies)]
         return self.laws.inverse * flint().arb_mat(len(values), 1, values)
 
-    def equations(self, unknowns, scale=None, bits=None, direction=None):
+    def equations(self, unknowns, scale, bits=None):
         """Return (residuals, derivatives by the unknowns, a row each).
 
-        Unknowns are state and phases, and 1 / nu if `scale` does not give it. `bits` are those of
-        the derivatives, by default as many as Newton's method has a use for. With a `direction` of
-        state and phases a third value follows: derivatives of what residuals change by along it.
+        Unknowns are state and phases, `scale` is 1 / nu. `bits` are those of the derivatives, by
+        default as many as Newton's method has a use for.
         """
         arb_mat, laws = flint().arb_mat, self.laws
         n, size, m = 2 * len(laws.kept), laws.size, len(unknowns)
-        tuned = scale is None
-        scale = unknowns[-1] if tuned else scale
         bits = bits or max(COARSE, flint().ctx.prec // 3)
         z, slopes = self.column(unknowns[:n]), arb_mat(size, m)
         for i in range(size):
             for j in range(n):
                 slopes[i, j] = laws.inverse[i, j]
-        along = None if direction is None else _Along(self, slopes, direction[:n])
-        residuals, rows, bends = [], [], []
-        last, last_column, last_way, column = self.start, None, 0, n
-        phases = self.phases(unknowns[n : m - tuned])
-        ways = self.phases(direction[n:]) if along else phases
-        for node, phase, way, arc in zip(self.nodes, phases, ways, self.arcs, strict=True):
-            span, way = phase - last, 0 if node.phase is not None else way
-            t = span * scale
-            #: Of the arc's time, by the phases at its ends and by 1 / nu.
-            by_end, by_scale = [], [(m - 1, span)] if tuned else []
+        residuals, rows = [], []
+        last, last_column, column = 0, None, n
+        phases = self.phases(unknowns[n:])
+        for node, phase, arc in zip(self.nodes, phases, self.arcs, strict=True):
+            t = (phase - last) * scale
             turn = arc.turn(t)
-            if along:
-                along.begin(arc, z, slopes, (way - last_way) * scale, way - last_way, m)
             if last_column is not None:
                 # The later the arc begins, the less of it there is.
                 arcs.add(slopes, last_column, arc.begins * z * -scale)
-                by_end.append((last_column, -scale))
             z = arc.go(z, t, turn)
             with precision(bits):
                 slopes = arc.after(slopes, turn)
+            last, last_column = phase, None
             if node.phase is None:
-                by_scale.append((column, scale))
-                last_column = column
-                column += 1
-            else:
-                last_column = None
-            if by_scale:
-                speed = arc.ends * z
-                for k, rate in by_scale:
-                    arcs.add(slopes, k, speed * rate)
-            if along:
-                along.end(arc, turn, by_end + by_scale)
-            last, last_way = phase, way
-            if node.kind in (CONTACT, TOUCH):
-                found = [laws.distances[node.mesh][node.side]]
-                if node.kind == TOUCH:
-                    found.append(found[0] * node.law.matrix)
-                place = (
-                    None if arc.frame is not None else laws.on_line(node.side, node.kind == TOUCH)
-                )
-                for row in found:
-                    row = row if arc.frame is None else row * arc.frame
-                    residuals.append((row * z)[0, 0])
-                    rows.append((row * slopes).entries())
-                    if along:
-                        bends.append((row * along.slopes).entries())
+                arcs.add(slopes, column, arc.ends * z * scale)
+                last_column, column = column, column + 1
+            if node.kind == CONTACT:
+                row = laws.distances[node.mesh][node.side]
+                row = row if arc.frame is None else row * arc.frame
+                residuals.append((row * z)[0, 0])
+                rows.append((row * slopes).entries())
+                place = None if arc.frame is not None else laws.on_line(node.side)
                 if place is not None:
                     # From here on the state lies on the line, as the equation says.
                     z, slopes = place * z, place * slopes
-                    if along:
-                        along.put(place)
         ends = laws.basis if arc.frame is None else laws.basis * arc.frame
         z, slopes = ends * z, ends * slopes
-        back = (ends * along.slopes).tolist() if along else ()
         for i in range(n):
             residuals.append(z[i, 0] - unknowns[i])
             row = [slopes[i, j] for j in range(m)]
             row[i] -= 1
             rows.append(row)
-        return (residuals, rows, [*bends, *back[:n]]) if along else (residuals, rows)
+        return residuals, rows
 
     def states(self, unknowns, scale):
         """Return (z~ at the start, time) of every arc, and z~ at the nodes."""
-        n, last, laws = 2 * len(self.laws.kept), self.start, self.laws
+        n, last, laws = 2 * len(self.laws.kept), 0, self.laws
         z = start = self.column(unknowns[:n])
         begins, ends = [], []
         phases = self.phases(unknowns[n:])
@@ -202,8 +158,8 @@ class Path:
             t = (phase - last) * scale
             begins.append((start, t))
             z = arc.go(z, t)
-            if node.kind in (CONTACT, TOUCH) and arc.frame is None:
-                place = laws.on_line(node.side, node.kind == TOUCH)
+            if node.kind == CONTACT and arc.frame is None:
+                place = laws.on_line(node.side)
                 z = z if place is None else place * z
             start = arc.out(z)
             ends.append(start)
@@ -214,7 +170,6 @@ class Path:
         """Return the map of small deviations of y and dy/dtheta, from rows of `equations`.
 
         The phases of the contacts follow from the state: by the derivative of an implicit function.
-        Rows and columns of the tuning or of a touch have to be left out.
         """
         arb_mat, n = flint().arb_mat, 2 * len(self.laws.kept)
         k = len(rows) - n
@@ -256,41 +211,3 @@ class Path:
             matrix = node.law.matrix
             loss += sum((matrix[i, i] for i in range(self.laws.size)), flint().arb(0)) * t
         return loss.exp()
-
-    def without_contacts(self, scale):
-        """Return the map of small deviations and its derivative by 1 / nu: no phase is unknown."""
-        size, last = self.laws.size, self.start
-        whole, rate = arcs.unit(size), flint().arb_mat(size, size)
-        for node in self.nodes:
-            span, last = node.phase - last, node.phase
-            flow = node.law.flow(span * scale)
-            whole = flow * whole
-            rate = flow * rate + node.law.matrix * whole * span
-        return self._reduced(whole), self._reduced(rate)
-
-
-class _Along:
-    """What changes along a direction of state and phases, and its derivatives by the unknowns."""
-
-    def __init__(self, path, slopes, direction):
-        n, size = len(direction), path.laws.size
-        self.z = flint().arb_mat([row[:n] for row in slopes.tolist()])
-        self.z = self.z * flint().arb_mat(n, 1, list(direction))
-        self.slopes = flint().arb_mat(size, slopes.ncols())
-
-    def begin(self, arc, z, slopes, away, share, m):
-        """Add what an arc's time changes by, `away`; `share` is that by 1 / nu, unknown m - 1."""
-        law = arc.begins
-        self.z += law * z * away
-        self.slopes += law * slopes * away
-        arcs.add(self.slopes, m - 1, law * z * share)
-
-    def end(self, arc, turn, rates):
-        """Go through an arc whose time has these derivatives, (column, rate)."""
-        self.z, self.slopes = turn * self.z, turn * self.slopes
-        speed = arc.ends * self.z
-        for k, rate in rates:
-            arcs.add(self.slopes, k, speed * rate)
-
-    def put(self, place):
-        self.z, self.slopes = place * self.z, place * self.slopes

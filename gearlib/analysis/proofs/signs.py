@@ -10,11 +10,9 @@ import math
 from gearlib.analysis.proofs.arcs import norm
 from gearlib.analysis.proofs.balls import COARSE, flint, precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.path import COAST, CONTACT, DRIVE, TOUCH
+from gearlib.analysis.proofs.path import COAST, CONTACT, DRIVE
 from gearlib.kernels.codes import INVERSE, NORMAL
 
-#: How the state lies at an end of an arc: off the line, crossing it, or at rest on it.
-OFF, CROSSING, TOUCHING = range(3)
 #: Most pieces of one arc, and the shortest, as a share of it.
 _PIECES, _SHORTEST = 2000, 2**-48
 #: Degree of the polynomials, and the time of one of them by the norm of the law.
@@ -62,20 +60,15 @@ class ClosedCurve:
         return (self.second * self.law.go(self.z, t))[0, 0]
 
 
-def keeps_off(curve, t, side, first, last):
+def keeps_off(curve, t, side):
     """Return whether side times distance > 0 is proven strictly between the ends of an arc.
 
     The arc is cut into pieces. On a piece the sign is proven if the enclosure of the distance has
     it, or if the distance is not on the wrong side at both ends of the piece and is monotone or
-    curved towards the line between them. Next to a touch, at rest, it is curved away from the line.
-    `t` is its duration; `first` and `last` are `OFF`, `CROSSING` or `TOUCHING` at either end: what
-    is not `OFF` is on the line by what is already proven.
+    curved towards the line between them. `t` is its duration. That both ends of the arc are on the
+    line, or on the right side of it, is already proven.
     """
     arb = flint().arb
-    if first == OFF and not side * curve.at(arb(0))[0] > 0:
-        return False
-    if last == OFF and not side * curve.at(t)[0] > 0:
-        return False
     todo, count = [(0.0, 1.0)], 0
     while todo:
         low, length = todo.pop()
@@ -91,9 +84,6 @@ def keeps_off(curve, t, side, first, last):
         # By the mean value of the velocity: sharper where it is small.
         if side * (y_middle + v * t * arb(0, 0.5 * length)) > 0:
             continue
-        touches = (low == 0.0 and first == TOUCHING) or (low + length == 1.0 and last == TOUCHING)
-        if touches and bend > 0:
-            continue
         count += 1
         if count > _PIECES or length < _SHORTEST:
             return False
@@ -103,21 +93,16 @@ def keeps_off(curve, t, side, first, last):
     return True
 
 
-def check_contacts(path, arcs, ends, phases, first=None):
+def check_contacts(path, arcs, ends, phases):
     """Prove that the contacts of a path are crossings, in this order, and all there are.
     Returns the rates of distance at the contacts, by theta. `arcs` and `ends` are of `Path.states`,
-    `phases` of all nodes; `first` is (mesh, side, kind) of a flank line that the state at the start
-    lies on, see `check_arc`.
+    `phases` of all nodes.
     """
     laws, now, rates = path.laws, list(path.codes), []
-    kinds = {CONTACT: CROSSING, TOUCH: TOUCHING}
     # What is met at every node, and at the start of every arc: None for a switch.
-    met = [
-        (node.mesh, node.side, kinds[node.kind]) if node.kind in kinds else None
-        for node in path.nodes
-    ]
-    crossed = [first, *met]
-    for i, (last, phase) in enumerate(zip([path.start, *phases], phases, strict=False)):
+    met = [(node.mesh, node.side) if node.kind == CONTACT else None for node in path.nodes]
+    crossed = [None, *met]
+    for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if i and met[i] and crossed[i]:
                 raise Uncertain("together", _TOGETHER)
@@ -144,7 +129,8 @@ def check_contacts(path, arcs, ends, phases, first=None):
 def check_arc(laws, law, z, end, t, codes, on_line, at):
     """Prove that no mesh touches a flank line within an arc from z to `end`.
 
-    `on_line` are (mesh, side, `CROSSING` or `TOUCHING`) of what is met at either end, else None.
+    `on_line` are (mesh, side) of the flank line that is crossed at either end, None where there is
+    none.
     """
     bounds = bounds_of(laws, codes, laws.distances)
     pieces = _closed if law.closed else _pieces
@@ -153,18 +139,16 @@ def check_arc(laws, law, z, end, t, codes, on_line, at):
             curves, begins, ends, bounds, strict=True
         ):
             coast, drive = laws.distances[j]
-            kinds = [
+            crossed = [
                 # Without backlash the lines of both sides are one.
-                mark[2] if here and mark and mark[0] == j and (mark[1] == side or coast is drive)
-                else OFF
+                here and mark and mark[0] == j and (mark[1] == side or coast is drive)
                 for here, mark in zip((first, last), on_line, strict=True)
-            ]  # fmt: skip
+            ]
             # Of the ends the states know more than the polynomials.
             known = [
-                kind or (CROSSING if sign * value > 0 else OFF)
-                for kind, value in zip(kinds, (begin, stop), strict=True)
+                mark or sign * value > 0 for mark, value in zip(crossed, (begin, stop), strict=True)
             ]
-            if OFF in known or not keeps_off(curve, h, sign, *known):
+            if not all(known) or not keeps_off(curve, h, sign):
                 _refuse(laws, j, side, codes[j], at)
 
 

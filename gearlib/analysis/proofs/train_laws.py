@@ -248,7 +248,7 @@ class TrainLaws:
         speed = (row * (before.matrix * z))[0, 0]
         return (after.matrix - before.matrix) * z * (1 / speed)
 
-    def on_line(self, side, touch):
+    def on_line(self, side):
         """Return None: a state at a contact stays as it is."""
         return None
 

@@ -5,8 +5,6 @@ module            responsibility
 ================  ====================================================
 ``meissner``      rectangular stiffness: tongues in closed form
 ``hill_tongues``  other stiffness, six degrees: tongues from monodromy
-``first_order``   gear trains: widths to first order
-``undamped``      gear trains without damping: growth at many tunings
 ``no_loss``       motion without loss of contact: period map, orbit
 ================  ====================================================
 """

@@ -4,14 +4,14 @@
 module                responsibility
 ====================  =======================================================
 ``study``             the record, and what records take from a configuration
-``paper_figures``     the paper's figures and statements, the page of the report
+``paper_figures``     the paper's figures and statements
 ``explained``         models, jump, branches, proofs, tongues
 ``basins_and_chaos``  basins, bifurcation diagram, Poincare sections
 ``of_methods``        analytic methods, and trials of all methods
-``of_trains``         reducer, planetary trains, a train over speed
-``of_drawn_gears``    mesh stiffness, dynamic factor, tip relief
+``of_trains``         reducer, its Campbell diagram, a train over speed
+``of_drawn_gears``    mesh stiffness, Harris maps
 ``of_rigs``           measured curves
-``of_tolerances``     how sure jumps, contact loss and peaks are; where contact is kept
+``of_tolerances``     how sure jumps, contact loss and peaks are
 ====================  =======================================================
 """
 

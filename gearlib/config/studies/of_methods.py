@@ -1,7 +1,6 @@
 """Studies of the methods: analytic ones, numerical stability, failures, work and precision."""
 
 from gearlib.config.experiments import AnalyticMethod
-from gearlib.config.studies.explained import marked
 from gearlib.config.studies.study import (
     ALONE,
     LONG,
@@ -18,7 +17,7 @@ from gearlib.config.studies.study import (
     run_length,
     without,
 )
-from gearlib.config.trials import Failures, JumpByMethod, StabilityChart, WorkPrecision
+from gearlib.config.trials import Failures, StabilityChart, WorkPrecision
 
 _LARGER = ("kernels", "larger_kernels")
 
@@ -42,7 +41,7 @@ def _trial_files(c):
 
 
 def _untried(c):
-    return absent(dict.fromkeys([t.method for t in c.failures.trials] + c.failures.gradients))
+    return absent(dict.fromkeys(t.method for t in c.failures.trials))
 
 
 def _method(wildcards):
@@ -70,7 +69,6 @@ def _problems(c):
 
 _ERRORS = _by_method("work_precision", "work_precision/errors_{method}.nc")
 _TIMES = _by_method("work_precision", "work_precision/times_{method}.nc")
-_JUMPS = _by_method("jump_by_method", "jump_by_method/{method}.nc")
 
 
 def _fastest_caption(c):
@@ -81,14 +79,6 @@ def _fastest_caption(c):
         package ("other"), the accuracy parameter of each, and how many times faster that of gearlib
         is. Errors are those against a run in 50 digits; times are those of one machine and one run
         on one thread, without compilation and start. {missing}"""
-
-
-def _jump_caption(c):
-    marks = c.jump.marked
-    band = f"Band: tunings {' to '.join(map(str, marks))}." if marks else ""
-    return f"""Tunings at which the motion from rest switches between two orbits, for each method
-        and value of its accuracy parameter, the cheapest above. Line: the exact jump. {band} Error:
-        the largest of these tunings, refined by bisection, less the exact jump."""
 
 
 ANALYTIC_METHOD = Study(
@@ -180,26 +170,16 @@ FAILURES = Study(
         files=("failures.nc",),
         kernels=(),
     ),
-    Job(
-        "gradients",
-        "trials.gradients:compute",
-        lambda c: {"ways": [way for way in c.failures.gradients if installed(way)]},
-        kernels=_LARGER,
-    ),
     Drawing(
         "failures_figure.draw",
-        {"matrix": "failures.nc", "gradients": "gradients.nc"},
+        {"matrix": "failures.nc"},
         "failures",
         "Failures: difficult problems against methods",
         """Difficult problems (rows) and methods (columns). Letter and colour: the first rule of
         `gearlib/studies/trials/failures.py` that applies; number: error in the quantity that
         the problem compares (contact events: how many are missing, spurious or out of order).
         Star: fewer mesh periods than the other methods, because the steps of the solver are
-        interpreted. The references are independent of the method that is judged. Columns d/dp:
-        derivatives of the final state by contact ratio, damping (stiffness ratio without
-        damping) and tuning, on some of the problems; `gearlib/studies/trials/gradients.py` has
-        ways and rules. Their reference, differences of runs to rounding, loses half of its
-        digits: the smallest errors are its own. Silently wrong: far off, without a word.""",
+        interpreted. The references are independent of the method that is judged.""",
         absent=_untried,
     ),
     gears=lambda c: "paper's pair and others, in problems of its own",
@@ -282,44 +262,5 @@ WORK_PRECISION = Study(
         the closed form of contact. Times are those of one machine and one run.""",
         absent=_absent("work_precision"),
         name="work_precision_time",
-    ),
-)
-
-JUMP_BY_METHOD = Study(
-    "jump_by_method",
-    JumpByMethod,
-    METHODS,
-    Job(
-        "jump_by_method",
-        "trials.jump_by_method:compute",
-        lambda c: {
-            "pair": c.pair_parameters(c.jump_by_method.damping),
-            "settings": without(c.jump_by_method, "methods", "damping"),
-            "run": run_length(c),
-            "tunings": grid_of(c.jump_by_method),
-            "slow_tunings": grid_of(c.jump_by_method.slow),
-            "method": "{method}",
-        },
-        files=("jump_by_method/{method}.nc",),
-        methods=lambda c: _method,
-        priority=LONG,
-    ),
-    Table(
-        "jump_by_method",
-        "trials.jump_by_method:rows",
-        {"datasets": _JUMPS},
-        "Jump from rest by method: table",
-        """For each method and value of its accuracy parameter: evaluations per mesh period, how
-        often the motion from rest switches between orbits in the scan, the largest such tuning,
-        refined by bisection (jump), and its distance from the exact one (error).""",
-    ),
-    Drawing(
-        "jump_by_method_figure.draw",
-        {"jumps": _JUMPS},
-        "jump_by_method",
-        "Jump from rest by method",
-        _jump_caption,
-        marked,
-        _absent("jump_by_method"),
     ),
 )

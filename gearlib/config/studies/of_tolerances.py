@@ -1,6 +1,4 @@
-"""The studies of tolerances: how sure jumps, contact loss and peaks are; where contact is kept."""
-
-from importlib.util import find_spec
+"""The study of tolerances: how sure jumps, contact loss and peaks are."""
 
 from gearlib.config.studies.study import (
     TOLERANCES,
@@ -12,9 +10,8 @@ from gearlib.config.studies.study import (
     grid_of,
     listed,
     rectangular,
-    without,
 )
-from gearlib.config.tolerances_section import KeptContact, Tolerances
+from gearlib.config.tolerances_section import Tolerances
 
 
 def _values(c):
@@ -49,7 +46,7 @@ def _refusal(c):
 
 
 def question(c):
-    """Return what both studies ask, arguments of `gearlib.tolerances.tolerance_study`."""
+    """Return what the study asks, arguments of `gearlib.tolerances.tolerance_study`."""
     section = c.tolerances
     found = {
         "pair": c.pair_parameters(section.damping),
@@ -145,59 +142,4 @@ TOLERANCES_STUDY = Study(
         ),
     ),
     refusal=_refusal,
-)
-
-
-def _box_refusal(c):
-    """Return why there is no box about these gears, or they cannot scatter, or ""."""
-    try:
-        c.kept_contact.box(c.pair_parameters(c.tolerances.damping))
-    except ValueError as error:
-        return str(error)
-    return _refusal(c)
-
-
-def _box(c):
-    refused = _box_refusal(c)
-    return {} if refused else c.kept_contact.box(c.pair_parameters(c.tolerances.damping))
-
-
-KEPT_CONTACT = Study(
-    "kept_contact",
-    KeptContact,
-    TOLERANCES,
-    Job(
-        "kept_contact",
-        "gearlib.tolerances.tolerance_study:kept_contact",
-        lambda c: {
-            **question(c),
-            "box": _box(c),
-            **without(c.kept_contact, "across", "width"),
-            # Without python-flint nothing is proven, and all of the box is open.
-            "prove": find_spec("flint") is not None,
-        },
-    ),
-    Drawing(
-        "kept_contact_figure.draw",
-        {"found": "kept_contact.nc"},
-        "certified_box",
-        "Where contact is proven to be kept",
-        """A box of two parameters of the gears at the tuning {c.kept_contact.tuning}, with
-        the damping {c.tolerances.damping}. In the pieces that are filled it is proven, in ball
-        arithmetic, that at every point one stable orbit without contact loss exists; white pieces
-        are open. Marks: points at which the orbit is followed, and whether it keeps contact.""",
-        second=(
-            "tightened_tolerances",
-            "Which tolerance must shrink for contact to be kept",
-            lambda c: (
-                f"""Left: the share of a tolerance that may stay for at most a
-            share of {c.kept_contact.risk} of the designs to lose contact at the tuning
-            {c.kept_contact.tuning}, of all together and of one alone: by designs that are followed
-            (filled) and in first order (outline). Right: the share of {c.kept_contact.samples}
-            designs that lose contact as the tolerances are, and with each answer, with
-            intervals, and the share that may (dashed). What scatters: {_scattering(c)}."""
-            ),
-        ),
-    ),
-    refusal=_box_refusal,
 )

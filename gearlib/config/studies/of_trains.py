@@ -1,10 +1,8 @@
-"""Studies of gear trains: the reducer, what stands for it, planetary trains, a train over speed."""
+"""Studies of gear trains: the reducer, its Campbell diagram, a train over speed."""
 
 from gearlib.config import gear_names
-from gearlib.config.planetary import SymmetryBreaking, TrainChart
-from gearlib.config.reducer_section import Campbell, OneMesh, Reducer
+from gearlib.config.reducer_section import Campbell, Reducer
 from gearlib.config.studies.study import (
-    CLAIMS,
     EXPLANATIONS,
     GRID,
     STARTS,
@@ -32,10 +30,6 @@ def _displaced(c):
     return " m radially, ".join(map(str, c.reducer.pin_error)) + " m tangentially"
 
 
-def _planetary(c):
-    return gear_names.of_planetary(c.planetary)
-
-
 def _pair(c):
     return c.pair_parameters(c.reducer.damping)
 
@@ -50,29 +44,20 @@ def _given(section):
     return [key for key, value in dict(section).items() if value is not None]
 
 
-def _without_teeth(section):
-    """Return the function that says why the reducer of a section cannot be made of own gears."""
-
-    def refusal(c):
-        if words := rectangular(c):
-            return words
-        if c.train.kind != "split_power_reducer":
-            return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
-        for key in _given(c.train.split_power_reducer):
-            return (
-                f"train.split_power_reducer.{key} is not allowed: it must be left out, and what "
-                "the reducer is stand in the section reducer"
-            )
-        for name, key in {"reducer": "teeth", section: _TEETH[section]}.items():
-            if c.gears and key not in getattr(c, name).model_fields_set:
-                return f"{name}.{key} is missing: it must be given where the gears are drawn"
-        return ""
-
-    return refusal
-
-
-#: Section of a reducer -> its key of teeth, by default the paper's.
-_TEETH = {"reducer": "teeth", "one_mesh": "other_teeth"}
+def _without_teeth(c):
+    """Say why the reducer of the configuration cannot be made of its gears."""
+    if words := rectangular(c):
+        return words
+    if c.train.kind != "split_power_reducer":
+        return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
+    for key in _given(c.train.split_power_reducer):
+        return (
+            f"train.split_power_reducer.{key} is not allowed: it must be left out, and what "
+            "the reducer is stand in the section reducer"
+        )
+    if c.gears and "teeth" not in c.reducer.model_fields_set:
+        return "reducer.teeth is missing: it must be given where the gears are drawn"
+    return ""
 
 
 def _train_without_teeth(c):
@@ -82,16 +67,6 @@ def _train_without_teeth(c):
         return words
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
-    return ""
-
-
-def _without_planetary(c):
-    """Say why a chart of the section `planetary` is not about the gears of the configuration."""
-    if (c.gears or has_own_train(c)) and not c.planetary.model_dump(exclude_defaults=True):
-        return (
-            "planetary is missing: it must be given, the numbers of a planetary set, where gears "
-            "or train are others than the paper's"
-        )
     return ""
 
 
@@ -141,71 +116,7 @@ REDUCER = Study(
         ),
     ),
     gears=gear_names.of_reducer,
-    refusal=_without_teeth("reducer"),
-)
-
-ONE_MESH = Study(
-    "one_mesh",
-    OneMesh,
-    EXPLANATIONS,
-    Job(
-        "one_mesh",
-        "trains.one_mesh:compute",
-        lambda c: {
-            "pair": _pair(c),
-            "tunings": grid_of(c.one_mesh),
-            "settings": without(c.reducer, "damping", "backlashes", *GRID, *STARTS),
-            "changes": without(c.one_mesh, *GRID),
-        },
-        kernels=("kernels", *_TRAIN),
-    ),
-    Table(
-        "one_mesh",
-        "trains.one_mesh:rows",
-        {"comparison": "one_mesh.nc"},
-        "Fig. 1: one mesh, table",
-        """For each case and model of the reducer: where the largest dynamic factor of the first
-        meshes lies, this factor, where it jumps (nan: nowhere), mean share of time without
-        drive-side contact, largest load of a branch over its equal share, mean distance of the
-        characteristic; changes against the whole train, over these, and the smallest model for
-        which all are within the tolerance from all starts, {c.one_mesh.tolerance}. Digits are
-        those that all starts share; *differs*: none, or rounding decides.""",
-    ),
-    # Apart from the paper's statements, which need no gear train.
-    Table(
-        "assumption",
-        "claims.machine:rows",
-        {"comparison": "one_mesh.nc"},
-        "What the paper assumes",
-        """What the paper takes for granted in passing from its reducer to one mesh, what was
-        computed for it, and the verdict that follows from the numbers.""",
-        CLAIMS,
-        rule="assumption",
-    ),
-    Drawing(
-        "one_mesh_figure.draw",
-        {"comparison": "one_mesh.nc"},
-        "one_mesh",
-        "Fig. 1: does one mesh stand for the reducer?",
-        lambda c: (
-            f"""Models of the reducer, from one pair to the whole train. Above:
-        largest dynamic factor of the first meshes over the tuning, medians of
-        {c.one_mesh.starts} seeded starts, up to {c.one_mesh.spread} static deflections
-        beside static equilibrium; shaded: their range where they do not end on one stable
-        orbit. Below: how far the answers of the smaller models lie from those of the whole
-        train, over these; shaded beyond the tolerance, {c.one_mesh.tolerance}; ~: another
-        number from start to start, or one that rounding decides, the shade that of the
-        median; bold: the smallest model that suffices from all starts. Contact loss: share
-        of time without drive-side contact, mean over the tunings; characteristic: mean
-        distance of the curves above. Held alike: the motion in which all branches move
-        alike, whether it is stable or not; out of phase: teeth
-        {listed(c.one_mesh.other_teeth)}; displaced: {_displaced(c)}; soft supports:
-        {c.one_mesh.soft_support} N/m in place of {c.reducer.support_stiffness} N/m. Below the
-        panels: the whole train along its axes, with the names of its meshes."""
-        ),
-    ),
-    gears=gear_names.of_reducer,
-    refusal=_without_teeth("one_mesh"),
+    refusal=_without_teeth,
 )
 
 
@@ -261,74 +172,7 @@ CAMPBELL = Study(
         ),
     ),
     gears=lambda c: gear_names.of_train(c) if has_own_train(c) else gear_names.of_reducer(c),
-    refusal=lambda c: _train_without_teeth(c) if has_own_train(c) else _without_teeth("reducer")(c),
-)
-
-TRAIN_CHART = Study(
-    "train_chart",
-    TrainChart,
-    TRAINS,
-    Job(
-        "train_chart",
-        "trains.train_stability:compute",
-        lambda c: {
-            "train": c.planetary.model_dump(),
-            "tunings": grid_of(c.train_chart),
-            "settings": without(c.train_chart, *GRID),
-        },
-    ),
-    Drawing(
-        "train_chart_figure.draw",
-        {"chart": "train_chart.nc"},
-        "train_chart",
-        "Planetary train: instability tongues",
-        """Instability tongues of the planetary train without damping and without loss of
-        contact, by exact Floquet multipliers, over the mesh frequency and the stiffness jump
-        (left) or the contact ratio of all meshes (right, jump {c.train_chart.jump} of the mean
-        stiffness), for two choices of teeth. Grey: unstable, as to first order in the jump;
-        orange: unstable, but in no tongue of first order; blue: in a tongue of first order, but
-        stable. Bottom: the share of the unstable range that the first order misses, and the
-        share of its tongues that is stable.""",
-    ),
-    gears=_planetary,
-    refusal=_without_planetary,
-)
-
-SYMMETRY_BREAKING = Study(
-    "symmetry_breaking",
-    SymmetryBreaking,
-    TRAINS,
-    Job(
-        "symmetry_breaking",
-        "trains.symmetry:compute",
-        lambda c: {
-            "train": c.planetary.model_dump(),
-            "tunings": grid_of(c.symmetry_breaking),
-            "settings": without(c.symmetry_breaking, "periods_shown", *GRID),
-        },
-    ),
-    Drawing(
-        "symmetry_breaking_figure.draw",
-        {"data": "symmetry_breaking.nc"},
-        "symmetry_breaking",
-        "Planetary train: symmetry breaking",
-        """Planets that are alike and in phase ({c.symmetry_breaking.teeth[0]} teeth of the sun,
-        {c.symmetry_breaking.teeth[1]} of the ring, stiffness jump {c.symmetry_breaking.jump} of
-        the mean) may move alike, as one planet with an N-th of sun, ring and carrier does.
-        Dashed: that motion, and the largest multiplier of disturbances that keep it. Solid: the
-        largest multiplier of all others. Where only the latter exceeds one, the small train
-        calls stable what the whole one leaves: markers show the medians of
-        {c.symmetry_breaking.starts} seeded starts, up to {c.symmetry_breaking.spread} static
-        deflections beside it, after {c.symmetry_breaking.periods} mesh periods, mesh by mesh;
-        bars their range where they do not end on one stable orbit, and the row below the shares
-        of the starts. Last: the forces at the dotted frequency,
-        {c.symmetry_breaking.shown_after} mesh periods after the first start; beside them the train
-        along its axes at the dotted instant, at which most meshes are out of contact: these are
-        open.""",
-        lambda c: c.symmetry_breaking.model_dump(include={"periods_shown"}),
-    ),
-    gears=_planetary,
-    refusal=_without_planetary,
+    refusal=lambda c: _train_without_teeth(c) if has_own_train(c) else _without_teeth(c),
 )
 
 TRAIN_SWEEP = Study(

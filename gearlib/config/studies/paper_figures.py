@@ -1,10 +1,10 @@
-"""Studies behind the paper's figures and statements, and the page on which tunings are chosen."""
+"""Studies behind the paper's figures and statements."""
 
 import re
 
 from gearlib import tunings
 from gearlib.config import gear_names
-from gearlib.config.experiments import PhaseLag, PhasePlanes, ReportPage, Resonance, RunUps
+from gearlib.config.experiments import PhaseLag, PhasePlanes, Resonance, RunUps
 from gearlib.config.studies import of_rigs
 from gearlib.config.studies.study import (
     CLAIMS,
@@ -19,7 +19,6 @@ from gearlib.config.studies.study import (
     grid_of,
     listed,
     model_of,
-    models_of,
     of_dampings,
     rectangular,
     run_length,
@@ -28,6 +27,15 @@ from gearlib.config.studies.study import (
 
 #: The numbers of the reasons that the documentation gives for the verdicts.
 WHY = ["parametric_resonance.csv", "certificates.csv"]
+
+
+def _known_motions(c):
+    """Return the files with special points and labels that the same reasons rest on."""
+    return [
+        file
+        for pattern in ("branches/{damping}.nc", "labels/{damping}.nc")
+        for file in of_dampings(pattern)(c)
+    ]
 
 
 def _colours(c):
@@ -311,28 +319,10 @@ STATEMENTS = Study(
         """Statements of the paper, what was computed for each, and the verdict that follows
         from the numbers. A statement that differs stays in the table.""",
     ),
-    results=lambda c: ["claims.md", *WHY],
+    results=lambda c: ["claims.md", *WHY, *_known_motions(c)],
     refusal=lambda c: (
         "gears is not allowed: its statements are about the paper's pair, it must be left out"
         if c.gears
         else ""
     ),
-)
-
-REPORT_PAGE = Study(
-    "report_page",
-    ReportPage,
-    PAPER,
-    Job(
-        "report_orbits",
-        "gearlib.pages.report.ends_from_rest:compute",
-        lambda c: {
-            "pairs": models_of(c),
-            "tunings": grid_of(c.report_page),
-            "run": run_length(c) | {"samples_per_period": c.report_page.samples_per_period},
-            "periods_shown": c.report_page.periods_shown,
-        },
-    ),
-    results=lambda c: ["report/index.html"],
-    refusal=carried,
 )

@@ -58,7 +58,6 @@ class Table(NamedTuple):
     data: dict
     label: str  #: in the report
     caption: object  #: as of `text_of`
-    part: str = ""  #: of the report, where it is not that of the study
     settings: Callable = lambda c: {}  #: its other arguments
     rule: str = ""  #: where it has another name
 
@@ -85,18 +84,13 @@ class Drawing(NamedTuple):
         return first | ({self.second[0]: self.second[1:]} if self.second else {})
 
 
-def no_relief(place, gears):
-    """Return that a `DrawnPair`, named by `place`, must have no relief, or "" where it has none."""
-    key = gears.relief()
+def rectangular(c):
+    """Return that the gears must have no relief, of studies of rectangular stiffness, or ""."""
+    key = c.gears.relief() if c.gears else ""
     return key and (
-        f"{place}.{key} is not allowed: it must be left out, the rectangular mesh stiffness "
+        f"gears.{key} is not allowed: it must be left out, the rectangular mesh stiffness "
         "carries no tip relief or errors of teeth"
     )
-
-
-def rectangular(c):
-    """Return that the gears must have no relief, of studies of rectangular stiffness."""
-    return no_relief("gears", c.gears) if c.gears else ""
 
 
 def carried(c):

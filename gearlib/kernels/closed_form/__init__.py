@@ -18,11 +18,6 @@ module                 responsibility
 ``sections``           states of many orbits at one mesh phase of every period
 ``deviation``          linearised maps of phases and flank crossings
 ``pair_maps``          growth of small deviations over mesh periods
-``arc_tangents``       how derivatives by parameters go along arcs and across events
-``sensitivity``        derivatives of what a run records
-``course_tangents``    derivatives along a course of speed and load
-``course_waves``       what Fourier integrals along such a course change by
-``map_rates``          what the map of small deviations changes by
 ``elementary``         exp, sine and cosine as plain arithmetic
 =====================  ==================================================================
 """

@@ -53,11 +53,11 @@ def whole_period(m, work, n, contact, x, v, limit, arcs):
     """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
     memory, before = work.memory, (contact, x, v)
     flight = memory[0], memory[1], memory[2], memory[3]
-    contact, x, v, count = advance(m, work, n, contact, x, v, 1, limit, arcs)
+    contact, x, v, count = advance(m, work, n, contact, x, v, np.int64(1), limit, arcs)
     if arcs.shape[0] < count <= limit:
         arcs = np.empty((2 * count, ARC_COLUMNS))
         memory[0], memory[1], memory[2], memory[3] = flight
-        contact, x, v, count = advance(m, work, n, *before, 1, limit, arcs)
+        contact, x, v, count = advance(m, work, n, *before, np.int64(1), limit, arcs)
     return contact, x, v, count, arcs
 
 
@@ -69,7 +69,7 @@ def skip(m, work, contact, x, v, periods, limit):
     repeats if the run has settled, else 0; of a run that has, at least the last `repeat` periods
     have been gone through. `on_orbit`: whether it is at rest on it but for rounding.
     """
-    n, look, pause = 0, 2 * _LOOK, _LOOK
+    n, look, pause = np.int64(0), 2 * _LOOK, _LOOK
     settled, on_orbit = not_settled(), False
     no_arcs = np.empty((0, ARC_COLUMNS))
     while n < periods:

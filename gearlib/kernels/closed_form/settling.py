@@ -166,7 +166,7 @@ def check_settled(m, work, n, contact, x, v, repeat, limit, share):
     clear = True
     count = 0
     for i in range(repeat):
-        contact, x, v, count = advance(m, work, n + i, contact, x, v, 1, limit, arcs)
+        contact, x, v, count = advance(m, work, n + i, contact, x, v, np.int64(1), limit, arcs)
         if count > limit or not within_range(x, v):
             return contact, x, v, count, not_settled()
         clear = clear and count <= _MOST_ARCS

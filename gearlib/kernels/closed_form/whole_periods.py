@@ -116,7 +116,7 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
     """
     levels, tables, memory, states = work
     escape = 2.0 * m.pull * m.gap * MARGIN
-    count = 0
+    count = np.int64(0)
     end_u = end_v = 0.0
     ahead, duration = memory[AHEAD], memory[DURATION]
     start_speed, landing_speed = memory[START_SPEED], memory[LANDING_SPEED]

@@ -99,12 +99,11 @@ def tables(law):
     """Return what steps need of a `Law`: (constants, harmonics).
 
     Shapes (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4): a row of zeros
-    ends the harmonics. Of a law off the real axis, all of it complex, so are the tables.
+    ends the harmonics.
     """
     most = max(law.stiffness.shape[0], law.far_stiffness.shape[0], law.force.shape[0])
-    kind = law.pieces.dtype
-    constants = np.empty((3, law.pieces.shape[0], COLUMNS), kind)
-    harmonics = np.zeros((4, most + 1, ORDER + 4), kind)
+    constants = np.empty((3, law.pieces.shape[0], COLUMNS))
+    harmonics = np.zeros((4, most + 1, ORDER + 4))
     load = _fill_harmonics(law.force, harmonics[EXCITATION])
     for contact in (INVERSE, BACKLASH, NORMAL):
         # In the backlash the stiffness is but recorded.

@@ -1,16 +1,14 @@
-"""Small deviations of a motion in Taylor steps: maps of mesh periods, tangents, their rates.
+"""Maps of mesh periods in Taylor steps: how small deviations of a motion go on.
 
-At a flank line the damping jumps, at a break of c(tau) its value: there the columns of
-`taylor_tangents` jump as in `gearlib.kernels.closed_form.deviation`.
+Along a step a deviation w obeys w'' + drag(t) w' + stiff(t) w = 0, with the series of the step. At
+a flank line the damping jumps, and with it w' as in `gearlib.kernels.closed_form.deviation`.
 """
 
 import math
 
 import numpy as np
 
-from gearlib.kernels.closed_form.elementary import cos_sin
 from gearlib.kernels.closed_form.mesh_constants import contact_between
-from gearlib.kernels.closed_form.sensitivity import SLOWEST
 from gearlib.kernels.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.overflow import within_range
@@ -19,30 +17,25 @@ from gearlib.kernels.taylor.series import (
     D2,
     D3,
     GROUND,
-    LEVEL,
     LINE,
     ORDER,
     P2,
     P3,
     ROWS,
-    SLOPE,
-    START,
+    U_SQUARE,
+    V_SQUARE,
+    C,
     V,
+    X,
     tables,
 )
-from gearlib.kernels.taylor.taylor_record import (
-    consider_end,
-    consider_none,
-    note_event,
-    samples_of,
-    turning_points,
-)
 from gearlib.kernels.taylor.taylor_run import take_step
-from gearlib.kernels.taylor.taylor_tangents import along_step, columns_at, new_columns
 
 #: x^20 / 20! = 1e-17 at x = 1.18.
 _CONVERGED = 1.18
-_LEAST = 1e-300
+_INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
+#: Rows of the series of a deviation: w, w', terms of w'' so far, drag, stiff, stiff over c(tau).
+_W, _RATE, _PULL, _DRAG, _STIFF, _STEEP = range(6)
 
 
 @inlined
@@ -68,169 +61,98 @@ def _reach(row, stiffest, contact, x, v):
     return _CONVERGED / (math.sqrt(row[GROUND] + stiffest * slope) + drag)
 
 
-@inlined
-def _drags(row, speed):
-    """Return the damping force over x', and its derivative by x', at |x'|."""
-    first, second = row[D2] * speed, row[D3] * speed * speed
-    return row[D1] + first + second, row[D1] + 2.0 * first + 3.0 * second
-
-
-@inlined
-def _shift(before, after, late, w, k, j):
-    """Change the map's rates by direction j: a boundary of two parts comes `late` later.
-
-    `before` and `after` are (stiffness, damping) of a deviation on the two sides.
-    """
-    if w.shape[1] > 2 + k:
-        for m in range(2):
-            change = (after[0] - before[0]) * w[0, m] + (after[1] - before[1]) * w[1, m]
-            w[1, 2 + k + 2 * j + m] += change * late
-
-
 @kernel
-def saltate(before, after, moved, stiffness, v, acceleration, moving, w):
-    """Take columns over a flank line, where a flank is left or met at the speed v.
-
-    `before` and `after`: rows of constants on its sides; `moved`, shape (2, COLUMNS, k): what these
-    change by; `stiffness`, shape (2,): that of a deviation on both sides; `acceleration` before;
-    `moving`, shape (k,): what the line moves by.
-    """
-    k, speed, rates = moving.shape[0], abs(v), w.shape[1] > 2 + moving.shape[0]
-    (old, own), (new, other) = _drags(before, speed), _drags(after, speed)
-    jump = new - old
-    for j in range(k):
-        if rates:
-            # The map itself is that before the line: S (1 + A- dtau), dS, then (1 - A+ dtau).
-            late = (moving[j] - w[0, 2 + j]) / v if speed > 0.0 else math.nan
-            rate = w[1, 2 + j] + acceleration * late
-            change = moved[1, D1, j] - moved[0, D1, j]
-            change += (moved[1, D2, j] - moved[0, D2, j]) * speed
-            change += (moved[1, D3, j] - moved[0, D3, j]) * speed * speed
-            steep = (after[D2] - before[D2]) * math.copysign(1.0, v)
-            change += (steep + 2.0 * (after[D3] - before[D3]) * v) * rate
-            for m in range(2):
-                p, q = w[0, m], w[1, m]
-                place = 2 + k + 2 * j + m
-                # A- M, S A- M and A+ S M.
-                first, second = q, -stiffness[0] * p - own * q
-                up = second - jump * first
-                kicked = q - jump * p
-                down = -stiffness[1] * p - other * kicked
-                w[1, place] += -jump * w[0, place] + (up - down) * late - change * p
-                w[0, place] += (first - kicked) * late
-        w[1, 2 + j] -= jump * (w[0, 2 + j] - moving[j])
-    for m in range(2):
-        w[1, m] -= jump * w[0, m]
+def _fill_equation(row, contact, sign, series, deviation):
+    """Fill drag and stiff for a step with `row`, the constants of its contact and piece."""
+    drag, stiff, steep = deviation[_DRAG], deviation[_STIFF], deviation[_STEEP]
+    d2, d3, p2, p3 = sign * row[D2], row[D3], row[P2], row[P3]
+    for k in range(ORDER):
+        drag[k] = 2.0 * d2 * series[V, k] + 3.0 * d3 * series[V_SQUARE, k]
+        deflection = series[X, k] - (row[LINE] if k == 0 else 0.0)
+        steep[k] = 2.0 * p2 * deflection + 3.0 * p3 * series[U_SQUARE, k]
+        stiff[k] = 0.0
+    drag[0] += row[D1]
+    steep[0] += 1.0
+    if contact == BACKLASH:
+        return
+    for i in range(ORDER):
+        # A stiffness without harmonics has two terms.
+        if series[C, i] != 0.0:
+            for k in range(ORDER - i):
+                stiff[i + k] += series[C, i] * steep[k]
 
 
 @inlined
-def _line_of(contact, before):
-    """Return the contact code of the flank between two contact codes."""
-    return contact if contact != BACKLASH else before
-
-
-@inlined
-def _stiffness(row, waves, phase):
-    """Return c(tau) of a flank at a phase; `waves`: its harmonics, as of `tables`."""
-    total = row[LEVEL] + row[SLOPE] * (phase - row[START])
-    for i in range(waves.shape[0]):
-        if waves[i, 0] == 0.0:
-            break
-        cosine, sine = cos_sin(waves[i, 0] * phase)
-        total += waves[i, 1] * cosine + waves[i, 2] * sine
+def _value(row, t):
+    """Return the sum of a series at t."""
+    total = row[ORDER]
+    for k in range(ORDER - 1, -1, -1):
+        total = total * t + row[k]
     return total
 
 
 @kernel
-def _cross(constants, harmonics, moved, piece, phase, before, after, v, acceleration, w):
-    """Take columns from one contact to another; without a way between the flanks, over both."""
-    first = before
+def _through_step(ground, h, deviation, matrix):
+    """Take the columns of a map, shape (2, 2), through a step of length h."""
+    w, rate, pull = deviation[_W], deviation[_RATE], deviation[_PULL]
+    drag, stiff = deviation[_DRAG], deviation[_STIFF]
+    terms = ORDER
+    while terms > 1 and drag[terms - 1] == 0.0 and stiff[terms - 1] == 0.0:
+        terms -= 1
+    for j in range(2):
+        w[0], rate[0] = matrix[0, j], matrix[1, j]
+        pull[:] = 0.0
+        for k in range(ORDER):
+            # The effect of the terms so far on all that follow.
+            for i in range(min(terms, ORDER - k)):
+                pull[k + i] -= drag[i] * rate[k] + stiff[i] * w[k]
+            w[k + 1] = rate[k] * _INVERSE[k]
+            rate[k + 1] = (pull[k] - ground * w[k]) * _INVERSE[k]
+        matrix[0, j], matrix[1, j] = _value(w, h), _value(rate, h)
+
+
+@inlined
+def _damping(row, speed):
+    """Return the damping force over x' at the speed |x'|."""
+    return row[D1] + row[D2] * speed + row[D3] * speed * speed
+
+
+@kernel
+def _cross(constants, piece, before, after, v, matrix):
+    """Take a map from one contact to another; without a way between the flanks, over both."""
+    first, speed = before, abs(v)
     while first != after:
         then = after if first == BACKLASH or after == BACKLASH else BACKLASH
-        i, j = first + 1, then + 1
-        flank = _line_of(first, then) + 1
-        ground = constants[0, 0, GROUND]
-        stiff = np.array([ground, ground])
-        c = _stiffness(constants[flank, piece], harmonics[flank], phase)
-        stiff[0 if first != BACKLASH else 1] += c
-        both = np.stack((moved[i, piece], moved[j, piece]))
-        line = moved[flank, piece, LINE]
-        saltate(constants[i, piece], constants[j, piece], both, stiff, v, acceleration, line, w)
-        # The acceleration behind the first of two lines.
-        loss, _ = _drags(constants[j, piece], abs(v))
-        past, _ = _drags(constants[i, piece], abs(v))
-        acceleration -= (loss - past) * v
+        jump = _damping(constants[then + 1, piece], speed)
+        jump -= _damping(constants[first + 1, piece], speed)
+        for j in range(2):
+            matrix[1, j] -= jump * matrix[0, j]
         first = then
 
 
 @kernel
-def _switch(constants, moved, piece, breaks, contact, x, w, late):
-    """Take columns over the break at the end of a piece; fill `late`, by what it moves.
+def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
+    """Go through mesh periods from (x, v) at tau = 0, and fill the map of each.
 
-    Returns whether c(tau) jumps there.
-    """
-    k, i, then = breaks.shape[1], contact + 1, (piece + 1) % constants.shape[1]
-    row, next_row = constants[i, piece], constants[i, then]
-    jump = row[LEVEL] + row[SLOPE] * (next_row[START] - row[START]) - next_row[LEVEL]
-    u = x - row[LINE]
-    force = u + (row[P2] + row[P3] * u) * u * u
-    steep = 1.0 + (2.0 * row[P2] + 3.0 * row[P3] * u) * u
-    for j in range(k):
-        late[j] = breaks[piece + 1, j]
-        if contact != BACKLASH and late[j] != 0.0:
-            w[1, 2 + j] -= jump * force * late[j]
-            _shift((jump * steep, 0.0), (0.0, 0.0), late[j], w, k, j)
-
-
-@inlined
-def _restart(matrix, w):
-    """Store the map of a mesh period and begin with another."""
-    for i in range(2):
-        for j in range(2):
-            matrix[i, j] = w[i, j]
-            w[i, j] = 1.0 if i == j else 0.0
-
-
-@kernel
-def vary_nonlinear(
-    law, to_bernstein, x, v, periods, limit, matrices, slopes, w, whole, recorded, record
-):
-    """Go through mesh periods from (x, v) at tau = 0 with the columns of `taylor_tangents`.
-
-    `slopes` are those of k directions; `w`, shape (2, n), begins with an identity and is changed in
-    place to the end; unless `whole`, the map of each period goes to `matrices` and the next begins
-    anew. The last `recorded` periods fill the `Record`. Returns (x, v, status, recorded events,
-    whether the recorded motion grazes a flank line); otherwise as of
-    `gearlib.kernels.closed_form.pair_maps.vary`.
+    `matrices` has the shape (periods, 2, 2). Returns (x, v, status).
     """
     constants, harmonics = tables(law)
-    moved, k = slopes.constants, slopes.breaks.shape[1]
-    for contact in range(3):
-        if (moved[contact, :, D2] != 0.0).any():
-            # Too little to be felt, but steps end where x' changes its sign.
-            for piece in range(moved.shape[1]):
-                constants[contact, piece, D2] = max(constants[contact, piece, D2], _LEAST)
-    columns, late, still = new_columns(k, w.shape[1] > 2 + k), np.zeros(k), np.zeros(k)
-    moving, lines = np.empty(k), np.empty((2, k))
-    ends = np.empty((2, w.shape[1]))
+    still, deviation = np.zeros(0), np.zeros((6, ORDER + 1))
     series, isolation = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
-    upper, lower, tuning = law.upper, law.lower, law.tuning
-    pieces, found, grazing = law.pieces.shape[0], 0, False
-    contact, sign = contact_between(upper, lower, x, v), math.copysign(1.0, v)
-    stiffest = max(
-        _stiffest(law.pieces, law.stiffness), _stiffest(law.far_pieces, law.far_stiffness)
-    )
+    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
+    near = _stiffest(law.pieces, law.stiffness)
+    stiffest = max(near, _stiffest(law.far_pieces, law.far_stiffness))
     if not within_range(x, v):
-        return x, v, OVERFLOW, 0, False
+        return x, v, OVERFLOW
     for n in range(periods):
-        steps, taken, seen = 0, 0, n - (periods - recorded)
-        begins = seen == 0
-        for piece in range(pieces):
+        steps, matrix = 0, matrices[n]
+        matrix[0, 0] = matrix[1, 1] = 1.0
+        matrix[0, 1] = matrix[1, 0] = 0.0
+        for piece in range(law.pieces.shape[0]):
             phase, end = law.breaks[piece], law.breaks[piece + 1]
-            late[:] = slopes.breaks[piece]
             while phase < end:
                 if steps >= limit:
-                    return x, v, EVENT_LIMIT, found, grazing
+                    return x, v, EVENT_LIMIT
                 steps += 1
                 speed, old, before = v, sign, contact
                 row = constants[contact + 1, piece]
@@ -251,102 +173,17 @@ def vary_nonlinear(
                     isolation,
                 )
                 if h < 0.0:
-                    return x, v, UNRESOLVED, found, grazing
+                    return x, v, UNRESOLVED
                 # A step from rest sets out with the sign of its acceleration.
                 old = math.copysign(1.0, series[V, 1]) if speed == 0.0 else old
-                low = 1.0 - law.low[piece]
                 if during != before:
-                    _cross(constants, harmonics, moved, piece, phase, before, during, 0.0, 0.0, w)
-                    if seen >= 0:
-                        moving[:] = math.nan
-                        found, _ = note_event(
-                            before, during, low, tuning, 0.0, 0.0, w, moving, lines, found, record
-                        )
-                        grazing = True
-                row, touches = constants[during + 1, piece], during != BACKLASH
-                change = moved[during + 1, piece]
-                along_step(
-                    row,
-                    change,
-                    harmonics,
-                    slopes.harmonics,
-                    phase,
-                    during,
-                    old,
-                    series,
-                    w,
-                    columns,
-                )
-                columns_at(columns.a, h, ends[0])
-                columns_at(columns.b, h, ends[1])
-                w[:] = ends
-                if seen >= 0:
-                    if not touches:
-                        consider_none(record)
-                    rates = slopes.tuning
-                    if begins or speed == 0.0 or phase == law.breaks[piece]:
-                        at = still if begins else late
-                        consider_end(series, columns, tuning, rates, 0.0, at, touches, record)
-                        begins = False
-                    if turning_points(
-                        series, columns, tuning, rates, h, touches, upper, lower, record
-                    ):
-                        grazing = True
-                    if phase + h >= end:
-                        at = slopes.breaks[piece + 1]
-                        consider_end(series, columns, tuning, rates, h, at, touches, record)
-                    size = record.samples.shape[0] // recorded
-                    own = record.samples[seen * size : (seen + 1) * size]
-                    taken = samples_of(
-                        series, columns, tuning, rates, phase, h, touches, own, taken, record
-                    )
+                    _cross(constants, piece, before, during, 0.0, matrix)
+                row = constants[during + 1, piece]
+                _fill_equation(row, during, old, series, deviation)
+                _through_step(row[GROUND], h, deviation, matrix)
                 phase += h
                 if not within_range(x, v):
-                    return x, v, OVERFLOW, found, grazing
+                    return x, v, OVERFLOW
                 if contact != during:
-                    acceleration = 0.0
-                    for i in range(ORDER, 0, -1):
-                        acceleration = acceleration * h + i * series[V, i]
-                    if seen >= 0:
-                        slow = not abs(v) * tuning > SLOWEST
-                        flank = during if during != BACKLASH else contact
-                        for j in range(k):
-                            lines[0, j] = moved[flank + 1, piece, LINE, j]
-                            lines[1, j] = moved[contact + 1, piece, LINE, j]
-                            gap = lines[0, j] - w[0, 2 + j]
-                            moving[j] = math.nan if slow else gap / v
-                        found, _ = note_event(
-                            during,
-                            contact,
-                            low,
-                            tuning,
-                            v,
-                            acceleration,
-                            w,
-                            moving,
-                            lines,
-                            found,
-                            record,
-                        )
-                        grazing = grazing or slow
-                    _cross(
-                        constants,
-                        harmonics,
-                        moved,
-                        piece,
-                        phase,
-                        during,
-                        contact,
-                        v,
-                        acceleration,
-                        w,
-                    )
-            if k > 0:
-                _switch(constants, moved, piece, slopes.breaks, contact, x, w, late)
-                if seen >= 0 and contact != BACKLASH:
-                    then = law.low[(piece + 1) % pieces]
-                    for j in range(k):
-                        record.times[3, j] += late[j] * (law.low[piece] * 1.0 - then * 1.0)
-        if not whole:
-            _restart(matrices[n], w)
-    return x, v, OK, found, grazing
+                    _cross(constants, piece, during, contact, v, matrix)
+    return x, v, OK

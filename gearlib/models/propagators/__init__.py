@@ -8,16 +8,10 @@ module                responsibility
 ``piecewise_linear``  one mesh, any number of coordinates: modes of its contacts
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
 ``modal_frame``       the modes of every combination of contacts
-``matrices``          derivatives by parameters of the last two kinds, by
-``matrix_slopes``     what their matrices change by,
-``slope_bases``       bases in which these are few numbers,
-``tangents``          and what the motion changes by, arc by arc and event by event
 ``courses``           runs while speed and load change
 ``course_arcs``       the same of a gear pair, by scalar closed forms
 ``course_chirps``     the harmonics of systems there
-``course_steps``      the same by Taylor steps
-``course_slopes``     derivatives of these runs by parameters: of a pair,
-``course_matrices``   and where they go by matrices
+``course_steps``      harmonics of one degree of freedom there, by Taylor steps
 ``stable_repeats``    the period of a motion, by proof
 ``taylor``            Taylor steps that end at events: any one degree of freedom
 ``tooth_pairs``       the same where the pairs of teeth touch one by one

@@ -1,7 +1,6 @@
 """What all propagators offer: runs, their record, maps of small deviations, many states at once."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -29,43 +28,11 @@ class Base:
     #: row of tunings, shape (k, n), its start, shape (k, 2), and its bound; None: one by one.
     run_designs: Callable | None = None
     sections: Callable | None = None
-    #: Derivatives by parameters; None: by differences
-    #: alone. Directions are those of `directions` or `along_branch`, tangents of shape (s, k).
-    #: ``differentiate(z, directions, tangents, (periods, record_periods, limit), (samples, events,
-    #: extrema, times))`` fills those of a record, see
-    #: `gearlib.kernels.closed_form.sensitivity.differentiate`, where samples and extrema have the
-    #: rows of all meshes for each quantity; it returns (events, status, grazing, whether a start on
-    #: a flank line moves off it, derivatives of the final state).
-    #: ``tangents(z, directions, tangents, periods, limit)`` takes tangents to the end of a run and
-    #: returns the status; ``map_rates``, same arguments, returns (map of all periods, its rates,
-    #: status); ``map_slopes``, without tangents, (map, derivatives of its end, status).
-    #: ``start_tangents(state, directions)`` are those of the start of a run; at ``switches(mesh)``,
-    #: phases until they repeat, the stiffness of a mesh switches or a period begins.
-    differentiate: Callable | None = None
-    tangents: Callable | None = None
-    map_rates: Callable | None = None
-    map_slopes: Callable | None = None
-    start_tangents: Callable | None = None
-    switches: Callable | None = None
     #: Whether periods that `run` returns are proven, see `stable_repeats`, or those of its states.
     proves_periods = False
 
     def __init__(self, model, tuning):
         self.model, self.tuning = model, tuning
-
-    #: The direction along which nothing changes.
-    nowhere: Any = {}
-
-    @staticmethod
-    def directions(model, names):
-        """Return the directions of some of `Model.derivatives`."""
-        return [model.direction(name) for name in names]
-
-    @staticmethod
-    def along_branch(model, names):
-        """Return the directions of parameters over which orbits are followed; None: not known."""
-        found = [model.along_branch(name) for name in names]
-        return None if None in found else found
 
     def at(self, tuning):
         """Return the propagator of another tuning, with what does not depend on the tuning."""

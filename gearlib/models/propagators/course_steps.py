@@ -1,10 +1,10 @@
-"""Runs through a course of speed and load where no closed forms are: Taylor steps.
+"""Runs of one degree of freedom with excitation or deviations through a course: Taylor steps.
 
 Their series know that the phase is quadratic in theta, the time of the model; see `courses`.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from gearlib.kernels.codes import OK
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.taylor.series import BEND, PULL, SHARE_RATE
 from gearlib.kernels.taylor.taylor_run import Course, run_nonlinear
-from gearlib.kernels.tooth_pairs.tooth_pairs_run import run_pairs
 from gearlib.models.propagators.courses import Stretch
 from gearlib.models.propagators.taylor import TO_BERNSTEIN, TOLERANCE
 
@@ -32,7 +31,6 @@ class Steps:
     """A model with one degree of freedom on its way."""
 
     words, long, meshes = "Taylor steps", False, 1
-    laws: Any
     deviation = np.empty((0, 3))
 
     def __init__(self, model):
@@ -95,17 +93,3 @@ class Steps:
         state[:], events, found, code = self.run(course, state, *spans)
         record = table, events[: found if code == OK else 0], summary
         return Stretch.of_one(piece, cut, length, record, code)
-
-
-class PairSteps(Steps):
-    """A `LoadSharingPair` on its way."""
-
-    def __init__(self, model):
-        self.model, self.laws = model, model.system(1.0)
-        self.from_phase = np.zeros(len(self.laws.inside))
-
-    def run(self, course, state, *arguments):
-        """Run through a course; return its end, events, events found and status."""
-        arguments += np.empty((0, 2, 2)), 0
-        done = run_pairs(self.laws, course, TO_BERNSTEIN, *state, *arguments)
-        return done[:2], *done[3:6]

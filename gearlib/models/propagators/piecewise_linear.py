@@ -7,9 +7,7 @@ import numpy as np
 from gearlib.kernels import orbit
 from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
-from gearlib.models.derivatives import START, STEP
 from gearlib.models.propagators.base import Base
-from gearlib.models.propagators.matrix_slopes import MatrixSlopes
 from gearlib.models.propagators.modal_frame import Frame
 from gearlib.models.propagators.several_meshes import Propagator as Train
 
@@ -66,47 +64,3 @@ class Propagator(Train):
         state[:, : self.scale.size] /= self.scale
         rows = self.model.outputs(system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
         samples[:, count:] = np.einsum("ekn,kn->ke", rows, state)
-
-    def slopes_along(self, along):
-        """Return what the system changes by; see `Matrices`."""
-        model, tuning, systems = self.model, self.system.tuning, [self.system]
-        self.twins, outputs = [], [model.outputs(self.system)]
-        for slopes in along:
-            fields = {name: one for name, one in slopes.items() if name not in ("tuning", *START)}
-            twin = model.complex_step(fields)
-            system = twin.system(tuning + 1j * STEP * slopes.get("tuning", 0.0))
-            self.twins.append((twin, system))
-            systems.append(system)
-            outputs.append(twin.outputs(system))
-        switches = math.pi * np.array([[slopes.get("contact_ratio", 0.0) for slopes in along]])
-        near = np.array([one.near for one in systems]) + 0j
-        # Of a displacement, not a distance.
-        near[:, 0, model.size] += [self.line, *(twin.flank_lines[0] for twin, _ in self.twins)]
-        return MatrixSlopes(systems, model.size, switches, outputs, near)
-
-    def start_tangents(self, state, along):
-        """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
-        if len(state) > 2:
-            if any(name in slopes for slopes in along for name in START):
-                raise ValueError(
-                    f"sensitivities = {' and '.join(map(repr, START))} is not allowed with all "
-                    f"{len(state)} components of initial_state: it must have two"
-                )
-            return np.zeros((len(state), len(along)))
-        self.slopes(along)
-        columns = []
-        for (twin, system), slopes in zip(self.twins, along, strict=True):
-            moved = [
-                x + 1j * STEP * slopes.get(name, 0.0) for x, name in zip(state, START, strict=True)
-            ]
-            columns.append(twin.initial(system, moved)[: self.model.size].imag / STEP)
-        return np.array(columns).T
-
-    def final(self, walk):
-        """Return the derivatives of displacement and velocity; see `Matrices.final`."""
-        rows, slopes = walk.slopes.rows(walk.codes, walk.segments)
-        return rows[:2] @ walk.block[walk.q :].T + (slopes[:, :2] @ walk.block[0]).T
-
-    def switches(self, mesh):
-        """Return the phases of switches, rising, 2 pi the last; see `Base.differentiate`."""
-        return self.system.starts

@@ -9,14 +9,11 @@ from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
 from gearlib.kernels.several_meshes.modal_arcs import TURNS, forget, forget_lengths, modes
-from gearlib.kernels.several_meshes.periods import BEYOND, EVENT_COLUMNS, EVENT_MESH, FULL, MISSING
+from gearlib.kernels.several_meshes.periods import BEYOND, EVENT_COLUMNS, FULL, MISSING
 from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
 from gearlib.kernels.several_meshes.train_run import begin, period_of, run_train
-from gearlib.models.derivatives import STEP
-from gearlib.models.propagators.matrices import Matrices
-from gearlib.models.propagators.matrix_slopes import MatrixSlopes
+from gearlib.models.propagators.base import Base
 from gearlib.models.propagators.modal_frame import Frame, add
-from gearlib.models.propagators.tangents import Motion
 
 #: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
 _STRETCH = 512
@@ -24,7 +21,7 @@ _STRETCH = 512
 _KEPT = 2**25
 
 
-class Propagator(Matrices):
+class Propagator(Base):
     """A gear train at one tuning.
 
     Tables fill as a run goes on: each run has some of its own, and leaves them to the next one.
@@ -36,7 +33,7 @@ class Propagator(Matrices):
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
         self.long = model.repeats > _STRETCH and hasattr(model, "segments_of")
-        #: Of a long run-out with the first segments only: `whole` has all.
+        #: Of a long run-out with the first segments only.
         self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.free), len(self.grid.length)
@@ -82,13 +79,6 @@ class Propagator(Matrices):
     def turning(self):
         """Whether the matrices without harmonics depend on the tuning."""
         return self.model.gyroscopic
-
-    def whole(self):
-        """Return the system and its grid with the segments of all mesh periods."""
-        if not self.long:
-            return self.system, self.grid
-        system = self.model.system(self.tuning)
-        return system, grid_of(system)
 
     def ahead(self, first, done, spans):
         """Return (system, grid, period they last to) for a run, `done` periods of it behind it.
@@ -225,60 +215,3 @@ class Propagator(Matrices):
         z, maps = np.array(z, float), np.empty((periods, z.size, z.size))
         events = np.empty((16, EVENT_COLUMNS))
         return z, maps, *self._vary(z, periods, limit, maps, first, events, periods)
-
-    def slopes_along(self, along):
-        """Return what the train changes by; see `Matrices`."""
-        from gearlib.models.trains.system import train_system
-
-        train, tuning = self.model, self.system.tuning
-        self.twins = [train.complex_step(slopes) for slopes in along]
-        systems = [self.whole()[0]]
-        for twin, slopes in zip(self.twins, along, strict=True):
-            systems.append(train_system(twin, tuning + 1j * STEP * slopes.get("tuning", 0.0)))
-        slopes = [
-            [one.get(("mesh", mesh.name, "contact_ratio"), 0.0) for one in along]
-            for mesh in train.meshes
-        ]
-        rates = np.array([float(rate) for rate in train.rates])
-        half, n = train.size // 2, self.components
-        outputs = np.zeros((len(systems), half, 3, systems[0].effect.shape[1], n))
-        outputs[...] = np.eye(half, n)[:, None, None]
-        switches = math.pi * np.array(slopes) / rates[:, None]
-        return MatrixSlopes(systems, train.size, switches, outputs)
-
-    def motion(self, z, periods, limit):
-        """Return the motion with all of its events; see `Matrices.motion`."""
-        m, n = self.system.near.shape
-        raw, events = self.raw(periods), np.empty((16, EVENT_COLUMNS))
-        summary, spans = np.empty((m, SUMMARY_COLUMNS)), (periods, periods)
-        more = limit, summary, spans, None, 0, False
-        _, events, found, code, _ = self.go(z.copy(), raw, events, *more)
-        if code != OK:
-            return None, code
-        events, codes = events[:found], raw[0, n : n + m].astype(int)
-        for row in events[::-1]:
-            codes[int(row[EVENT_MESH])] = row[orbit.EVENT_FROM]
-        raw[:, : z.size] /= self.scale
-        return Motion(raw[:, :n], tuple(codes.tolist()), events), code
-
-    def start_tangents(self, state, along):
-        """Return what the start changes by, shape (size, k); see `Matrices.start_tangents`."""
-        from gearlib.models.trains.statics import equilibrium
-        from gearlib.models.trains.train_slopes import static_state
-
-        names = [f"initial_state of {component}" for component in self.model.components]
-        found = np.array([[slopes.get(name, 0.0) for slopes in along] for name in names])
-        self.slopes(along)
-        if isinstance(state, str):
-            rest = equilibrium(self.model)
-            moved = [static_state(self.model, rest, twin).imag / STEP for twin in self.twins]
-            found += np.array(moved).T
-        return found
-
-    def switches(self, mesh):
-        """Return the phases of switches of a mesh, rising; see `Base.differentiate`."""
-        system, _ = self.whole()
-        own = system.low[:, :, mesh]
-        new = np.append((own != np.roll(own, 1, axis=1)).any(axis=0), True)
-        new[system.first_segment] = True
-        return system.starts[new]

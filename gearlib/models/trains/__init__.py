@@ -11,7 +11,7 @@ module                   responsibility
 ``turning``              speeds from tooth numbers, phases from positions, what cannot be assembled
 ``waves``                stiffness levels, deviations and run-out over the reference mesh's phase
 ``system``               the dimensionless `TrainSystem` of the kernels
-``train_slopes``         by what trains are differentiated; a train a little off the real axis
+``train_values``         numbers of a train that can be read and changed by name
 ``statics``              load sharing with gaps and errors
 ``natural_modes``        natural frequencies and shapes, and which harmonics excite them
 ``layout``               where axes and pitch points lie, how all turn

@@ -306,9 +306,9 @@ class Mesh:
     @property
     def two_levels(self):
         """Whether levels of the stiffness are told apart."""
-        return self.stiffness_ratio.real < 1.0
+        return self.stiffness_ratio < 1.0
 
     @property
     def varies(self):
         """Whether the stiffness has two levels in a mesh period."""
-        return self.two_levels and 1.0 < self.contact_ratio.real < 2.0
+        return self.two_levels and 1.0 < self.contact_ratio < 2.0

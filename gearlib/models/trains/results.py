@@ -11,7 +11,7 @@ from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
 from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
-from gearlib.models.trains import layout, train_slopes
+from gearlib.models.trains import layout, train_values
 from gearlib.models.trains.statics import branches
 from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.train_parameters import PARAMETERS, value_of, with_value
@@ -51,11 +51,9 @@ class TrainResults(Model):
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
 
     parameters, parameter, with_parameter = PARAMETERS, value_of, with_value
-    derivatives = property(train_slopes.parameters, doc="As of `Model.derivatives`.")
-    settable = property(train_slopes.settable, doc="As of `Model.settable`.")
-    value, with_values = train_slopes.value, train_slopes.with_values
-    direction, along_branch = train_slopes.direction, train_slopes.along_branch
-    complex_step, contact_map = train_slopes.complex_train, contact_map
+    settable = property(train_values.settable, doc="See `Model.settable`.")
+    value, with_values = train_values.value, train_values.with_values
+    contact_map = contact_map
 
     def disturbed(self, state, disturbance):
         """Return an initial state with so much added to the first coordinate that can bend."""

@@ -26,7 +26,7 @@ import numpy as np
 
 
 class Numbers(NamedTuple):
-    """The kind of numbers that a train is assembled of: floats, complex steps, balls."""
+    """The kind of numbers that a train is assembled of: floats or balls."""
 
     dtype: type
     of: Any  #: a number from a float
@@ -46,18 +46,13 @@ class Numbers(NamedTuple):
         return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])
 
 
-def _of_floats(dtype):
-    return Numbers(
-        dtype,
-        lambda value: value,
-        lambda angle: (math.cos(angle), math.sin(angle)),
-        lambda x, y: (math.hypot(x, y), math.atan2(y, x)),
-        math.pi,
-    )
-
-
-#: Complex ones are of elements off the real axis; angles lie on it.
-FLOATS, COMPLEX = _of_floats(float), _of_floats(complex)
+FLOATS = Numbers(
+    float,
+    lambda value: value,
+    lambda angle: (math.cos(angle), math.sin(angle)),
+    lambda x, y: (math.hypot(x, y), math.atan2(y, x)),
+    math.pi,
+)
 
 #: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
 AXES = ("x", "y", "rotation")
@@ -88,7 +83,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     coordinates = []
     for body in bodies.values():
         values = *body.support_stiffness, body.torsional_stiffness
-        moves = [(axis, math.isfinite(k.real)) for axis, k in zip("xyu", values, strict=True)]
+        moves = [(axis, math.isfinite(k)) for axis, k in zip("xyu", values, strict=True)]
         coordinates += [(body.name, axis) for axis, free in moves if free]
     if rotations_first:
         coordinates.sort(key=lambda one: one[1] != "u")
@@ -114,7 +109,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
         if name in pins:
             supports -= pins[name]
             for axis in range(2):
-                if math.isinf(body.support_stiffness[axis].real):
+                if math.isinf(body.support_stiffness[axis]):
                     rows[axis] = pins[name][axis]
         (x, y, u), r = rows, of(body.base_radius)
         m, inertia = of(body.mass or 0.0), of(body.inertia)
@@ -124,7 +119,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
         turned = y - own[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
         for axis, row in enumerate(supports):
-            if math.isfinite(body.support_stiffness[axis].real):
+            if math.isfinite(body.support_stiffness[axis]):
                 stiffness += body.support_stiffness[axis] * np.outer(row, row)
                 damping += body.support_damping[axis] * np.outer(row, row)
                 springs.append((row, body.support_stiffness[axis]))
@@ -133,7 +128,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
         else:
             c = body.support_damping
             circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
-        if math.isfinite(body.torsional_stiffness.real):
+        if math.isfinite(body.torsional_stiffness):
             stiffness += body.torsional_stiffness / r**2 * np.outer(u, u)
             damping += body.torsional_damping / r**2 * np.outer(u, u)
             springs.append((u, body.torsional_stiffness / r**2))

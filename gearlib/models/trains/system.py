@@ -64,7 +64,7 @@ def functionals(train, frequencies, waves, constants):
         functional[:, 2 * n] = constants[side] * unit
         functional[:, 2 * n + 1 :] = waves[side] * unit
     for j, mesh in enumerate(train.meshes):
-        if math.isfinite(mesh.backlash.real):
+        if math.isfinite(mesh.backlash):
             far[j, 2 * n] += mesh.backlash * unit
         else:
             far[j] = one_mesh_system.never(far.shape[1], 2 * n)
@@ -109,7 +109,7 @@ def train_system(train, tuning, segments=None):
     # Flanks are alike in segments of one level and direction of sliding; (coast, drive) of meshes.
     alike = 2 * segments.low + (segments.sense < 0.0)
     kinds = [
-        ([] if math.isinf(mesh.backlash.real) else own, own)
+        ([] if math.isinf(mesh.backlash) else own, own)
         for mesh, own in zip(train.meshes, segments.kinds, strict=True)
     ]
     highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)

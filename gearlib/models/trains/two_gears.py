@@ -4,20 +4,19 @@ The line of action lies along x: the bearings y of the pair are the supports alo
 z, a quarter turn on, those along y. The train has the scales of the pair, whatever its torques.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from gearlib.models.derivatives import unchecked
 from gearlib.models.trains import turning, waves
 from gearlib.models.trains.elements import Body, Mesh
-from gearlib.models.trains.structure import COMPLEX, FLOATS, Numbers, structure
+from gearlib.models.trains.structure import FLOATS, Numbers, structure
 from gearlib.models.trains.train import GearTrain
 
-#: What the mesh takes of a `GearPair`; what bodies and mesh take of a `SixDegreePair`.
+#: What the mesh takes of a `GearPair`, and of a `SixDegreePair`.
 _OF_PAIR = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
 _OF_PAIR += ("material_damping", "backlash_damping")
-_OF_BODIES = ("inertias", "masses", "torques", "bearing_stiffness", "bearing_damping")
 _OF_GEARS = ("deviation", "inverse_deviation", "friction", "pitch_phase", "moving_backlash")
 
 
@@ -29,7 +28,7 @@ class _Mesh(Mesh):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoGears(GearTrain):
-    """The train of a `SixDegreePair`; no check sees it, and it may lie off the real axis.
+    """The train of a `SixDegreePair`; no check sees it.
 
     Parameters
     ----------
@@ -77,20 +76,9 @@ class TwoGears(GearTrain):
         return structure(self.by_name, self.meshes, (), numbers, rotations_first=True)
 
     @cached_property
-    def _real(self):
-        gears, pair = self.gears, self.gears.pair
-        given = [getattr(pair, one.name) for one in fields(pair)]
-        given += [value for name in _OF_BODIES for value in getattr(gears, name)]
-        return not any(isinstance(value, complex) for value in given)
-
-    @cached_property
     def structure(self):
-        """The `Structure`; directions lie on the real axis."""
-        if self._real:
-            return self.assembled()
-        found = self.assembled(COMPLEX)
-        directions = ("motions", "lines", "across", "arms")
-        return found._replace(**{name: getattr(found, name).real for name in directions})
+        """The `Structure` in floats."""
+        return self.assembled()
 
     def segments_of(self, first, count):
         """Return the `Segments` of one mesh period: the run-out changes nothing in them."""
@@ -100,14 +88,10 @@ class TwoGears(GearTrain):
 
     @property
     def static_deflection(self):
-        """That of the pair; off the real axis complex in any case, as what is made of it."""
-        return self.gears.static_deflection + (0.0 if self._real else 0j)
+        """That of the pair."""
+        return self.gears.static_deflection
 
     @property
     def reference_angular_frequency(self):
         """That of the pair."""
         return self.gears.mean_eigenfrequency
-
-    def norm(self, parts):
-        """As of `GearTrain`; off the real axis any: only the length of steps depends on it."""
-        return super().norm(parts) if self._real else 1.0

@@ -39,7 +39,7 @@ def segments(meshes, rates, phases, turns, first, count):
     for mesh, rate, shifts, pitch in zip(meshes, rates, phases, turns, strict=True):
         local = set()
         if mesh.varies:
-            half = (mesh.contact_ratio.real - 1.0) / 2.0
+            half = (mesh.contact_ratio - 1.0) / 2.0
             local |= {(g + side) for g in shifts for side in (half, -half)}
         if any(mesh.friction):
             local |= {shifts[1] + turn + half for turn in pitch for half in (0.0, 0.5)}
@@ -65,11 +65,11 @@ def segments(meshes, rates, phases, turns, first, count):
         at = middle * float(rate) / whole + float(first * rate % 1)
         for side, (g, turn) in enumerate(zip(shifts, pitch, strict=True)):
             away = np.abs(np.mod(at - g + 0.5, 1.0) - 0.5)
-            low[side, :, j] = away > (mesh.contact_ratio.real - 1.0) / 2.0
+            low[side, :, j] = away > (mesh.contact_ratio - 1.0) / 2.0
             if any(mesh.friction):
                 sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
         if not mesh.varies:
-            low[:, :, j] = mesh.contact_ratio.real < 2.0 and mesh.two_levels
+            low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.two_levels
         levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
         ways = (0, 1) if any(mesh.friction) else (0,)
         kinds.append([2 * level + way for level in levels for way in ways])

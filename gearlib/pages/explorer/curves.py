@@ -7,8 +7,6 @@ import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
-from gearlib.figures.style import limits
-
 
 class Curves:
     """Lines of several figures, and the marker of one."""
@@ -20,11 +18,6 @@ class Curves:
     def show(self, name, x, y):
         """Give a line its points."""
         self.sources[name].data = {"x": x, "y": y}
-
-    def limit(self, plot, names):
-        """Give a figure the limits of the ordinates of these lines."""
-        values = [self.sources[name].data["y"] for name in names]
-        plot.y_range.start, plot.y_range.end = limits(*values)
 
     def stems(self, name, spectrum):
         """Give a line the force amplitudes of an order spectrum as stems, N over mesh orders."""
@@ -55,8 +48,8 @@ class Room(NamedTuple):
     grow: int = 1  #: how it shares what is left of the width
 
 
-#: Of the characteristic, of a figure beside it, and of those of which several stand side by side.
-LARGE, FIRST, SMALL = Room(0.55, 300, 460, 2), Room(0.55, 340, 290), Room(0.45, 250, 260)
+#: Of the characteristic, and of figures of which several stand side by side.
+LARGE, SMALL = Room(0.55, 300, 460, 2), Room(0.45, 250, 260)
 #: Of the mean force: amplitudes below are not drawn.
 FLOOR = 1e-6
 #: Width of ticks and words of an ordinate, px.
@@ -78,16 +71,15 @@ def empty(title, x, y, tools=False, **options):
     return figure(title=title, x_axis_label=x, y_axis_label=y, **look, **more, **options)
 
 
-def pane(plot, room=SMALL, less=0):
-    """Return the pane of a figure, which grows with the window; less: px for what is below it."""
-    height = f"calc({room.share} * (100vh - {_HEAD}px) - {less}px)"
-    styles = {"height": height, "min-height": f"{room.least - less}px"} | flex(room)
+def pane(plot, room=SMALL):
+    """Return the pane of a figure, which grows with the window."""
+    styles = {
+        "height": f"calc({room.share} * (100vh - {_HEAD}px))",
+        "min-height": f"{room.least}px",
+        "flex": f"{room.grow} 1 {room.basis}px",
+        "min-width": "0",
+    }
     return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)
-
-
-def flex(room):
-    """Return the styles by which something takes its room of a row."""
-    return {"flex": f"{room.grow} 1 {room.basis}px", "min-width": "0"}
 
 
 def beside(*panes, **options):

@@ -59,8 +59,6 @@ class Explored(ABC):
     choices: dict = {}
     #: Name of the slider over which the resonance characteristic goes.
     abscissa: ClassVar[str] = "speed"
-    #: What is followed: "value_throttled" is a slider that is let go.
-    event: ClassVar[str] = "value"
 
     @property
     def start(self):

@@ -1,35 +1,26 @@
-"""The explorer as a whole: one pair, drawn gears or a gear train, served on this machine."""
+"""The explorer as a whole: one pair or drawn gears, served on this machine."""
 
 import panel as pn
 
-from gearlib.config.train_section import Train
 from gearlib.pages.explorer.drawn_figures import DrawnFigures
 from gearlib.pages.explorer.drawn_pair import Drawing
 from gearlib.pages.explorer.motion import Motion
 from gearlib.pages.explorer.one_pair import Pair
 from gearlib.pages.explorer.slider_page import SliderPage
-from gearlib.pages.explorer.train_figures import TrainFigures
-from gearlib.pages.explorer.trains import KINDS, Machine, offered
 
 PAIR, DRAWN = "one pair", "drawn gears"
 
 
 def page_of(mapping, damping, chosen=PAIR):
-    """Return the `SliderPage` of a pair, of drawn gears, or of a kind of train."""
+    """Return the `SliderPage` of a pair, or of drawn gears."""
     if chosen == PAIR:
         return SliderPage(Pair(mapping, damping), Motion())
-    if chosen == DRAWN:
-        drawing = Drawing(mapping, damping)
-        return SliderPage(drawing, DrawnFigures(drawing))
-    machine = Machine(mapping, damping, chosen)
-    return SliderPage(machine, TrainFigures(machine))
+    drawing = Drawing(mapping, damping)
+    return SliderPage(drawing, DrawnFigures(drawing))
 
 
 def opened(mapping):
-    """Return what is seen first: a train that was chosen, else drawn gears, else the pair."""
-    kind = mapping.get("train", {}).get("kind", Train().kind)
-    if kind != Train().kind:
-        return kind
+    """Return what is seen first: drawn gears if the configuration draws some, else the pair."""
     return DRAWN if mapping.get("gears") else PAIR
 
 
@@ -38,13 +29,10 @@ class Explorer:
 
     def __init__(self, mapping, damping):
         self.mapping, self.damping = mapping, damping
-        self._kinds = {name: kind for kind, name in offered(mapping).items()}
-        kind = opened(mapping)
         self.choice = pn.widgets.RadioButtonGroup(
-            options=[PAIR, DRAWN, *self._kinds],
-            value=KINDS.get(kind, kind),
+            options=[PAIR, DRAWN],
+            value=opened(mapping),
             sizing_mode="stretch_width",
-            stylesheets=[".bk-btn-group { flex-wrap: wrap; }"],
         )
         self.shown = pn.Column(sizing_mode="stretch_width")
         #: The `SliderPage` that was made last.
@@ -57,8 +45,7 @@ class Explorer:
         chosen = self.choice.value
         if chosen not in self._pages:
             try:
-                kind = self._kinds.get(chosen, chosen)
-                self.page = page_of(self.mapping, self.damping, kind)
+                self.page = page_of(self.mapping, self.damping, chosen)
                 self._pages[chosen] = self.page.layout()
             except ValueError as error:
                 self._pages[chosen] = pn.pane.Markdown(str(error))

@@ -60,7 +60,7 @@ class SliderPage:
         )
         self.shown = pn.Column(*figures.panes(), sizing_mode="stretch_width")
         for slider in self.sliders.values():
-            slider.param.watch(self.update, explored.event)
+            slider.param.watch(self.update, "value")
         for choice in self.choices.values():
             choice.param.watch(self.update, "value")
         figures.resonance.on_event(Tap, self.pick)
@@ -71,8 +71,6 @@ class SliderPage:
         slider = self.sliders[self.explored.abscissa]
         value = slider.start + round((event.x - slider.start) / slider.step) * slider.step
         slider.value = min(max(float(f"{value:.12g}"), slider.start), slider.end)
-        if self.explored.event != "value":
-            self.update()
 
     @staticmethod
     def _on_slider(one):

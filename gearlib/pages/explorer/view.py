@@ -9,7 +9,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_spectrum import orders
-from gearlib.data import motion_words, summary
+from gearlib.data import summary
 from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
@@ -26,8 +26,7 @@ class Lengths(NamedTuple):
 
 #: Mesh periods of a time course that is drawn.
 SHOWN = 3
-#: Of a pair; of a train, whose record holds whole common periods of the default trains.
-PAIR, TRAIN = Lengths(70, 10, 300, 256), Lengths(36, 12, 180, 64)
+PAIR = Lengths(70, 10, 300, 256)
 
 
 @dataclass(frozen=True)
@@ -69,9 +68,6 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
         f"{lengths.periods}."
     )
     spectrum = _orders(model, run, lengths)
-    if model.mesh_names:
-        words = _of_meshes(run) + followed
-        return View(model, up, down, run, np.empty(0), words, spectrum, **drawn)
     words = summary.in_words(run) + followed
     return View(model, up, down, run, _multipliers(model, run), words, spectrum, **drawn)
 
@@ -104,17 +100,3 @@ def _multipliers(pair, run):
         return periodic_orbit(pair, float(run.tuning), guess=guess, period=period).multipliers
     except NoOrbit:
         return np.empty(0)
-
-
-def _of_meshes(run):
-    """Return what the motion of a train is, in words."""
-    if int(run.status):
-        return run.status.attrs["message"]
-    period = int(run.period)
-    motion = f"repeats after {period} mesh periods" if period else ""
-    if period < 2:
-        motion = "repeats every mesh period" if period else f"has {motion_words.not_settled(run)}"
-    lost = (run.fraction_backlash + run.fraction_inverse).values > 0.0
-    parted = [str(name) for name in run.mesh.values[lost]]
-    contact = f"contact is lost in {', '.join(parted)}" if parted else "all meshes stay in contact"
-    return f"The motion from rest {motion}; {contact}."

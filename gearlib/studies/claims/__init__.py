@@ -3,8 +3,7 @@
 Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots;
 nothing is typed in. Where a strict reading answers otherwise, the verdict names both. A statement
 that differs stays in the table with its numbers; one for which the configuration has no data is
-"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007); A1, in a table of its
-own, is none, but what they assume in passing from their Fig. 1 a to one mesh.
+"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
 
 ===================  =================================================
 module               responsibility
@@ -13,7 +12,6 @@ module               responsibility
 ``statements``       the statements and their rules
 ``characteristics``  rules on scales, characteristics and phase planes
 ``scene_claims``     rules on single runs
-``machine``          the rule on the whole reducer
 ===================  =================================================
 """
 

@@ -15,7 +15,7 @@ import xarray as xr
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
 from gearlib.runs.run_arguments import MAX_EVENTS, Span, empty_record
-from gearlib.studies.many_starts import KEPT, beside, in_parallel, over_starts, starts
+from gearlib.studies.many_starts import beside, in_parallel, over_starts, starts
 
 #: What `settled` says.
 SETTLED_FLAGS = status.settled_flags("all_starts_on_one_stable_orbit")
@@ -37,13 +37,8 @@ class Ends(NamedTuple):
     tables: np.ndarray  #: summaries as of `Model.empty_record`, of orbits where there is one
     orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
     periods: np.ndarray  #: in mesh periods, 0: none
-    marks: np.ndarray  #: states on the way, and at the end, at a multiple of the common period
+    states: np.ndarray  #: at the end, at a multiple of the common period
     codes: np.ndarray  #: `gearlib.data.status`
-
-    @property
-    def states(self):
-        """Where they end."""
-        return self.marks[:, -1]
 
     @property
     def settled(self):
@@ -68,7 +63,7 @@ class _Tuning:
         self.recorded, cycles = settings["record_periods"], _MULTIPLES[-1] * model.repeats
         #: Orbits of all multiples are in one phase in the middle and at the end of a run.
         half = -(-max(settings["periods"], 2 * self.recorded) // (2 * cycles)) * cycles
-        self.marks = half // (2 * cycles) * cycles, half, 2 * half - self.recorded, 2 * half
+        self.marks = half, 2 * half - self.recorded, 2 * half
         self.orbits: list = []
         self.searches = 0
         #: Deviations of this size stay small beside a stable orbit.
@@ -81,26 +76,22 @@ class _Tuning:
         return record.summary, done[2], int(done[5])
 
     def course(self, start):
-        """Return (table, period, marks, status) of a motion.
-
-        Marks are its states after a quarter, after the half, before the record and at the end.
-        """
-        z, first, marks = np.array(start, float), 0, np.full((4, np.size(start)), np.nan)
+        """Return (table, period, middle, end, status) of a motion: two states on its way."""
+        z, first, states = np.array(start, float), 0, np.full((3, np.size(start)), np.nan)
         for i, until in enumerate(self.marks):
             periods = until - first
             if periods:
                 table, period, code = self._run(z, periods, periods, first)
                 if code != status.OK:
-                    return np.full_like(table, np.nan), 0, marks, code
-            marks[i], first = z, until
-        return table, period, marks, code
+                    return np.full_like(table, np.nan), 0, states[0], states[-1], code
+            states[i], first = z, until
+        return table, period, states[0], states[-1], code
 
     def end(self, start):
-        """Return (table, orbit, period, marks, status) of the motion from a start."""
-        table, period, marks, code = self.course(start)
+        """Return (table, orbit, period, state, status) of the motion from a start."""
+        table, period, half, z, code = self.course(start)
         if code != status.OK:
-            return table, -1, 0, marks, code
-        half, z = marks[1], marks[-1]
+            return table, -1, 0, z, code
         number = self._known(half, z)
         near = period or self.apart(half, z) < _NEAR
         if number < 0 and near and self.searches < _SEARCHES:
@@ -108,9 +99,8 @@ class _Tuning:
             self.searches += number < 0
         if number >= 0:
             found, points, own = self.orbits[number]
-            marks[-1] = points[0]
-            return own, number, found, marks, code
-        return table, -1, 0, marks, code
+            return own, number, found, points[0], code
+        return table, -1, 0, z, code
 
     def apart(self, one, other):
         return np.abs((one - other) @ self.bend.T).max()
@@ -179,32 +169,6 @@ def ends(model, tuning, states, settings):
     return Ends(*(np.array(column) for column in zip(*found, strict=True)))
 
 
-def kept(model, tunings, found, settings, state="static"):
-    """Return where all motions stay what they are if starts move by next to nothing.
-
-    Motions drawn onto an orbit do, and slow ones. Chaotic ones do not, nor those that come to an
-    orbit through chaos, late or early: rounding decides. As many as there are first starts are
-    asked, where some motion ends on no orbit or starts have parted on their way.
-
-    model, tunings, settings, state: as of `from_rest`; found: what that gives.
-
-    Shape (t,).
-    """
-    begin = starts(model, state, settings)[: settings["first_starts"]]
-
-    def one(nu, here):
-        there = _Tuning(model, float(nu), settings)
-        if (here.orbits >= 0).all() and there.apart(
-            here.marks[:, 0], here.marks[0, 0]
-        ) < there.near:
-            return True
-        ways = ((there.course(beside(z))[2], here.marks[i]) for i, z in enumerate(begin))
-        # The last mark may be that of the orbit itself.
-        return all(there.apart(way[:-1], mark[:-1]) < KEPT for way, mark in ways)
-
-    return np.array(in_parallel(lambda given: one(*given), zip(tunings, found, strict=True)))
-
-
 def from_rest(model, tunings, settings, state="static"):
     """Return where the motions from all starts end, tuning by tuning: a list of `Ends`.
 
@@ -242,10 +206,9 @@ def summarise(model, found, settings, names):
     starts that end on a stable orbit; motion_count, of different ones; largest_share, of the one on
     which most starts end; period, 0 unless settled.
     """
-    tables, orbits, periods, marks, codes = (
+    tables, orbits, periods, states, codes = (
         np.stack(column, axis=1) for column in zip(*found, strict=True)
     )
-    states = marks[..., -1, :]
     both = np.stack([periods, codes], axis=-1)
     every = summary.variables(
         model, ("start", "tuning"), tables, states, both, settings["record_periods"]

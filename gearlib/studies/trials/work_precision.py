@@ -100,8 +100,6 @@ LADDERS = {
     ],
     # From 2.2e-16 on its steps are the same.
     "heyoka": [Line("heyoka", "other", "tol", (*_TOLERANCES, 1e-16))],
-    "cvode": [Line("cvode", "other", "rtol", _TOLERANCES, follows=True)],
-    "diffrax": [Line("diffrax", "other", "rtol", _TOLERANCES, follows=True)],
 }
 
 #: Accuracy parameters of methods that are not in `LADDERS`: the first that a method has.
@@ -155,14 +153,9 @@ def generic_line(method):
 
 def rungs(method):
     """Return (line, text of the accuracy parameter, options) of every setting of a method."""
-    return rungs_of(lines_of(method))
-
-
-def rungs_of(lines):
-    """Return (line, text of the accuracy parameter, options) of every setting of the lines."""
     return [
         (line, "" if value is None else f"{line.knob} = {value:g}", line.at(value))
-        for line in lines
+        for line in lines_of(method)
         for value in line.values
     ]
 

@@ -8,7 +8,7 @@ import time
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
-import emulated
+import code_taken
 
 _compiled = []
 _source_to_code = SourceFileLoader.source_to_code
@@ -40,12 +40,11 @@ def _write():
         "written": list(job.output) if hasattr(job, "rule") else [],
         "loaded": sorted(filter(None, files)),
         "compiled": _compiled,
-        "processor": emulated.taken() if job else {},
+        "processor": code_taken.taken() if job else {},
     }
     path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}-{time.time_ns()}.json")
     path.write_text(json.dumps(record), encoding="utf-8")
 
 
-emulated.begin()
 SourceFileLoader.source_to_code = _compile
 atexit.register(_write)

@@ -1,0 +1,144 @@
+"""Fourier integrals over the mesh phase, as sums over the samples of a recorded run.
+
+Between switches of the stiffness and contact events a motion is smooth. Each sample weighs as much
+as cubic polynomials through neighbouring samples give it; no polynomial reaches across a jump.
+"""
+
+import json
+import math
+
+import numpy as np
+
+from gearlib.analysis.revolutions import Turning
+from gearlib.models.from_values import model_of
+
+#: Phases closer than this count as equal.
+SAME_PHASE = 1e-9
+#: Samples through which a polynomial goes, and a rule of Gauss that integrates it exactly.
+STENCIL = 4
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(2)
+
+
+def jump_phases(run, teeth):
+    """Return the phases at which variables of a run or their slopes jump, rising.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Of `gearlib.run_up` or of `gearlib.analysis.steady_course.as_run_up`.
+    teeth : float
+        Mesh periods in a revolution.
+    """
+    asked = json.loads(run.attrs["parameters"])
+    times = [row[0] for row in (*asked["speed"], *asked["load"])]
+    times = np.array([*times, *(run.event_time.values if "event_time" in run else ())])
+    phases = [math.tau * teeth * Turning(asked["speed"]).revolutions(times)]
+    model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
+    if model is not None:
+        begin, switches = float(run.attrs.get("first_phase", 0.0)), model.system(1.0).starts
+        first, last = (
+            math.floor((begin + end) / switches[-1])
+            for end in (-math.tau, float(run.phase[-1]) + math.tau)
+        )
+        turns = switches[-1] * np.arange(first, last + 1)
+        phases.append((turns[:, None] + switches[:-1]).ravel() - begin)
+    jumps = np.sort(np.concatenate(phases))
+    return jumps[np.diff(jumps, prepend=-np.inf) > SAME_PHASE]
+
+
+def summed(phase, values, blocks, span, step, count, jumps=None):
+    """Return Fourier coefficients of samples, sums over the phase, block by block.
+
+    Parameters
+    ----------
+    phase : ndarray, shape (n,)
+        Rising; the first block begins at 0.
+    values : ndarray, shape (n, ...)
+    blocks : int
+    span, step : float
+        Of the phase: a block, and the wave number of the first order.
+    count : int
+        Orders, from 0.
+    jumps : ndarray, optional
+        Phases at which values or their slopes jump, rising. By default samples have the weights of
+        trapezia.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (blocks, count, ...)
+    squares : ndarray, shape (blocks, ...)
+        Means of the squares.
+    shares : ndarray, shape (blocks,)
+        Sums of the squares of the weights of samples: what noise is lowered by.
+    """
+    table = values.reshape(len(values), -1)
+    coefficients = np.zeros((blocks, count, table.shape[1]), complex)
+    squares, shares = np.zeros((blocks, table.shape[1])), np.zeros(blocks)
+    if jumps is not None:
+        # The value at a jump is that of one of its sides, and nobody knows of which.
+        ends, after = np.concatenate([[-np.inf], jumps, [np.inf]]), np.searchsorted(jumps, phase)
+        smooth = np.minimum(phase - ends[after], ends[after + 1] - phase) > SAME_PHASE
+        phase, table = phase[smooth], table[smooth]
+    for k in range(blocks):
+        first, last = np.searchsorted(phase, (k * span - SAME_PHASE, (k + 1) * span - SAME_PHASE))
+        if jumps is None:
+            own, part = phase[first:last] - k * span, table[first:last]
+            # The next block begins where this one ends, or the run is over.
+            part = np.concatenate([part, table[min(last, len(table) - 1)][None]])
+            own = np.append(own, span)
+            weights = np.gradient(own, edge_order=1)
+            weights[[0, -1]] *= 0.5
+        else:
+            near = slice(max(first - STENCIL, 0), last + STENCIL)
+            own, part = phase[near] - k * span, table[near]
+            between = np.searchsorted(jumps, own[[0, -1]] + k * span)
+            weights = smooth_weights(own, jumps[slice(*between)] - k * span, span)
+        weights = weights / span
+        coefficients[k] = _waves(own, weights[:, None] * part, step, count)
+        squares[k] = np.einsum("i,im->m", weights, part**2)
+        shares[k] = weights @ weights
+    inner = values.shape[1:]
+    return coefficients.reshape(blocks, count, *inner), squares.reshape(blocks, *inner), shares
+
+
+def smooth_weights(phase, jumps, span):
+    """Return weights of samples whose sum is the integral from 0 to span, shape (n,)."""
+    jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
+    marks = np.concatenate([[0.0, span], phase, jumps])
+    bounds = np.unique(marks[(marks >= 0.0) & (marks <= span)])
+    half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
+    # Samples and intervals are numbered by the jumps before them.
+    of_sample, of_interval = np.searchsorted(jumps, phase), np.searchsorted(jumps, middle)
+    low = np.searchsorted(of_sample, of_interval, side="left")
+    high = np.searchsorted(of_sample, of_interval, side="right")
+    # Between jumps without a sample the neighbours on both sides stand in.
+    empty = (low == high).astype(int)
+    low, high = np.maximum(low - empty, 0), np.minimum(high + empty, phase.size)
+    size = np.minimum(high - low, STENCIL)
+    first = np.clip(np.searchsorted(phase, middle) - size // 2, low, high - size)
+    weights = np.zeros(phase.size)
+    for n in np.unique(size).tolist():
+        rows = np.flatnonzero(size == n)
+        places = first[rows] + np.arange(n)[:, None]
+        x, at = phase[places] - middle[rows], half[rows] * NODES[:, None]
+        for i in range(n):
+            lagrange = np.ones(at.shape)
+            for j in range(n):
+                if j != i:
+                    lagrange *= (at - x[j]) / (x[i] - x[j])
+            own = half[rows] * (WEIGHTS @ lagrange)
+            weights += np.bincount(places[i], own, minlength=phase.size)
+    return weights
+
+
+def _waves(phase, values, step, count):
+    """Return sums of values times exp(-i n step phase) for each n < count, shape (count, m)."""
+    base = np.arange(math.isqrt(count - 1) + 1)
+    large = np.arange(0, count, base.size)
+    # Waves of the order a n + b are products of two; BLAS would wake threads for small sums.
+    low, high = (
+        np.cumprod([np.ones(phase.size), *[np.exp(-1j * step * wave * phase)] * (few.size - 1)], 0)
+        for few, wave in ((base, 1), (large, base.size))
+    )
+    sums = np.einsum("aim,bi->abm", high[:, :, None] * values, low)
+    return sums.reshape(-1, values.shape[1])[:count]

@@ -1,0 +1,144 @@
+"""The numbers of a train that can be read and changed one by one, by their names.
+
+A parameter of one element is called as the sentences of refusals call it, ``inertia of body sun``;
+that of a mesh without an element is that of all meshes, which share one value.
+"""
+
+import dataclasses
+import math
+
+_TORSION = "N m rad-1", "N m s rad-1"
+#: Fields of bodies, shafts and meshes -> (CF units, words).
+FIELDS: dict = {
+    "body": {
+        "inertia": ("kg m2", "inertia"),
+        "mass": ("kg", "mass"),
+        "support_stiffness": ("N m-1", "stiffness of the support"),
+        "support_damping": ("N s m-1", "damping of the support"),
+        "torsional_stiffness": (_TORSION[0], "torsional stiffness of the support"),
+        "torsional_damping": (_TORSION[1], "torsional damping of the support"),
+        "torque": ("N m", "torque"),
+        "offset": ("m", "misplaced axis"),
+    },
+    "shaft": {
+        "stiffness": (_TORSION[0], "torsional stiffness"),
+        "damping": (_TORSION[1], "torsional damping"),
+        "bending_stiffness": ("N m-1", "bending stiffness"),
+        "bending_damping": ("N s m-1", "bending damping"),
+    },
+    "mesh": {
+        "max_stiffness": ("N m-1", "maximum mesh stiffness"),
+        "stiffness_ratio": ("1", "stiffness ratio kappa"),
+        "contact_ratio": ("1", "contact ratio epsilon"),
+        "backlash": ("m", "backlash"),
+        "material_damping": ("N s m-1", "damping in contact"),
+        "backlash_damping": ("N s m-1", "damping in the backlash"),
+        "error": ("m", "error of assembly"),
+    },
+}
+
+
+def elements(train):
+    """Return kind -> name -> element."""
+    return {
+        "body": train.by_name,
+        "shaft": {"-".join(shaft.bodies): shaft for shaft in train.shafts},
+        "mesh": {mesh.name: mesh for mesh in train.meshes},
+    }
+
+
+def settable(train):
+    """Return name -> (CF units, words) of the finite numbers of a train's elements.
+
+    ``load`` stands for all torques in proportion, the name of a mesh's field alone for that of all
+    meshes where they share one value.
+    """
+    described = {"load": ("N", "load, all torques in proportion")}
+    for name, (units, words) in FIELDS["mesh"].items():
+        if len({getattr(mesh, name) for mesh in train.meshes}) == 1:
+            described[name] = units, f"{words} of all meshes"
+    for kind, named in elements(train).items():
+        for label, element in named.items():
+            for name, (units, words) in FIELDS[kind].items():
+                axes = _elastic(element, name)
+                if axes is None or name == "torque":
+                    continue
+                if name != "offset":
+                    described[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
+                for axis in axes:
+                    about = units, f"{words} of {kind} {label}, {axis}"
+                    described[f"{name} of {kind} {label}, {axis}"] = about
+    return described
+
+
+def _elastic(element, name):
+    """Return the axes that a field has, none for most; None: what it is of is rigid or absent."""
+    if name == "offset":
+        return "xy"
+    if name == "mass":
+        return None if element.mass is None else ""
+    part, _, field = name.rpartition("_")
+    if part not in ("support", "torsional") or field not in ("stiffness", "damping"):
+        return ""
+    stiffness = getattr(element, f"{part}_stiffness")
+    if part == "torsional":
+        return None if math.isinf(stiffness) else ""
+    pairs = zip("xy", stiffness, strict=True)
+    return "".join(axis for axis, one in pairs if math.isfinite(one)) or None
+
+
+def value(train, name):
+    """Return the value of one of `settable`."""
+    if name == "load":
+        return train.load
+    (kind, label, field, *axis), *_ = _places(train, name)
+    whole = getattr(elements(train)[kind][label], field)
+    if not isinstance(whole, tuple):
+        return whole
+    # If both axes are meant, take the first elastic one.
+    return whole[axis[0]] if axis else next(entry for entry in whole if math.isfinite(entry))
+
+
+def with_values(train, changes):
+    """Return the train with some of `settable` changed and checked."""
+    fields: dict = {}
+    for name, new in changes.items():
+        if name == "load":
+            for body in train.bodies:
+                torque = body.torque * (new / train.load)
+                fields.setdefault(("body", body.name), {})["torque"] = torque
+            continue
+        for kind, label, field, *axis in _places(train, name):
+            element = fields.setdefault((kind, label), {})
+            old = element.get(field, getattr(elements(train)[kind][label], field))
+            if isinstance(old, tuple):
+                meant = [i for i in range(len(old)) if i in axis or not axis]
+                element[field] = tuple(
+                    new if i in meant and math.isfinite(entry) else entry
+                    for i, entry in enumerate(old)
+                )
+            else:
+                element[field] = new
+    changed = {
+        kind: tuple(
+            dataclasses.replace(element, **fields[kind, label])
+            if (kind, label) in fields
+            else element
+            for label, element in named.items()
+        )
+        for kind, named in elements(train).items()
+    }
+    return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])
+
+
+def _places(train, name):
+    """Return the (kind, label, field[, axis]) of a parameter of elements, or of all meshes."""
+    if name in FIELDS["mesh"]:
+        return [("mesh", label, name) for label in train.mesh_names]
+    field, element = name.split(" of ", 1)
+    kind, label = element.split(" ", 1)
+    axes = ()
+    if label not in elements(train)[kind]:
+        label, axis = label.rsplit(", ", 1)
+        axes = ("xy".index(axis),)
+    return [(kind, label, field, *axes)]

@@ -1,0 +1,29 @@
+"""Names, keys, options and targets of gearlib 0.2 that 0.3 no longer has."""
+
+#: Replacement, in words -> names of the library, keys of the configuration, options and targets.
+_REPLACEMENTS = {
+    "gearlib.sensitivities differentiates any result": (
+        "fold_sensitivities, orbit_sensitivities, failures.gradients"
+    ),
+    "certify and certify_range prove orbits, continue_orbit and tongues compute the rest": (
+        "certify_fold, certify_grazing, certify_motion, certify_tongues"
+    ),
+    "scatter and sobol_indices tell what tolerances do": (
+        "certify_box, first_order_scatter, tighten, kept_contact"
+    ),
+    "call fit once for each model and compare the residuals": "compare_fits",
+    "order_map takes single orders": "order_track",
+    "duty_point gives the dynamic factor at one speed": "dynamic_factor, relief_dynamics",
+    "the target mesh_stiffness compares stiffnesses": "rectangle",
+    "failures and work_precision compare methods": "jump_by_method",
+    "the target reducer shows the motions of the train": "one_mesh",
+    "tongues, simulate and sweep take any train": "symmetry_breaking, train_chart",
+    "snakemake --report makes the report": "report_page",
+}
+#: Name -> replacement, in words.
+REMOVED = {name: words for words, names in _REPLACEMENTS.items() for name in names.split(", ")}
+
+
+def sentence(name):
+    """Return the sentence that answers a removed name."""
+    return f"{name} was removed in gearlib 0.3: {REMOVED[name]}; see docs/migration.md"

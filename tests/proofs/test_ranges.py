@@ -1,0 +1,63 @@
+"""Ranges of tunings: where they end, and those that are none."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from tests.paper import PAPER
+
+MATERIAL = PAPER.replace(material_damping=3953.7)
+
+
+def refused_at(refusal):
+    """Return up to which tuning a range is proven, from the sentence of its refusal."""
+    return float(re.search(r"to ([\d.]+) it is proven", refusal.message).group(1))
+
+
+@pytest.mark.parametrize(
+    "pair, start, to, guess, status, at",
+    [
+        (MATERIAL, 0.6, 0.803, (0.5, 0.0), "grazing", 0.8020519930),
+        (MATERIAL, 0.815, 0.817, None, "fold", 0.8160450454),
+        (PAPER, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
+    ],
+)
+def test_a_range_ends_where_the_orbit_does(pair, start, to, guess, status, at):
+    """At a grazing, a fold, an edge of a tongue."""
+    orbit = gearlib.periodic_orbit(pair, start, guess=guess)
+    refused = gearlib.certify_range(orbit, to=to)
+    # Pieces end at a billionth of the range; next to a fold the orbit moves like a root.
+    assert refused.status == status and at - 2e-7 < refused_at(refused) < at + 1e-9
+    proven = gearlib.certify_range(orbit, to=at - 1e-5)
+    assert proven and (proven.start, proven.stop) == (start, at - 1e-5)
+    assert proven.pattern == orbit.pattern
+    for tuning in np.linspace(start, at - 1e-5, 7):
+        orbit = gearlib.periodic_orbit(pair, tuning, guess=orbit.state)
+        one = gearlib.certify(orbit)
+        assert (one.pattern, one.stability) == (proven.pattern, proven.stability)
+
+
+def test_a_range_with_bounces_downwards():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.9)
+    proven = gearlib.certify_range(orbit, to=0.88)
+    assert (proven.start, proven.stop, proven.stability) == (0.88, 0.9, "stable")
+    assert proven.pattern == (1, 0, 1) and "Proven" in repr(proven)
+    assert json.loads(json.dumps(proven.as_dict()))["start"] == (0.88).hex()
+
+
+def test_ranges_that_are_no_ranges():
+    orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
+    with pytest.raises(ValueError, match="another tuning"):
+        gearlib.certify_range(orbit, to=0.7)
+    # At constant stiffness the mesh rests, whatever the tuning.
+    resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
+    assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
+    moved = replace(orbit, state=orbit.state + 1e-6)
+    assert gearlib.certify_range(moved, to=0.71).status == "distance"
+    other = gearlib.OneDegreePair(pair=MATERIAL, deviation=gearlib.Harmonics((1e-9,)))
+    refused = gearlib.certify_range(gearlib.periodic_orbit(other, 0.7), to=0.71)
+    assert refused.status == "model"
