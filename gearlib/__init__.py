@@ -10,7 +10,7 @@ room             responsibility
 ``runs``         `simulate`, `sweep`, maps of small deviations
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
-``rig``          measured sets and fits: `read_measured`, `fit`, `compare_fits`
+``rig``          measured sets and fits: `read_measured`, `fit`
 ``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        tables as pages, the explorer with its sliders
@@ -51,7 +51,6 @@ _PUBLIC = {
     "certify": "analysis.proofs.orbits",
     "certify_box": "tolerances.boxes",
     "certify_range": "analysis.proofs.ranges",
-    "compare_fits": "rig.compared_fits",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
     "first_order_scatter": "tolerances.linear_scatter",
@@ -104,7 +103,6 @@ __all__ = [
     "certify",
     "certify_box",
     "certify_range",
-    "compare_fits",
     "continue_orbit",
     "duty_point",
     "first_order_scatter",

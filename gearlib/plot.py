@@ -23,7 +23,7 @@ from gearlib.figures import (
 )
 from gearlib.figures import schematic as train_schematic
 from gearlib.figures.expansion_figure import expansions
-from gearlib.figures.fit_figure import fit, profiles, waterfall
+from gearlib.figures.fit_figure import fit
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
 from gearlib.figures.run_up_figure import run_up
@@ -38,13 +38,11 @@ __all__ = [
     "order_map",
     "orders",
     "phase_plane",
-    "profiles",
     "resonance",
     "run_up",
     "schematic",
     "time_course",
     "values",
-    "waterfall",
 ]
 
 _EXTREMA = ("displacement_max", "displacement_min")

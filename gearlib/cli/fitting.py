@@ -17,9 +17,9 @@ _FREE = "NAME[=LOW,HIGH]"
 def _options(command):
     """Give a command a measured set and the options of its gears.
 
-    It is called with the dataset as `data`, the `model`, the ranges `free` and what else the file
-    says of the fit. Of the gears an option comes first, then what the file knows of the rig, then
-    the configuration; a free parameter of which nothing is said begins in the middle of its range.
+    It is called with the dataset as `data`, the `model` and the ranges `free`. Of the gears an
+    option comes first, then what the file knows of the rig, then the configuration; a free
+    parameter of which nothing is said begins in the middle of its range.
     """
     with_model = model_options.options(command)
 
@@ -33,7 +33,7 @@ def _options(command):
         "else those of the file. Without values the range is that of the file.",
     )
     @functools.wraps(with_model)
-    def wrapped(path, asked, model, starts, seed, **others):
+    def wrapped(path, asked, model, **others):
         from gearlib import read_measured
 
         data = read_measured(path)
@@ -46,31 +46,23 @@ def _options(command):
                 others[name] = str(known[name])
         if said.model and _is_default("model"):
             model = said.model
-        if said.starts is not None and _is_default("starts"):
-            starts = said.starts
-        if said.seed is not None and _is_default("seed"):
-            seed = said.seed
-        more = {"model": model, "starts": starts, "seed": seed}
-        return with_model(data=data, free=free, **more, **others)
+        return with_model(data=data, free=free, model=model, **others)
 
     return wrapped
 
 
 @click.command(cls=refusals.Command)
 @_options
-@click.option("--starts", type=int, default=12, show_default=True, help="Points that are tried.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of these points.")
 @output.options("parameter")
-def fit(model, data, free, save, **asked):
+def fit(model, data, free, save):
     """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
     import gearlib
 
     output.words(f"{data.title}{', synthetic' * data.synthetic}: {data.source}")
-    for name in ("repairs", "doubts"):
-        if data.attrs[name]:
-            output.words(f"{name}: {data.attrs[name]}")
+    if data.attrs["repairs"]:
+        output.words(f"repairs: {data.attrs['repairs']}")
     with progress.clock("fitting"):
-        found = gearlib.fit(model, data, free, **asked)
+        found = gearlib.fit(model, data, free)
     click.echo(str(found))
     save(found.dataset(), lambda plot: plot.fit(found))
 

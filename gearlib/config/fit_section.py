@@ -6,7 +6,7 @@ from pydantic import Field
 
 from gearlib.checks import refusal
 from gearlib.config import units
-from gearlib.config.types import Given, Option, entry, whole
+from gearlib.config.types import Given, Option, entry
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import declared
 
@@ -20,8 +20,6 @@ class FitSection(Given):
     free: dict[Annotated[str, Field(pattern="(?s).")], _Range] = entry(
         "Parameter -> its lowest and highest value.", {}
     )
-    starts: whole(0, 10_000) = entry("Points of a Latin hypercube that are tried.", None)
-    seed: whole(0) = entry("Of these points.", None)
 
 
 def range_of(name, ends):

@@ -55,8 +55,8 @@ _SAME = {
     "ramp_rate": ("acceleration",),
 }
 #: Formats that know the times.
-_TIMED = (".uff", ".unv", ".mf4", ".mdf")
-FORMATS = (".csv", ".uff", ".unv", ".mf4", ".mdf", ".mat")
+_TIMED = (".uff", ".unv")
+FORMATS = (".csv", *_TIMED)
 
 
 def _text(most=2000):
@@ -109,10 +109,6 @@ class Channel(Given):
     offset: Known = entry("unknown: the zero means nothing.", None)
     counts_per_turn: whole(2, 2**32) = entry("Counts of one turn, of an encoder.", None)
     count: _text(40) = entry("What one count is, of other converters: 0.1 um.", None)
-    bits: whole(1, 32) = entry("Of the converter, which gives 0 to 2^bits - 1 counts.", None)
-    limits: Annotated[list[float], Field(min_length=2, max_length=2)] = entry(
-        "Least and largest value that the converter can give, in the unit of the channel.", None
-    )
     gaps: Truth = entry("Whether empty cells are points that were not measured.", None)
 
     def check(self, key):
@@ -138,14 +134,12 @@ class Channel(Given):
                     f"channels.{key}.counts_per_turn and channels.{key}.count are not allowed "
                     "together: it must be one of them"
                 )
-        for other in ("counts_per_turn", "count", "bits"):
+        for other in ("counts_per_turn", "count"):
             if getattr(self, other) is not None and self.unit != COUNTS:
                 raise refusal(
                     f"channels.{key}.{other}", getattr(self, other), "left out: the unit is "
                     f"{self.unit!r}, not 'counts'",
                 )  # fmt: skip
-        if self.limits and not self.limits[0] < self.limits[1]:
-            raise refusal(f"channels.{key}.limits", self.limits, "two numbers, the second larger")
         if name not in ("condition", "direction"):
             self.scale(key)
             self.noise_std(key)
@@ -233,7 +227,7 @@ _Key = Annotated[str, Field(pattern="(?s).")]
 class Description(Given):
     """A measured set: a table and what is said of it."""
 
-    data: _text(400) = entry("The file beside this one: .csv, .uff, .mf4, .mat.", None)
+    data: _text(400) = entry("The file beside this one: .csv or .uff.", None)
     title: _text(200) = entry("What it is, in a line.", None)
     source: _text() = entry("Who measured it, where it was published.")
     licence: _text(200) = entry("Under which it may be used, such as CC BY 4.0; or 'own data'.")

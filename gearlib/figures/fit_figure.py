@@ -1,21 +1,18 @@
-"""Fits: what was compared, measured and fitted, the starts, profiles of the parameters."""
+"""Draw what a fit compared, measured and fitted."""
 
 import math
 
 import numpy as np
 
-from gearlib import checks
-from gearlib.figures import plot_curves, style
+from gearlib.figures import style
 
 _MEASURED, _FITTED = "#8C8C8C", style.PALETTE[0]
 _HEIGHT = 2.0
-#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %.
-_LEVEL = 3.84
 
 
 @style.styled()
 def fit(found, *, figure=None):
-    """Draw what a fit compared, measured and fitted, and beneath it the starts.
+    """Draw what a fit compared, measured and fitted.
 
     Parameters
     ----------
@@ -26,19 +23,19 @@ def fit(found, *, figure=None):
     Returns
     -------
     matplotlib.figure.Figure
-        An axes for each curve, dots measured and lines fitted, dotted where the speed falls; one
-        for all speeds of jumps and of the onset of contact loss; the last is the waterfall.
+        An axes for each curve, dots measured and lines fitted, dotted where the speed falls; the
+        last one for all speeds of jumps and of the onset of contact loss.
 
     Raises
     ------
     ValueError
         If it is no fit.
     """
-    _check("fit", found)
+    _check(found)
     every = found.curves()
     curves = [one for one in every if hasattr(one, "at")]
     places = [one for one in every if not hasattr(one, "at")]
-    count = len(curves) + bool(places) + 1
+    count = len(curves) + bool(places)
     rows = math.ceil(count / 2)
     if figure is None:
         from matplotlib import pyplot
@@ -49,8 +46,7 @@ def fit(found, *, figure=None):
     for axes, curve in zip(panels, curves, strict=False):
         _draw_curve(axes, curve)
     if places:
-        _draw_places(panels[-2], places)
-    waterfall(found, axes=panels[-1])
+        _draw_places(panels[-1], places)
     if curves:
         panels[0].legend()
     return figure
@@ -90,91 +86,6 @@ def _draw_places(axes, places):
     axes.set_ylabel("fitted less measured (rpm)")
 
 
-@style.styled()
-def waterfall(found, *, axes=None):
-    """Draw what the starts of a fit cost, and what those that were improved came to.
-
-    A step at the bottom that several starts share is no local minimum by chance.
-
-    Parameters
-    ----------
-    found : Fit
-        Of `gearlib.fit`.
-    axes : matplotlib.axes.Axes, optional
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ValueError
-        If it is no fit.
-    """
-    _check("waterfall", found)
-    axes, own = plot_curves.axes(axes)
-    for values, look, words in (
-        (np.sort(found.starts), {"color": _MEASURED, "ls": "none", "marker": "."}, "starts"),
-        (found.waterfall, {"color": _FITTED, "marker": "o", "mfc": "none"}, "improved"),
-    ):
-        shown = values[values < 1e20 * max(values.min(), 1e-300)] / found.ndata
-        axes.plot(np.arange(1, shown.size + 1), shown, ms=4, lw=0.9, label=words, **look)
-    axes.set_yscale("log")
-    axes.set_xlabel("start, the best first")
-    axes.set_ylabel("sum of squares per datum")
-    return plot_curves.finish(axes, own)
-
-
-@style.styled()
-def profiles(found, *names, points=9, figure=None):
-    """Draw the profiles of parameters: how much worse the fit gets where one of them is held.
-
-    Parameters
-    ----------
-    found : Fit
-        Of `gearlib.fit`.
-    *names : str
-        Of parameters; by default all.
-    points : int, default 9
-        Values of each, up to three standard errors away, of one that is not identifiable over its
-        range.
-    figure : matplotlib.figure.Figure, optional
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        With an axes for each parameter; the line at 3.84 is that of 95 %.
-
-    Raises
-    ------
-    ValueError
-        If it is no fit, or has no such parameter.
-    """
-    _check("profiles", found)
-    points = checks.integer("points", points, 3, 1000)
-    for name in names:
-        checks.one_of("names", name, tuple(found.params))
-    rows = [found.params[name] for name in names or found.params]
-    if figure is None:
-        from matplotlib import pyplot
-
-        size = (2.4 * len(rows), 2.2)
-        figure = pyplot.figure(figsize=size, layout="constrained")
-    for axes, one in zip(np.ravel(figure.subplots(1, len(rows), sharey=True)), rows, strict=True):
-        reach = 3.0 * one.stderr if one.identifiable else math.inf
-        low, high = max(one.min, one.value - reach), min(one.max, one.value + reach)
-        values = np.linspace(low, high, points)
-        axes.plot(values, found.profile(one.name, values), ".-", color=_FITTED)
-        axes.axhline(_LEVEL, color="black", ls=style.DASHED, lw=0.6)
-        if one.identifiable:
-            axes.axvline(one.value, color=_MEASURED, lw=0.6)
-        units = found.model.derivatives[one.name][0]
-        axes.set_xlabel(one.name.replace("_", " ") + ("" if units == "1" else f" ({units})"))
-        axes.set_ylim(-0.3, 12.0)
-    figure.axes[0].set_ylabel("rise of $-2\\,\\ln L$")
-    return figure
-
-
-def _check(call, found):
-    if not hasattr(found, "waterfall"):
-        raise ValueError(f"found is not allowed: gearlib.plot.{call} draws a fit of gearlib.fit")
+def _check(found):
+    if not hasattr(found, "redchi"):
+        raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")

@@ -118,31 +118,27 @@ class BranchStatistics:
         name = "jump_up" if way > 0 else "jump_down"
         self.jumps[name] = xr.DataArray(0.5 * (a + b), attrs=attrs)
 
-    def residuals(self, model, names):
-        """Return (residuals, derivatives), None where a motion could not go on."""
+    def residuals(self, model):
+        """Return the residuals, None where a motion could not go on."""
         count, points = len(self.speeds), np.empty(len(self.speeds), object)
         samples = SAMPLES if any(ORDER in name for name in self.names) else 1
         try:
             for own in self.branches:
-                points[own] = _followed(model, self.speeds[own], names, samples)
+                points[own] = _followed(model, self.speeds[own], samples)
         except (NoOrbit, ValueError):
             return None
-        rest, moved = [], []
+        residuals = []
         for name, which in self.channels.items():
             noise = self.deviations[name]
-            table = [one.of(*which) for one in points]
-            values = np.array([value for value, *_ in table]) / noise
-            slopes = np.array([slope for _, slope, _ in table]).reshape(count, -1) / noise[:, None]
+            values = np.array([point.of(*which) for point in points]) / noise
             gain, offset = self._unknown(name)
             basis = np.ones((count, offset)) / noise[:, None]
-            one = projected(self.measured[name] / noise, values, slopes, basis, bool(gain))
-            rest.append(one[0])
-            moved.append(one[1])
-        return np.concatenate(rest), np.vstack(moved)
+            residuals.append(projected(self.measured[name] / noise, values, basis, bool(gain))[0])
+        return np.concatenate(residuals)
 
     def curves(self, model):
         """Return the statistics over the speed, each a `Curve`."""
-        apart = self.residuals(model, ())[0].reshape(len(self.names), -1)
+        apart = self.residuals(model).reshape(len(self.names), -1)
         found = []
         for name, rest in zip(self.names, apart, strict=True):
             values, units = self.measured[name], self.sensor[name].get("units", "")
@@ -153,11 +149,11 @@ class BranchStatistics:
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
-        points = [one for own in self.branches for one in _followed(model, self.speeds[own], ())]
-        return max(0.0, *(-one.least[0] for one in points))
+        points = [one for own in self.branches for one in _followed(model, self.speeds[own])]
+        return max(0.0, *(-one.least for one in points))
 
 
-def _followed(model, speeds, names, samples=1):
+def _followed(model, speeds, samples=1):
     """Return the points of one branch from its first speed on.
 
     It ends where a motion jumps up while the speed rises, down while it falls; the other way a
@@ -171,7 +167,7 @@ def _followed(model, speeds, names, samples=1):
     heights = run.displacement_max.values[order].reshape(len(speeds), -1).T
     end = _jump(heights, np.zeros(len(heights)), 1 if rising else -1)
     kept = len(speeds) if end is None else end
-    points = [OrbitAtSpeed(model, speeds[i], states[i], names, samples) for i in range(kept)]
+    points = [OrbitAtSpeed(model, speeds[i], states[i], samples) for i in range(kept)]
     return points + [points[-1]] * (len(speeds) - kept)
 
 

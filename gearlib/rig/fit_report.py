@@ -1,12 +1,10 @@
-"""What a fit came to: values, intervals, profiles, and a report in the words of lmfit."""
+"""Values and intervals of a fit, and a report in the words of lmfit."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from gearlib import checks
 from gearlib.data.result import result
 
 
@@ -41,11 +39,8 @@ class Fit:
     bic: float
     ndata: int
     nfev: int
-    waterfall: np.ndarray  #: sums of squares that the improved starts came to, rising
-    starts: np.ndarray  #: sums of squares at all starts; the first is that of the model given
     unknown: tuple  #: sentences: what the data cannot tell
     _problem: Any
-    _share: Any
 
     @property
     def noise(self):
@@ -88,7 +83,7 @@ class Fit:
     def dataset(self):
         """Return the fit as a dataset over its parameters, in their SI units."""
         rows = self.params.values()
-        names, known = list(self.params), self.model.derivatives
+        names, known = list(self.params), self.model.settable
         ends = np.array([one.interval for one in rows]).reshape(-1, 2)
         data = {
             "fitted_value": ("parameter", [one.value for one in rows]),
@@ -101,63 +96,9 @@ class Fit:
             "identifiable": ("parameter", np.array([one.identifiable for one in rows])),
             "parameter_units": ("parameter", [known[name][0] for name in names]),
             "correlation": (("parameter", "other_parameter"), self.correlations),
-            "start_cost": ("start", self.starts),
-            "improved_cost": ("improved", self.waterfall),
             **{name: ((), getattr(self, name)) for name in ("redchi", "aicc", "bic", "ndata")},
         }
         coords = {"parameter": names, "other_parameter": names}
         title = "Parameters of a gear mesh by a fit"
         more = {"unknown": list(self.unknown)}
         return result(title, self.model, data, coords, method="least squares", **more)
-
-    def profile(self, name, values):
-        """Return the profile of a parameter: -2 ln of the ratio to the largest likelihood.
-
-        Parameters
-        ----------
-        name : str
-        values : sequence of float
-            At which the parameter is held, while all others are fitted again.
-
-        Returns
-        -------
-        ndarray, shape of values
-            Above 3.84 a value lies outside the interval of 95 %; a profile that stays below
-            on one side or on both tells nothing there.
-
-        Raises
-        ------
-        ValueError
-            If there is no such parameter, or a value lies outside its range.
-        """
-        checks.one_of("name", name, tuple(self.params))
-        problem, i = self._problem, list(self.params).index(name)
-        rest = problem.residuals(self._share)[0]
-        least, found = float(rest @ rest), []
-        others = [j for j in range(len(self.params)) if j != i]
-        for value in checks.finite("values", values):
-            share = (value - problem.low[i]) / (problem.high[i] - problem.low[i])
-            checks.require(0.0 <= share <= 1.0, "values", value, "within the range of the fit")
-            fixed = self._share.copy()
-            fixed[i] = share
-            found.append(self._refitted(fixed, others) - least)
-        return np.array(found) / (1.0 if problem.noise else self.redchi)
-
-    def _refitted(self, fixed, others):
-        def residuals(part):
-            whole = fixed.copy()
-            whole[others] = part
-            return self._problem.residuals(whole)
-
-        if not others:
-            rest = residuals([])[0]
-            return float(rest @ rest)
-        best = least_squares(
-            lambda part: residuals(part)[0],
-            np.clip(fixed[others], 1e-9, 1.0 - 1e-9),
-            jac=lambda part: residuals(part)[1][:, others],
-            bounds=(0.0, 1.0),
-            x_scale=0.1,
-            max_nfev=30,
-        )
-        return 2.0 * float(best.cost)

@@ -30,8 +30,8 @@ def read_measured(path):
     path : str or path
         The YAML file, with ``data``, ``source``, ``licence`` and ``channels``. The table is a CSV,
         wide (a column for each channel) or long (columns observableId, measurement, and if wanted
-        simulationConditionId, time, noiseParameters, as PEtab has them), a universal file (.uff,
-        sets 58, needs pyuff), an .mf4 (needs asammdf) or a .mat.
+        simulationConditionId, time, noiseParameters, as PEtab has them), or a universal
+        file (.uff, sets 58, needs pyuff).
 
     Returns
     -------
@@ -41,7 +41,7 @@ def read_measured(path):
         noise that differs from sample to sample also ``<name>_noise_std``. Coordinates, where they
         are known: time (s), speed (min-1), direction (1 up, -1 down, 0 from rest), condition.
         Scalars jump_up, jump_down, onset_of_contact_loss (min-1). Attributes: title, source,
-        licence, synthetic, known and conditions (JSON), not_said, repairs, doubts. A time of
+        licence, synthetic, known and conditions (JSON), not_said, repairs. A time of
         infinity is a steady state, as in PEtab.
 
     Raises
@@ -107,7 +107,7 @@ def _known(name, value):
 
 
 def _dataset(said, folder):
-    found = xr.Dataset(attrs={"repairs": "", "doubts": ""})
+    found = xr.Dataset(attrs={"repairs": ""})
     if said.data is not None:
         found = _measured(said, folder / said.data)
     for name, one in (said.speeds.model_dump() if said.speeds else {}).items():
@@ -166,7 +166,7 @@ def _dataset_of(said, columns, noises, found):
         if one in coords:
             codes = np.unique(coords[one], return_inverse=True)[1]
             group = codes if group is None else group * (codes.max() + 1) + codes
-    order, repairs, doubts = None, [], []
+    order, repairs = None, []
     if "time" in coords:
         where = f"{said.data}, column {names['time']!r}"
         order = measured_checks.in_order(where, coords["time"], group)
@@ -182,9 +182,6 @@ def _dataset_of(said, columns, noises, found):
             raise checks.refusal(where, name, "none of a wide table: speeds has it")
         raw = columns[key] if order is None else columns[key][order]
         measured_checks.finite(where, raw, gaps=bool(channel.gaps) or key in noises)
-        measured_checks.within_converter(where, raw, channel)
-        if not (channel.limits or channel.bits) and "time" in coords:
-            doubts += filter(None, [measured_checks.doubt(where, raw)])
         if channel.gaps and (empty := int(np.isnan(raw).sum())):
             repairs.append(f"{name}: {empty} empty cells are not measured")
         factor, cf = channel.scale(key)
@@ -205,7 +202,7 @@ def _dataset_of(said, columns, noises, found):
         found.coords[name] = "sample", values, {"units": cf, "long_name": words}
     if start:
         found["time"].attrs["start"] = start
-    found.attrs |= {"repairs": "; ".join(repairs), "doubts": "; ".join(doubts)}
+    found.attrs["repairs"] = "; ".join(repairs)
     return found
 
 

@@ -4,11 +4,6 @@ import numpy as np
 
 from gearlib import checks
 
-#: So many samples in a row at the limit of a converter are no coincidence.
-CLIPPED = 3
-#: Samples at an extreme for each that is next to it, within a step of rounding: of a smooth peak
-#: 1 / (sqrt 2 - 1) = 2.4 at most, of a quartic one 5.3.
-_CROWDED = 10
 _DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
@@ -30,61 +25,6 @@ def finite(where, values, gaps=False, endless=False):
             allowed = "a number; with gaps: true in its channel an empty cell is one not measured"
             raise ValueError(f"{where}, row {row + 1}{more}, is empty or NaN: it must be {allowed}")
         raise checks.refusal(f"{where}, row {row + 1}{more}", float(values[row]), "finite")
-
-
-def within_converter(where, values, channel):
-    """Raise ValueError where raw values stay at a limit of the converter, or lie beyond it."""
-    limits = channel.limits or (channel.bits and [0, 2**channel.bits - 1])
-    if not limits:
-        return
-    low, high = limits
-    beyond = (values < low) | (values > high)
-    if beyond.any():
-        row = int(beyond.argmax())
-        allowed = f"from {low:g} to {high:g}, the limits of its converter"
-        raise checks.refusal(f"{where}, row {row + 1}", float(values[row]), allowed)
-    for limit in limits:
-        at = values == limit
-        run = at[:-2] & at[1:-1] & at[2:]
-        if run.any():
-            first = int(run.argmax())
-            last = first + int(np.argmin(np.append(at[first:], False))) - 1
-            raise ValueError(
-                f"{where} is clipped, {last - first + 1} samples at {limit:g} from row {first + 1} "
-                f"on: it must stay between {low:g} and {high:g}, the limits of its converter"
-            )
-
-
-def doubt(where, values):
-    """Return a sentence where samples without known limits look clipped, else "".
-
-    ValueError where they are: a signal that turns round by itself has not so many samples at its
-    extreme, again and again, and hardly any next to it.
-    """
-    values = values[np.isfinite(values)]
-    if values.size == 0 or values.min() == values.max():
-        return ""
-    found, both = "", (values == values.min()) | (values == values.max())
-    for limit, word in ((values.max(), "largest"), (values.min(), "least")):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], values == limit, [0]])))
-        runs = edges[1::2] - edges[::2]
-        longest, count = int(runs.max()), int(runs.sum())
-        if longest < CLIPPED:
-            continue
-        away = np.abs(values - limit)
-        near = np.count_nonzero(away <= 1.5 * away[away > 0.0].min()) - count
-        # Once or twice it may have been at rest, and what is on and off is always at one of both.
-        often = np.count_nonzero(runs >= CLIPPED) >= CLIPPED and not both.all()
-        if count > _CROWDED * near and often:
-            share = f"{100.0 * count / values.size:.2g} %"
-            raise ValueError(
-                f"{where} is clipped: {count} samples, {share}, are at its {word} value {limit:g}, "
-                f"up to {longest} in a row, and only {near} next to it; it must turn round before, "
-                "or limits in its channel must be farther out"
-            )
-        if longest >= 2 * CLIPPED and not found:
-            found = f"{where} stays at its {word} value for {longest} samples: is it clipped?"
-    return found
 
 
 def directions(where, given):

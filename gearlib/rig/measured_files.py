@@ -1,4 +1,4 @@
-"""CSV, UFF 58, MDF and MATLAB files as columns: name -> array, float or text."""
+"""Read CSV and UFF 58 files as columns: name -> array, float or text."""
 
 import csv
 from itertools import islice
@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.integrators.peers.package import MissingPackage, Package
 
-PYUFF, ASAMMDF = Package("pyuff", "pyuff"), Package("asammdf", "asammdf")
+PYUFF = Package("pyuff", "pyuff")
 #: Columns of a long table, by PEtab.
 LONG = ("observableId", "measurement")
 CONDITION, NOISE = "simulationConditionId", "noiseParameters"
@@ -213,64 +213,10 @@ def read_uff(path, said, texts):
     return _one_raster(found, times, said)
 
 
-def read_mdf(path, said, texts):
-    """Return columns of the named channels of an MDF; no others are read."""
-    _package(ASAMMDF, said)
-    from asammdf import MDF
-
-    found, times = {}, {}
-    try:
-        file = MDF(str(path))
-    except Exception as error:  # whatever a damaged file leads asammdf to
-        words = " ".join(str(error).split())
-        raise checks.refusal("data", said.data, f"a measurement data file ({words})") from None
-    with file:
-        for name in _asked(said):
-            if name not in file.channels_db:
-                raise _missing(name, said, file.channels_db)
-            if len(file.channels_db[name]) > 1:
-                raise ValueError(
-                    f"the channel {name!r} of {said.data} is there twice: it must be once"
-                )
-            one = file.get(name)
-            found[name], times[name] = np.asarray(one.samples, float), one.timestamps
-    return _one_raster(found, times, said)
-
-
-def read_mat(path, said, texts):
-    """Return columns of the named variables of a MATLAB file up to version 7."""
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        there = loadmat(path, variable_names=list(said.channels))
-    except (NotImplementedError, MatReadError, ValueError, TypeError, OSError) as error:
-        words = "a MATLAB file up to version 7, save it with -v7"
-        note = " ".join(str(error).split())
-        raise checks.refusal("data", said.data, f"{words} ({note})") from None
-    found = {}
-    for name in said.channels:
-        if name not in there:
-            from scipy.io import whosmat
-
-            raise _missing(name, said, [one for one, *_ in whosmat(path)])
-        values = np.squeeze(there[name])
-        if values.ndim > 1 or values.dtype.kind not in "biuf":
-            raise ValueError(
-                f"the variable {name!r} of {said.data} is not allowed: it must be a vector of real "
-                f"numbers, not {values.dtype} of shape {values.shape}"
-            )
-        found[name] = np.atleast_1d(values).astype(float)
-    return found
-
-
 _READERS = {
     ".csv": read_csv,
     ".uff": read_uff,
     ".unv": read_uff,
-    ".mf4": read_mdf,
-    ".mdf": read_mdf,
-    ".mat": read_mat,
 }
 
 

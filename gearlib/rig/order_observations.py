@@ -1,8 +1,8 @@
 """Mesh orders of a measured time course beside those of a model: what all such have in common.
 
 Regressions turn samples into the complex amplitudes of the mesh orders of each revolution: offset
-and eccentricity are other orders and do not enter. An unknown gain is eliminated, and so is the
-mesh phase at which the course begins, unless ``known.phase`` has it (rad).
+and eccentricity are other orders and do not enter. An unknown gain is eliminated. The course begins
+at the mesh phase ``known.phase`` (rad), 0 where nothing is said.
 """
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from gearlib import checks
 from gearlib.rig import fitted_data
 from gearlib.rig.projection import projected
-from gearlib.rig.shaft_phase import turned
 
 #: Mesh orders compared.
 ORDERS = 4
@@ -32,11 +31,10 @@ class MeshOrders:
 
     def __init__(self, model, data):
         self.known = fitted_data.known(data)
-        phase = self.known.get("phase", "unknown")
-        #: Mesh phase at which the course begins, rad, None where nobody knows.
-        self.phase = None if phase == "unknown" else checks.number(
-            "known.phase", phase, "a number in rad, or unknown", np.isfinite
-        )  # fmt: skip
+        #: Mesh phase at which the course begins, rad.
+        self.phase = checks.number(
+            "known.phase", self.known.get("phase", 0.0), "a number in rad", np.isfinite
+        )
         sensor = data.displacement.attrs
         self.gain = bool(sensor.get("unknown_gain", 0))
         self.units = sensor.get("units", "m")
@@ -67,49 +65,38 @@ class MeshOrders:
     @property
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""
-        return int(self.gain) + int(self.phase is None)
+        return int(self.gain)
 
-    def modelled(self, model, names):
-        """Return (orders of a model, their derivatives), None where it could not go on."""
+    def modelled(self, model):
+        """Return the orders of a model, shape (blocks, orders), None where it could not go on."""
         raise NotImplementedError
 
-    def jump(self, i, orders, slopes, gain):
-        """Return (residual, its derivatives) of the jump at a block."""
+    def jump(self, i, orders, gain):
+        """Return the residual of the jump at a block."""
         raise NotImplementedError
 
-    def compared(self, model, names):
-        """Return (orders, their derivatives) at the phase of the rig, None as `modelled`."""
-        found = self.modelled(model, names)
-        if found is None:
+    def compared(self, model):
+        """Return the orders of a model at the phase of the rig, None as `modelled`."""
+        orders = self.modelled(model)
+        if orders is None:
             return None
-        orders, slopes = found
-        if self.phase is None:
-            weights = np.where(self.kept, 1.0 / self.share, 0.0)
-            return turned(self.measured, orders, slopes, weights)[:2]
-        turn = np.exp(1j * self.phase * np.arange(1, orders.shape[1] + 1))
-        return orders * turn, slopes * turn[:, None]
+        return orders * np.exp(1j * self.phase * np.arange(1, orders.shape[1] + 1))
 
-    def residuals(self, model, names):
-        """Return (residuals, derivatives), None where the model could not go on."""
-        found = self.compared(model, names)
-        if found is None:
+    def residuals(self, model):
+        """Return the residuals, None where the model could not go on."""
+        orders = self.compared(model)
+        if orders is None:
             return None
-        orders, slopes = found
         scale = np.repeat(self._deviations(), 2 * orders.shape[1])
 
         def flat(values):
-            part = np.stack([values.real, values.imag], 2)[self.kept]
-            return part.reshape(len(scale), *values.shape[2:]) / scale.reshape(
-                -1, *[1] * (values.ndim - 2)
-            )
+            kept = values[self.kept]
+            return np.stack([kept.real, kept.imag], 2).ravel() / scale
 
-        measured, none = flat(self.measured), np.zeros((scale.size, 0))
-        rest, moved, gain = projected(measured, flat(orders), flat(slopes), none, self.gain)
-        more = [self.jump(i, orders, slopes, gain or 1.0) for i in self.jumps]
-        return (
-            np.concatenate([rest, [one[0] for one in more]]),
-            np.vstack([moved, *[one[1] for one in more]]),
-        )
+        measured, no_basis = flat(self.measured), np.zeros((scale.size, 0))
+        residuals, gain = projected(measured, flat(orders), no_basis, self.gain)
+        jumps = [self.jump(i, orders, gain or 1.0) for i in self.jumps]
+        return np.concatenate([residuals, jumps])
 
     def _deviations(self):
         """Return the standard deviations of both parts of an order, in each block compared."""
@@ -118,7 +105,7 @@ class MeshOrders:
     def fitted(self, model):
         """Return the orders as the sensor has those of a model; NaN of blocks left out."""
         shape = (int(self.kept.sum()), self.measured.shape[1], 2)
-        apart = self.residuals(model, ())[0][: np.prod(shape)].reshape(shape)
+        apart = self.residuals(model)[: np.prod(shape)].reshape(shape)
         found = np.full(self.measured.shape, complex(np.nan))
         away = (apart[..., 0] + 1j * apart[..., 1]) * self._deviations()[:, None]
         found[self.kept] = self.measured[self.kept] + away

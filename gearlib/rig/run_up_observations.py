@@ -4,13 +4,11 @@ Around a jump, where the deviations of a motion grow, nothing is compared but th
 happens.
 """
 
-import copy
 import math
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_maps import summed
 from gearlib.analysis.revolutions import Turning
 from gearlib.rig import fitted_data
 from gearlib.rig.fitted_curves import Curve
@@ -19,6 +17,8 @@ from gearlib.runs.run_up import run_up
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
 SAMPLES = 32
+#: Phases closer than this count as equal.
+_SAME_PHASE = 1e-9
 #: A step of the first mesh order from one revolution to the next that is a jump, as a share.
 _JUMP = 0.15
 #: Revolutions left out before a jump and behind it: in these the motion comes to its new orbit.
@@ -54,39 +54,18 @@ class RunUpOrders(MeshOrders):
             self.kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
         #: Speed in rpm of the middle of each block, by the course.
         self.speeds = self.turning.at(np.arange(self.blocks) + 0.5)[1]
+        self._regular: _FourierSums | None = None
 
-    def opening(self):
-        """Return the part of the observation before its first jump; None where that is short."""
-        count = min([i - _BEFORE for i in self.jumps] + [self.blocks // 3])
-        if count < 2 * _FIRST:
-            return None
-        end = float(self.turning.at(count + 0.5)[0])
-        rows = [row for row in self.course if row[0] < end]
-        found = copy.copy(self)
-        found.course = [*rows, [end, float(self.turning.at(count + 0.5)[1])]]
-        found.blocks, found.jumps = count, []
-        for name in ("measured", "share", "kept", "speeds"):
-            setattr(found, name, getattr(self, name)[:count])
-        return found
-
-    def modelled(self, model, names):
-        """Return (orders, shape (blocks, ORDERS), their derivatives), None of a run that stops."""
-        run = run_up(
-            model,
-            speed=self.course,
-            samples_per_period=SAMPLES,
-            sensitivities=names,
-            **self.options,
-        )
+    def modelled(self, model):
+        """Return the orders of a model, shape (blocks, ORDERS), None of a run that stops."""
+        run = run_up(model, speed=self.course, samples_per_period=SAMPLES, **self.options)
         if int(run.status):
             return None
-        columns = ["displacement", *(f"d_displacement_d_{name}" for name in names)]
         count = run.sizes["time"]
-        table = [run[name].values.reshape(count, -1)[:, self.mesh] for name in columns]
-        table = np.column_stack(table)
-        span = math.tau * self.teeth
-        found = summed(run.phase.values, table, self.blocks, span, 1.0, ORDERS + 1)[0][:, 1:]
-        return found[:, :, 0], found[:, :, 1:]
+        if self._regular is None or self._regular.count != count:
+            # The phases are those of the course, whatever the parameters of the model are.
+            self._regular = _FourierSums(run.phase.values, self.blocks, math.tau * self.teeth)
+        return self._regular.orders(run.displacement.values.reshape(count, -1)[:, self.mesh])
 
     def curves(self, model):
         """Return the amplitudes of the mesh orders over the speed, each a `Curve`."""
@@ -103,8 +82,8 @@ class RunUpOrders(MeshOrders):
         least = run.displacement_min.values[: self.blocks]
         return max(0.0, -float(least[self.kept[: least.size]].min()))
 
-    def jump(self, i, orders, slopes, gain):
-        """Return (residual, derivatives) of the speed of a jump, over a few revolutions.
+    def jump(self, i, orders, gain):
+        """Return the residual of the speed of a jump, over a few revolutions.
 
         Where the first mesh order of the model crosses the middle of the levels measured.
         """
@@ -119,16 +98,36 @@ class RunUpOrders(MeshOrders):
         cross = np.flatnonzero(fits[1:] & ~fits[:-1] & (way[1:] == way[i])) + 1
         width = _BEHIND * abs(self.speeds[i] - self.speeds[i - 1]) + 1e-9
         if not cross.size:
-            return 100.0, np.zeros(slopes.shape[2])
+            return 100.0
         j = cross[np.abs(cross - i).argmin()]
-        rate = (orders[:, 0].conj()[:, None] * slopes[:, 0]).real / height[:, None]
-        step = height[j] - height[j - 1]
-        share = (middle - height[j - 1]) / step
-        moved = -((1.0 - share) * rate[j - 1] + share * rate[j]) / step
-        apart = self.speeds[j] - self.speeds[j - 1]
-        place = self.speeds[j - 1] + share * apart
+        share = (middle - height[j - 1]) / (height[j] - height[j - 1])
+        place = self.speeds[j - 1] + share * (self.speeds[j] - self.speeds[j - 1])
         own = np.interp(0.5, [0.0, 1.0], [self.speeds[i - 1], self.speeds[i]])
-        return (place - own) / width, moved * apart / width
+        return (place - own) / width
+
+
+class _FourierSums:
+    """Mesh orders of samples at given phases by trapezia over the phase, block by block."""
+
+    def __init__(self, phase, blocks, span):
+        self.count = phase.size
+        edges = span * np.arange(blocks + 1)
+        places = np.searchsorted(phase, edges - _SAME_PHASE)
+        #: First sample of each block, and the one that closes it.
+        self.first, self.closing = places[:-1], np.minimum(places[1:], phase.size - 1)
+        phase = phase[: places[-1]]
+        ends = np.append(phase[1:], edges[-1])
+        widths = (ends - np.append(phase[:1], phase[:-1])) / (2.0 * span)
+        steps = (ends - phase) / (2.0 * span)
+        widths[self.first] = steps[self.first]
+        self.closing_weights = steps[places[1:] - 1]
+        waves = np.exp(-1j * np.outer(phase, np.arange(1, ORDERS + 1)))
+        self.weights = widths[:, None] * waves
+
+    def orders(self, values):
+        """Return complex amplitudes of the mesh orders of samples, shape (blocks, ORDERS)."""
+        sums = np.add.reduceat(self.weights * values[: len(self.weights), None], self.first)
+        return sums + (self.closing_weights * values[self.closing])[:, None]
 
 
 def _jumps(height):

@@ -36,21 +36,19 @@ class SteadyOrders(MeshOrders):
         self.measured, self.share = regressed(turns, self.values, bounds, self.teeth)
         self.kept = np.ones(1, bool)
 
-    def _point(self, model, names):
+    def _point(self, model):
         tuning = self.speed / float(model.speed(1.0))
         tunings = np.linspace(self.first * tuning, tuning, 1 if self.first == 1.0 else _STEPS)
         run = sweep(model, np.sort(tunings), direction=self.direction, **SETTLING)
         state = run.final_state.values[0 if self.direction == "down" else -1]
-        return OrbitAtSpeed(model, self.speed, state, names, _SAMPLES)
+        return OrbitAtSpeed(model, self.speed, state, _SAMPLES)
 
-    def modelled(self, model, names):
-        """Return (orders, shape (1, ORDERS), their derivatives), None without an orbit."""
+    def modelled(self, model):
+        """Return the orders of a model, shape (1, ORDERS), None without an orbit."""
         try:
-            point = self._point(model, names)
+            return self._point(model).waves(ORDERS, self.mesh)[None]
         except (NoOrbit, ValueError):
             return None
-        orders, slopes = point.waves(ORDERS, self.mesh)
-        return orders[None], slopes[None]
 
     def curves(self, model):
         """Return the course over a mesh period, a `Curve`."""
@@ -62,7 +60,7 @@ class SteadyOrders(MeshOrders):
 
     def deepest(self, model):
         """Return the largest way of the model into the backlash, m."""
-        return max(0.0, -self._point(model, ()).least[0])
+        return max(0.0, -self._point(model).least)
 
 
 def courses_of(model, data):

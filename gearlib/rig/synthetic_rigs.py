@@ -98,11 +98,11 @@ def synthetic_points(model, speeds, names, seed, *, noise=0.01):
         Over ``sample``, with ``speed``. ``synthetic`` is 1 among the attributes.
     """
     rng = np.random.default_rng(seed)
-    points = [OrbitAtSpeed(model, speed, None, (), SAMPLES) for speed in speeds]
+    points = [OrbitAtSpeed(model, speed, None, SAMPLES) for speed in speeds]
     known = channels(model, xr.Dataset({name: 0.0 for name in names}))
     found = xr.Dataset(coords={"speed": ("sample", list(speeds), {"units": "min-1"})})
     for name in names:
-        values = np.array([point.of(*known[name])[0] for point in points])
+        values = np.array([point.of(*known[name]) for point in points])
         size = noise * float(np.abs(values).max())
         what = measured_names.of(known[name][0])
         attrs = {"units": "m" if what[0] == "" else what[0], "long_name": f"{what[1]}, synthetic"}

@@ -59,7 +59,6 @@ def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     for name in ("config.yaml", "gallery.yaml"):
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())
-    (tmp_path / "measured").symlink_to(ROOT / "measured")
     text = page.read_text(encoding="utf-8")
     names = {}
     pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"

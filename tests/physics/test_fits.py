@@ -8,7 +8,6 @@ import xarray as xr
 from scipy.stats import binom
 
 import gearlib
-from gearlib.rig.fits import goes_by_steps
 from gearlib.rig.projection import projected
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.synthetic_rigs import synthetic_rig
@@ -48,7 +47,7 @@ def test_intervals_hold_the_truth():
     held = dict.fromkeys(FREE, 0)
     for seed in range(COUNT):
         truth, data, guess = rig(seed)
-        found = gearlib.fit(guess, data, FREE, starts=12 if COUNT > 2 else 4, seed=seed)
+        found = gearlib.fit(guess, data, FREE)
         assert 0.8 < found.redchi < 1.25 and not found.unknown
         for name, one in found.params.items():
             assert abs(one.value - getattr(truth, name)) < 5.0 * one.stderr, (seed, name)
@@ -58,34 +57,18 @@ def test_intervals_hold_the_truth():
 
 
 @pytest.mark.parametrize("gain", [False, True])
-def test_projected_residuals_have_exact_derivatives(gain):
+def test_what_a_sensor_adds_changes_nothing(gain):
     rng = np.random.default_rng(0)
-    measured, first, basis = rng.normal(size=30), rng.normal(size=(30, 4)), rng.normal(size=(30, 2))
-
-    def model(p):
-        values = first @ np.array([1.0, p[0], p[0] * p[1], p[1] ** 3])
-        slopes = first @ np.array([[0.0, 0.0], [1.0, 0.0], [p[1], p[0]], [0.0, 3.0 * p[1] ** 2]])
-        return values, slopes
-
-    def rest(p):
-        return projected(measured, *model(p), basis, gain)[0]
-
-    point = np.array([0.7, -0.4])
-    own = projected(measured, *model(point), basis, gain)[1]
-    for k, way in enumerate(np.eye(2)):
-        steps = 1e-3 * np.arange(1, 4)
-        d1, d2, d3 = ((rest(point + h * way) - rest(point - h * way)) / (2.0 * h) for h in steps)
-        # Of sixth order in the step.
-        assert np.abs(1.5 * d1 - 0.6 * d2 + 0.1 * d3 - own[:, k]).max() < 1e-9
-    # What a sensor adds changes nothing.
-    more = projected(measured + basis @ [3.0, -5.0], *model(point), basis, gain)[0]
-    np.testing.assert_allclose(more, rest(point), rtol=0, atol=1e-13)
+    measured, modelled, basis = (rng.normal(size=n) for n in (30, 30, (30, 2)))
+    residuals = projected(measured, modelled, basis, gain)[0]
+    more = projected(measured + basis @ [3.0, -5.0], modelled, basis, gain)[0]
+    np.testing.assert_allclose(more, residuals, rtol=0, atol=1e-13)
 
 
 def test_an_unknown_gain_is_found_beside_the_parameters():
     data = synthetic_rig(TRUTH, course(TRUTH, 1.0), 5, gain=3.0)
     free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
-    found = gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, free, starts=0)
+    found = gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, free)
     for name, one in found.params.items():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr
         # Student's factor of 500 degrees of freedom.
@@ -96,37 +79,18 @@ def test_an_unknown_gain_is_found_beside_the_parameters():
     assert data.synthetic == 1
     # Two parameters and the noise: 2 k n / (n - k - 1) is Akaike's penalty, corrected.
     k, n = 3, found.ndata
+    squares = float(np.sum(RunUpOrders(TRUTH, data).residuals(found.model) ** 2))
     assert found.bic - found.aicc == pytest.approx(k * (np.log(n) - 2.0 * n / (n - k - 1)))
-    assert found.bic - k * np.log(n) == pytest.approx(n * np.log(min(found.waterfall) / n))
+    assert found.bic - k * np.log(n) == pytest.approx(n * np.log(squares / n))
     correlation = found.correlations[0, 1]
     assert f"C(material_damping, reduced_mass) = {correlation:+.4f}" in str(found).splitlines()[-1]
-    observation = RunUpOrders(TRUTH, data)
-    assert len(observation.jumps) == 2
-    rest, slopes = observation.residuals(TRUTH, tuple(free))
-    for k, name in enumerate(free):
-        step = 1e-5 * getattr(TRUTH, name)
-        ends = [
-            observation.residuals(TRUTH.replace(**{name: getattr(TRUTH, name) + s * step}), ())[0]
-            for s in (1.0, -1.0)
-        ]
-        # By central differences: what they leave goes with the square of the step.
-        own = (ends[0] - ends[1]) / (2.0 * step)
-        assert np.abs(own - slopes[:, k]).max() < 1e-4 * np.abs(slopes[:, k]).max()
-    profile = found.profile(
-        "reduced_mass",
-        [
-            found.params["reduced_mass"].value + k * found.params["reduced_mass"].stderr
-            for k in (-1.96, 0.0, 1.96)
-        ],
-    )
-    # Profiles of nearly linear problems are parabolas.
-    np.testing.assert_allclose(profile, [3.84, 0.0, 3.84], atol=0.3)
+    assert len(RunUpOrders(TRUTH, data).jumps) == 2
 
 
 def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
     data = synthetic_rig(TRUTH, course(TRUTH, 1.0), 3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
-    found = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free, starts=0)
+    found = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
     (said,) = found.unknown
     assert said.startswith("backlash is not identifiable: the far flank is never struck in what")
     bound = float(said.split("at least ")[1].split(" m")[0])
@@ -135,16 +99,13 @@ def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
     assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUTH.backlash
     assert not found.params["backlash"].identifiable and "not known" in str(found)
     assert found.params["material_damping"].identifiable
-    # The profile does not rise above it.
-    assert np.abs(found.profile("backlash", [5e-5, 8e-5])).max() < 1e-6
-    assert found.profile("backlash", [1e-5])[0] > 3.84
 
 
 def test_backlash_is_found_where_the_far_flank_is_struck():
     truth = TRUTH.replace(backlash=1e-5)
     data = synthetic_rig(truth, course(truth, 1.0), 4)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (2e-6, 6e-5)}
-    found = gearlib.fit(truth.replace(backlash=1.1e-5), data, free, starts=0)
+    found = gearlib.fit(truth.replace(backlash=1.1e-5), data, free)
     one = found.params["backlash"]
     assert one.identifiable and abs(one.value - 1e-5) < 4.0 * one.stderr < 1e-6
 
@@ -157,18 +118,10 @@ def jumps_of(pair):
     return xr.Dataset({n: ((), x, attrs) for n, x in zip(("jump_down", "jump_up"), folds)})  # noqa: B905
 
 
-def test_speeds_of_jumps_have_exact_derivatives_where_run_ups_have_none():
-    curved = gearlib.OneDegreePair(pair=TRUTH, cubic_damping=1e6)
-    assert not goes_by_steps(curved, jumps_of(TRUTH))
-    assert goes_by_steps(curved, synthetic_rig(TRUTH, course(TRUTH, 0.5), 1))
-
-
 def test_jumps_of_sweeps_alone_tell_two_parameters():
     data = jumps_of(TRUTH)
     free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
-    found = gearlib.fit(
-        TRUTH.replace(reduced_mass=3.05, material_damping=4200.0), data, free, starts=0
-    )
+    found = gearlib.fit(TRUTH.replace(reduced_mass=3.05, material_damping=4200.0), data, free)
     for name, one in found.params.items():
         # As many data as parameters: they are met.
         assert one.value == pytest.approx(getattr(TRUTH, name), rel=1e-6), name
@@ -185,8 +138,6 @@ def test_jumps_of_sweeps_alone_tell_two_parameters():
         ({"free": 7}, "free = 7 is not allowed: it must be a mapping"),
         ({"data": xr.Dataset()}, "it must have a displacement over time, one of"),
         ({"model": 7}, "model = 7 is not allowed"),
-        ({"starts": -1}, "starts = -1 is not allowed"),
-        ({"derivatives": "some"}, "derivatives = 'some' is not allowed"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_in_a_sentence(changes, says):

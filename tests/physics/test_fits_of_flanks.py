@@ -3,11 +3,8 @@
 import os
 
 import numpy as np
-import pytest
 
 import gearlib
-from gearlib.rig import opening
-from gearlib.rig.fits import _improved
 from gearlib.rig.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
@@ -33,20 +30,19 @@ def rig(seed, struck):
 
 def test_backlash_is_found_where_the_far_flank_is_struck():
     known = 0
-    # From starts alone this one comes to five local minima before.
-    for seed in range(COUNT) if COUNT > 1 else (5,):
+    for seed in range(COUNT):
         truth, data, guess = rig(seed, True)
-        found = gearlib.fit(guess, data, FREE, seed=seed, starts=12 if COUNT > 1 else 5)
+        found = gearlib.fit(guess, data, FREE)
         one = found.params["backlash"]
         known += one.identifiable and abs(one.value - truth.backlash) < 5.0 * one.stderr < 1e-7
-        assert found.redchi < 1.4 and (COUNT > 1 or found.waterfall.size == 1), seed
-    assert known >= 0.9 * COUNT
+    # From one start a fit may end in another minimum, and then says that the data are far off.
+    assert known >= 0.8 * COUNT
 
 
 def test_backlash_that_is_never_crossed_is_bounded():
     for seed in range(COUNT) if COUNT > 1 else (3,):
         truth, data, guess = rig(seed, False)
-        found = gearlib.fit(guess, data, FREE, seed=seed, starts=12 if COUNT > 1 else 2)
+        found = gearlib.fit(guess, data, FREE)
         assert not found.params["backlash"].identifiable, seed
         (said,) = found.unknown
         bound = float(said.split("at least ")[1].split(" m")[0])
@@ -54,46 +50,3 @@ def test_backlash_that_is_never_crossed_is_bounded():
         for name in ("material_damping", "reduced_mass"):
             one = found.params[name]
             assert abs(one.value - getattr(truth, name)) < 4.5 * one.stderr, (seed, name)
-
-
-def test_an_opening_tells_what_counts_there_and_spreads_the_rest():
-    class Line:
-        """Residuals of p alone, not of q."""
-
-        kind = "run-up"
-
-        def __init__(self, target):
-            self.target, self.noise = target, True
-
-        def opening(self):
-            return self
-
-        def residuals(self, model, names):
-            rest = 1e3 * (model - self.target) * np.array([1.0, 0.0])
-            return rest, 1e3 * np.array([[1.0, 0.0], [0.0, 0.0]])
-
-    class Problem:
-        observations, noise, differences = [Line(np.array([0.3, 0.0]))], True, False
-
-        def _replace(self, observations):
-            return self
-
-        def residuals(self, share, exact=True):
-            return self.observations[0].residuals(share, ())
-
-    tried = [np.array([0.9, 0.5]), np.array([0.1, 0.2])]
-    found = np.array(opening.starts(Problem(), tried, 0, _improved))
-    assert found.shape == (8, 2)
-    np.testing.assert_allclose(found[:, 0], 0.3, atol=1e-6)
-    assert np.sort(found[:, 1] * 8).astype(int).tolist() == list(range(8))
-
-
-@pytest.mark.skipif("GEARLIB_RIGS" not in os.environ, reason="GEARLIB_RIGS: seconds a rig")
-def test_differences_come_to_the_same_and_cost_more():
-    for seed in range(COUNT):
-        _, data, guess = rig(seed, True)
-        one, other = (
-            gearlib.fit(guess, data, FREE, seed=seed, derivatives=kind)
-            for kind in ("exact", "differences")
-        )
-        assert other.redchi < 1.05 * one.redchi

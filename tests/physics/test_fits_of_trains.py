@@ -1,10 +1,9 @@
-"""Fits of trains to load sharing and mesh orders, all synthetic; their derivatives."""
+"""Fits of trains to load sharing and mesh orders, all synthetic."""
 
 import numpy as np
 import pytest
 
 import gearlib
-from gearlib.rig.orbit_at_speed import SAMPLES, OrbitAtSpeed
 from gearlib.rig.synthetic_rigs import synthetic_points, synthetic_rig
 from tests.physics.test_fits import TRUTH
 
@@ -35,7 +34,7 @@ def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders(
     data = synthetic_points(truth, [SPEED], NAMES, 5, noise=0.003)
     assert data.attrs["synthetic"] == 1
     off = truth.with_values({SUN: 5.5e8, RING: 6.5e8, PIN: 0.0})
-    found = gearlib.fit(off, data, FREE, starts=0)
+    found = gearlib.fit(off, data, FREE)
     assert found.ndata == 6 and found.redchi < 2.6 and not found.unknown
     for name, one in found.params.items():
         low, high = one.interval
@@ -45,55 +44,26 @@ def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders(
     assert found.params[PIN].stderr < 2e-6 and found.params[SUN].stderr < 2e7
 
 
-@pytest.mark.parametrize("lost", [False, True])
-def test_load_sharing_and_orders_have_exact_derivatives(lost):
-    # Where contact is lost an event that passes a sample bends differences: steps are small.
-    train = planetary()
-    speed = SPEED
-    if lost:
-        bodies = [gearlib.Body(**vars(one) | {"torque": 0.07 * one.torque}) for one in train.bodies]
-        train, speed = train.replace(bodies=tuple(bodies)), 3430.0
-    names = (SUN, PIN, "inertia of body sun")
-    point = OrbitAtSpeed(train, speed, None, names, SAMPLES)
-    state = point.orbit.state
-    known = [("load_sharing", 0), ("load_sharing", 4), ("order_amplitude_1", 1)]
-    known += [("displacement_max", 2), ("dynamic_force_min", 3)]
-    assert (float(point.least[0]) < 0.0) == lost
-    for i, name in enumerate(names):
-        size = abs(train.value(name)) or 1e-5
-        step = (1e-5 if lost else 1e-3) * size
-        ends = [
-            OrbitAtSpeed(
-                train.with_values({name: train.value(name) + k * step}), speed, state, (), SAMPLES
-            )
-            for k in (1, -1, 2, -2, 3, -3)
-        ]
-        for what, mesh in known:
-            a, b, c, d, e, f = (end.of(what, mesh)[0] for end in ends)
-            # Central differences of sixth order.
-            slope = (45.0 * (a - b) - 9.0 * (c - d) + (e - f)) / (60.0 * step)
-            value, slopes, _ = point.of(what, mesh)
-            close = (1e-6 if lost else 1e-8) * (abs(slope) + abs(value) / size)
-            assert abs(slope - slopes[i]) < close, (name, what)
-
-
 def test_an_offset_of_an_axis_is_an_error_of_its_meshes():
     train = planetary()
     tuning = float(train.tuning_at(SPEED))
-    orbit = gearlib.periodic_orbit(train, tuning)
-    errors = [f"error of mesh {name}" for name in ("sun 1", "ring 1")]
-    offsets = [f"offset of body planet 1, {axis}" for axis in "xy"]
-    found = gearlib.orbit_sensitivities(orbit, (*errors, *offsets), samples_per_period=1)
-    slopes = {name: found[f"d_state_d_{name}"].values for name in (*errors, *offsets)}
     # Planet 1 lies at the angle 0: its arms are directions along the lines of action.
     arms = {
         name: train.structure.arms[train.mesh_names.index(name)] for name in ("sun 1", "ring 1")
     }
     which = {"sun 1": 1, "ring 1": 0}
-    for k, offset in enumerate(offsets):
-        own = sum(arms[mesh][which[mesh]][k] * slopes[f"error of mesh {mesh}"] for mesh in which)
-        size = np.abs(slopes[offset]).max()
-        assert np.abs(own - slopes[offset]).max() < 1e-12 * size
+    for k, axis in enumerate("xy"):
+        offset, size = f"offset of body planet 1, {axis}", 1e-6
+        errors = {f"error of mesh {mesh}": arms[mesh][which[mesh]][k] for mesh in which}
+        changes = [
+            {offset: train.value(offset) + size},
+            {name: train.value(name) + size * arm for name, arm in errors.items()},
+        ]
+        states = [
+            gearlib.periodic_orbit(train.with_values(change), tuning).state for change in changes
+        ]
+        change = np.abs(states[0] - gearlib.periodic_orbit(train, tuning).state).max()
+        assert change > 1e-5 and np.abs(states[1] - states[0]).max() < 1e-7 * change
 
 
 def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
@@ -110,7 +80,7 @@ def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
     data = synthetic_rig(truth, [(0.0, low), (0.5, high)], 1)
     free = {"material_damping": (1000.0, 9000.0), "inertias[0]": (0.005, 0.0063)}
     off = truth.with_values({"material_damping": 4500.0, "inertias[0]": 0.0054})
-    found = gearlib.fit(off, data, free, starts=0)
+    found = gearlib.fit(off, data, free)
     for name, one in found.params.items():
         assert abs(one.value - truth.value(name)) < 4.0 * one.stderr, name
 
@@ -123,30 +93,28 @@ def test_a_run_up_of_an_idler_tells_its_two_meshes_apart():
     assert data.attrs["synthetic"] == 1 and "displacement_pinion-idler" in data
     free = {name: (0.7 * truth.value(name), 1.4 * truth.value(name)) for name in (first, second)}
     off = truth.with_values({first: 3.9e8, second: 4.1e8})
-    found = gearlib.fit(off, data, free, starts=0)
+    found = gearlib.fit(off, data, free)
     for name, one in found.params.items():
         assert abs(one.value - truth.value(name)) < 4.0 * one.stderr < 4e-3 * truth.value(name)
 
 
 def refused(model, data, free):
     with pytest.raises(ValueError, match="not allowed") as error:
-        gearlib.fit(model, data, free, starts=0)
+        gearlib.fit(model, data, free)
     return str(error.value)
 
 
-def test_models_without_derivatives_are_refused_in_a_sentence():
+def test_what_does_not_go_together_is_refused_in_a_sentence():
     free = {"material_damping": (1000.0, 9000.0)}
     low, high = TRUTH.speed(0.6), TRUTH.speed(0.72)
     run_up = synthetic_rig(TRUTH, [(0.0, low), (0.5, high)], 1)
     smooth = gearlib.OneDegreePair(pair=TRUTH, profile=gearlib.Fourier(3))
-    said = refused(smooth, run_up, free)
-    assert said.startswith("model of type OneDegreePair is not allowed in a fit to a run-up: it ")
-    assert "a GearPair, OneDegreePair, SixDegreePair or GearTrain" in said
+    assert "OneDegreePair is not allowed in a run-up" in refused(smooth, run_up, free)
     still = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
     assert "nothing turns in it" in refused(still, run_up, free)
     train = planetary()
     points = synthetic_points(TRUTH, [2000.0], ("order_amplitude_1",), 1)
-    assert "'load' is not allowed: it must be one of" in refused(train, points, {"load": (1, 9e3)})
+    assert "'mass' is not allowed: it must be one of" in refused(train, points, {"mass": (1, 9e3)})
     # Nothing says of which mesh it is.
     assert "data = " in refused(train, points, {PIN: (-1e-5, 3e-5)})
     points["order_amplitude_1"].attrs["units"] = "N"

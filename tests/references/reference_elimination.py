@@ -1,15 +1,12 @@
-"""Gain, offset and shaft phase of a sensor found in 50 digits: what is left of measured values.
+"""Gain and offset of a sensor found in 50 digits: what is left of measured values.
 
-By normal equations, and by the zero of the derivative of the sum of squares: nothing of how the
-library does it.
+By normal equations: nothing of how the library does it.
 """
 
 import mpmath
 from mpmath import mp
 
 mp.dps = 50
-#: Angles tried on the circle.
-_CIRCLE = 100
 
 
 def left(measured, modelled, basis, gain):
@@ -26,28 +23,15 @@ def left(measured, modelled, basis, gain):
     return [mp.fdot(best, row) - y for *row, y in zip(*columns, wanted, strict=True)]
 
 
-def left_of_orders(measured, modelled, deviations, gain, angle=None):
+def left_of_orders(measured, modelled, deviations, gain, angle):
     """Return what is left of complex orders, each block over its deviation; real, imaginary, ....
 
-    angle: of the shaft; None where it is unknown, and the best of all.
+    angle: of the shaft.
     """
-
-    def at(angle):
-        turns = [mp.expj(k * angle) for k in range(1, len(modelled[0]) + 1)]
-        flat: list[list] = [[], []]
-        for own, block, size in zip(measured, modelled, deviations, strict=True):
-            turned = [c * turn for c, turn in zip(block, turns, strict=True)]
-            for values, found in ((own, flat[0]), (turned, flat[1])):
-                found += [part / size for x in values for part in (mp.re(x), mp.im(x))]
-        return left(*flat, [], gain)
-
-    if angle is None:
-        with mp.workdps(15):
-            grid = [2 * mp.pi * i / _CIRCLE for i in range(_CIRCLE)]
-            near = min(grid, key=lambda one: mp.norm(at(one)))
-        angle = mp.findroot(
-            lambda one: mp.diff(lambda two: mp.fsum(x**2 for x in at(two)), one),
-            (near, near + mp.mpf(10) ** -3),
-            tol=mp.mpf(10) ** -70,
-        )
-    return at(angle)
+    turns = [mp.expj(k * angle) for k in range(1, len(modelled[0]) + 1)]
+    flat: list[list] = [[], []]
+    for own, block, size in zip(measured, modelled, deviations, strict=True):
+        turned = [c * turn for c, turn in zip(block, turns, strict=True)]
+        for values, found in ((own, flat[0]), (turned, flat[1])):
+            found += [part / size for x in values for part in (mp.re(x), mp.im(x))]
+    return left(*flat, [], gain)

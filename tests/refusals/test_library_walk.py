@@ -107,10 +107,6 @@ CALLED = {
     gearlib.order_map: {"run": RUN_UP},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.read_measured: {"path": ""},
-    gearlib.compare_fits: {
-        **{"models": {"one": DAMPED, "other": DAMPED}, "data": JUMP},
-        **{"free": {"reduced_mass": (3.0, 3.2)}},
-    },
     gearlib.scatter: {
         **{"model": PAPER, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "quantities": ()},
         **{"tunings": [NU], "periods": 2, "record_periods": 1},

@@ -200,7 +200,6 @@ def test_no_public_call_is_left_out():
     # Of proofs tests/proofs knows which models they take.
     proofs = {name for name in gearlib.__all__ if name.startswith("certify")}
     assert set(CALLS) == set(gearlib.__all__) - models - parts - proofs - {
-        "compare_fits",
         "fit",
         "methods",
         "read_measured",

@@ -37,10 +37,7 @@ SAID = {
         "damping": "unknown",
         "course": [list(row) for row in COURSE],
     },
-    "fit": {
-        "free": {"material_damping": [1000, 9000], "reduced_mass": ["2600 g", 3.7]},
-        "starts": 1,
-    },
+    "fit": {"free": {"material_damping": [1000, 9000], "reduced_mass": ["2600 g", 3.7]}},
 }
 
 
@@ -66,12 +63,13 @@ def test_what_the_file_says_is_fitted(run):
     assert said[1] == "Rig 1, synthetic: computed for this test" and "[[Variables]]" in said
     guess = TRUTH.replace(material_damping=5000.0, reduced_mass=3.15, load=3289.5396)
     free = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7)}
-    expected = gearlib.fit(guess, gearlib.read_measured("rig.yaml"), free, starts=1)
+    expected = gearlib.fit(guess, gearlib.read_measured("rig.yaml"), free)
     assert str(expected) in done.output
     found = xr.load_dataset("fit.nc")
     own = expected.dataset()
     own["identifiable"] = own.identifiable.astype(found.identifiable.dtype)
-    xr.testing.assert_allclose(found, own, rtol=1e-12)
+    # Units are converted on one way only, and differences make more of the rounding.
+    xr.testing.assert_allclose(found, own, rtol=1e-8)
     assert found.parameter.values.tolist() == [*free]
     assert found.parameter_units.values.tolist() == ["N s m-1", "kg"]
     for name, one in expected.params.items():
@@ -80,7 +78,7 @@ def test_what_the_file_says_is_fitted(run):
 
 
 def test_options_come_before_the_file(run):
-    asked = ["--free", "reduced_mass", "--free", "load=2 kN,5 kN", "--starts", "0"]
+    asked = ["--free", "reduced_mass", "--free", "load=2 kN,5 kN"]
     done = run(*asked, "--material-damping", "3.9537 N s/mm", "--load", "3 kN", "-o", "fit.csv")
     assert done.exit_code == 0, done.output
     with open("fit.csv", encoding="utf-8") as file:
@@ -94,7 +92,7 @@ def test_options_come_before_the_file(run):
 
 def test_no_bound_of_the_backlash_is_told_where_no_tooth_leaves_its_flank(run):
     write(TABLE[: 9 * len(TABLE) // 10])
-    asked = ["--free", "backlash=10um,90um", "--free", "reduced_mass", "--starts", "0"]
+    asked = ["--free", "backlash=10um,90um", "--free", "reduced_mass"]
     done = run(*asked, *REST)
     assert done.exit_code == 0, done.output
     said = "contact is never lost in what is compared; nothing tells how large it is"
@@ -102,7 +100,7 @@ def test_no_bound_of_the_backlash_is_told_where_no_tooth_leaves_its_flank(run):
 
 
 def test_a_picture_is_drawn_and_nothing_replaced(run, tmp_path):
-    done = run("--starts", "0", "--plot", "fit.png")
+    done = run("--plot", "fit.png")
     assert done.exit_code == 0 and "drawn in fit.png" in done.output, done.output
     (tmp_path / "fit.nc").write_text("mine", encoding="utf-8")
     for option, name in (("-o", "fit.nc"), ("--plot", "fit.png")):
@@ -118,11 +116,11 @@ TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
 
 def test_unsorted_times_are_sorted_and_that_is_said(run):
     write(np.r_[TABLE[5000:], TABLE[:5000]])
-    done = run("--starts", "0")
+    done = run()
     assert done.exit_code == 0 and "repairs: samples sorted by time" in done.output
     values = next(one for one in done.output.splitlines() if "reduced_mass:" in one)
     write(TABLE)
-    assert values in run("--starts", "0").output
+    assert values in run().output
 
 
 @pytest.mark.parametrize(
@@ -143,12 +141,6 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
             {"channels": SAID["channels"] | {"x": SAID["channels"]["x"] | {"unit": "kN"}}},
             [],
             "channels.x.unit = 'kN' is not allowed",
-        ),
-        (
-            None,
-            {"channels": SAID["channels"] | {"x": SAID["channels"]["x"] | {"limits": [-9, 9]}}},
-            [],
-            "the limits of its converter",
         ),
         (
             None,
@@ -194,7 +186,6 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
             "free = 'weight' is not allowed: it must be one of",
         ),
         (None, {}, ["--free", "load=1 kN,2 kN", *REST], "a range that holds load = 3289.54"),
-        (None, {}, ["--starts", "-1"], "starts = -1 is not allowed"),
         (None, {"known": {}}, [], "max_stiffness is missing"),
     ],
 )

@@ -18,7 +18,7 @@ FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7)}
 def found():
     low, high = TRUTH.speed(0.6), TRUTH.speed(0.7)
     data = synthetic_rig(TRUTH, [(0.0, low), (0.4, high), (0.8, low)], 1)
-    return gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, FREE, starts=3)
+    return gearlib.fit(TRUTH.replace(reduced_mass=3.0), data, FREE)
 
 
 @pytest.fixture(autouse=True)
@@ -29,7 +29,7 @@ def no_window():
 
 
 def test_measured_and_fitted_lie_over_each_other(found):
-    *panels, last = plot.fit(found).axes
+    panels = plot.fit(found).axes
     assert len(panels) == 4 and "order z (µm)" in panels[0].get_ylabel()
     for axes, curve in zip(panels, found.curves(), strict=True):
         measured, up, down = axes.lines
@@ -38,42 +38,19 @@ def test_measured_and_fitted_lie_over_each_other(found):
         scale = measured.get_ydata() / curve.heights[0]
         np.testing.assert_allclose(shown / scale, curve.heights[1])
         assert (np.isnan(up.get_ydata()) | np.isnan(down.get_ydata())).all()
-    assert last.get_yscale() == "log"
-
-
-def test_a_waterfall_has_all_starts_and_what_they_came_to(found):
-    starts, improved = plot.waterfall(found).lines
-    np.testing.assert_allclose(starts.get_ydata(), np.sort(found.starts) / found.ndata)
-    np.testing.assert_allclose(improved.get_ydata(), found.waterfall / found.ndata)
-    assert improved.get_ydata()[0] < 2.0 < starts.get_ydata()[-1]
-
-
-def test_profiles_are_those_of_the_fit(found):
-    (axes,) = plot.profiles(found, "reduced_mass", points=3).axes
-    line = axes.lines[0]
-    one = found.params["reduced_mass"]
-    reach = np.linspace(-3.0, 3.0, 3)
-    np.testing.assert_allclose(line.get_xdata(), one.value + reach * one.stderr)
-    np.testing.assert_allclose(line.get_ydata(), reach**2, atol=0.2)
 
 
 def test_speeds_stand_beside_their_intervals():
     attrs = {"units": "min-1", "noise_std": 2.0}
     data = xr.Dataset({"onset_of_contact_loss": ((), TRUTH.speed(0.81), attrs)})
     pair = TRUTH.replace(material_damping=7e3, backlash_damping=7e3)
-    fitted = gearlib.fit(pair, data, {"reduced_mass": (2.6, 3.7)}, starts=0)
+    fitted = gearlib.fit(pair, data, {"reduced_mass": (2.6, 3.7)})
     axes = plot.fit(fitted).axes[0]
     shown = next(line for line in axes.lines if line.get_label() == "fitted")
     assert abs(shown.get_ydata()[0]) < 0.1
     assert axes.get_xticklabels()[0].get_text().startswith("onset of contact loss")
 
 
-@pytest.mark.parametrize("call", [plot.fit, plot.waterfall, plot.profiles])
-def test_what_is_no_fit_is_refused(call):
-    with pytest.raises(ValueError, match="found is not allowed: .* draws a fit of gearlib.fit"):
-        call(7)
-
-
-def test_a_profile_of_no_parameter_is_refused(found):
-    with pytest.raises(ValueError, match="names = 'load' is not allowed: it must be one of"):
-        plot.profiles(found, "load")
+def test_what_is_no_fit_is_refused():
+    with pytest.raises(ValueError, match="found is not allowed: gearlib.plot.fit draws a fit of"):
+        plot.fit(7)

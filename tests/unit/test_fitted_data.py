@@ -70,7 +70,7 @@ REFUSED = {
 @pytest.mark.parametrize("sentence", REFUSED)
 def test_data_that_cannot_be_fitted_are_refused_in_a_sentence(sentence):
     with pytest.raises(ValueError, match="is not allowed") as error:
-        gearlib.fit(PAPER, REFUSED[sentence], {"reduced_mass": (2.6, 3.7)}, starts=0)
+        gearlib.fit(PAPER, REFUSED[sentence], {"reduced_mass": (2.6, 3.7)})
     begin, *more = sentence.split(" ... ")
     text = str(error.value)
     assert text.startswith(begin) and all(one in text for one in more), text

@@ -48,19 +48,6 @@ def test_a_file_that_another_package_cannot_read_is_named(tmp_path, monkeypatch)
         read_measured(tmp_path / "rig.yaml")
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_three_samples_at_a_limit_are_clipped(tmp_path, count):
-    (tmp_path / "rig.csv").write_text("x\n1\n" + "255\n" * count + "7\n")
-    channels = "{x: {observableId: dynamic_force, unit: counts, count: 1 N, bits: 8}}"
-    said = f"{{data: rig.csv, source: synthetic, licence: own data, channels: {channels}}}"
-    (tmp_path / "rig.yaml").write_text(said)
-    if count < 3:
-        assert read_measured(tmp_path / "rig.yaml").sizes["sample"] == count + 2
-    else:
-        with pytest.raises(ValueError, match="is clipped, 3 samples at 255 from row 2 on"):
-            read_measured(tmp_path / "rig.yaml")
-
-
 def test_a_course_of_few_straight_lines_is_the_measured_speed():
     time = np.linspace(0.0, 10.0, 5001)
     speed = np.interp(time, [0.0, 4.0, 10.0], [1000.0, 3000.0, 500.0])

@@ -1,5 +1,7 @@
 """The periodic orbit of a model whose flanks never part, over the tuning: in closed form."""
 
+import functools
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -16,18 +18,23 @@ def linear_orbits(model, tunings):
 
     Of several meshes the least of all, and that plus the height of the highest.
     """
-    found = _of_system if model.size > 2 else _of_pair(model)
-    rows = [found(model, float(one)) for one in tunings]
-    states, extrema = zip(*rows, strict=True)
+    orbit = linear_orbit_of(model)
+    states, extrema = zip(*map(orbit, map(float, tunings)), strict=True)
     return np.array(states), np.array(extrema)
+
+
+def linear_orbit_of(model):
+    """Return the function of a tuning that returns one row of `linear_orbits`."""
+    return functools.partial(_of_system, model) if model.size > 2 else _of_pair(model)
 
 
 def _of_pair(model):
     # Without backlash one flank goes on where the other ends.
     linear = model.replace(backlash=0.0)
+    propagators = linear.propagator(1.0)
 
-    def found(_, tuning):
-        propagator = linear.propagator(tuning)
+    def found(tuning):
+        propagator = propagators.at(tuning)
         end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
         state = np.linalg.solve(np.eye(2) - maps[0], end)
         _, summary, _ = propagator.record(state, 1, MAX_EVENTS)
