@@ -11,7 +11,7 @@ room             responsibility
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
 ``rig``          measured sets and fits: `read_measured`, `fit`, `compare_fits`
-``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
+``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        the page of the report, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -47,7 +47,6 @@ _PUBLIC = {
     "basins": "analysis.global_dynamics.basins",
     "bifurcation_diagram": "analysis.global_dynamics.bifurcation",
     "certify": "analysis.proofs.orbits",
-    "certify_box": "tolerances.boxes",
     "certify_fold": "analysis.proofs.points",
     "certify_grazing": "analysis.proofs.points",
     "certify_motion": "analysis.proofs.proven_motions",
@@ -56,7 +55,6 @@ _PUBLIC = {
     "compare_fits": "rig.compared_fits",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
-    "first_order_scatter": "tolerances.linear_scatter",
     "fit": "rig.fits",
     "fold_sensitivities": "analysis.orbits.orbit_sensitivities",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
@@ -80,7 +78,6 @@ _PUBLIC = {
     "split_power_reducer": "models.trains.reducer_train",
     "sweep": "runs.sweeping",
     "switch_branch": "analysis.orbits.continuation",
-    "tighten": "tolerances.tightening",
     "tongues": "analysis.tongues",
     "trust": "analysis.trust",
     "two_stage": "models.trains.ready_made",
@@ -106,7 +103,6 @@ __all__ = [
     "basins",
     "bifurcation_diagram",
     "certify",
-    "certify_box",
     "certify_fold",
     "certify_grazing",
     "certify_motion",
@@ -115,7 +111,6 @@ __all__ = [
     "compare_fits",
     "continue_orbit",
     "duty_point",
-    "first_order_scatter",
     "fit",
     "fold_sensitivities",
     "harmonic_balance",
@@ -139,7 +134,6 @@ __all__ = [
     "split_power_reducer",
     "sweep",
     "switch_branch",
-    "tighten",
     "tongues",
     "trust",
     "two_stage",

@@ -22,9 +22,7 @@ from gearlib.figures import (
     time_courses_figure,
 )
 from gearlib.figures import schematic as train_schematic
-from gearlib.figures.expansion_figure import expansions
 from gearlib.figures.fit_figure import fit, profiles, waterfall
-from gearlib.figures.kept_contact_figure import certified_box, tightened
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
 from gearlib.figures.run_up_figure import run_up
@@ -32,8 +30,6 @@ from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
-    "certified_box",
-    "expansions",
     "fit",
     "harris_map",
     "orbit",
@@ -44,7 +40,6 @@ __all__ = [
     "resonance",
     "run_up",
     "schematic",
-    "tightened",
     "time_course",
     "values",
     "waterfall",

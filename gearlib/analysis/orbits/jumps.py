@@ -90,7 +90,10 @@ def main_resonance(model, quantities=QUANTITIES):
         higher branches, which strike the far flank: ``jump_down`` is the fold from which the
         motion falls, peaks are those of the branch up to its first fold.
     """
-    search = _Search(model)
+    try:
+        search = _Search(model)
+    except (NotFound, np.linalg.LinAlgError):
+        return MainResonance(lost=frozenset(quantities))
     points, values, lost = {}, {}, set()
     for name in quantities:
         try:
@@ -156,7 +159,7 @@ class _Search:
         def distance(tuning):
             nonlocal state
             state = self.map.orbit(tuning, state)
-            return self.map.summary(tuning, state)[:, columns.X_MIN].min() - line
+            return (self.map.summary(tuning, state)[:, columns.X_MIN] - line).min()
 
         other = (1.0 - 1e-4) * tuning
         values = distance(other), distance(tuning)
@@ -217,9 +220,9 @@ class _Search:
             states, summaries = self._swept(start[:-1], tunings, _SWEEP_PERIODS)
             out = (tunings > stop) if up else (tunings < stop)
             if end is not None:
-                least = summaries[:, :, columns.X_MIN].min(axis=1)
+                least = (summaries[:, :, columns.X_MIN] - self.model.flank_lines[0]).min(axis=1)
                 passed = (tunings > end[-1]) if up else (tunings < end[-1])
-                out |= passed & (least >= self.model.flank_lines[0])
+                out |= passed & (least >= 0.0)
             size = int(out.argmax()) + 1 if out.any() else _SWEEP_STEPS
             start = None if out.any() else np.append(states[-1], tunings[-1])
             for i in _largest(_changes(summaries[: size + 1])):

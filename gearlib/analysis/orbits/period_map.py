@@ -5,7 +5,6 @@ import numpy as np
 from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
 from gearlib.integrators import choose
-from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
 
 #: Largest number of Newton steps, largest step, and step below which the next would be rounding.
@@ -14,6 +13,8 @@ _MAX_NEWTON, _MAX_STEP, _SMALL_STEP = 20, 3.0, 1e-8
 _DIFFERENCE = 1e-6
 #: Modulus of a multiplier above which deviations grow.
 _UNSTABLE = 1.0 + 1e-6
+#: Distance of an orbit that is followed from tuning to tuning, as a share of the state.
+_CLOSE = 0.2
 
 
 class NotFound(ArithmeticError):
@@ -58,6 +59,17 @@ class PeriodMap:
             if size < _SMALL_STEP:
                 return state
         raise NotFound("no orbit is near the guess")
+
+    def stable_orbit(self, tuning, state):
+        """Return the state of a stable orbit close to a state, None without one."""
+        try:
+            orbit = self.orbit(tuning, state)
+        except NotFound:
+            return None
+        matrix = self.residual(tuning, orbit)[1]
+        multipliers = np.linalg.eigvals(matrix + self.unit)
+        near = np.abs(orbit - state).max() < _CLOSE * max(1.0, np.abs(state).max())
+        return orbit if near and np.abs(multipliers).max() < _UNSTABLE else None
 
     def summary(self, tuning, state):
         """Return the summaries of all meshes over the period from a state, shape (m, columns)."""
@@ -138,23 +150,18 @@ def sweep_states(model, state, tunings, periods):
 
 
 def _sweep_of_many_coordinates(model, state, tunings, periods):
-    period_map, repeats = PeriodMap(model), model.repeats
-    propagator, state = model.propagator(tunings[0]), np.array(state, float)
-    states, summaries = [], []
+    """Follow the stable orbit by Newton's method; where it is lost, run until one is met."""
+    period_map, propagator = PeriodMap(model), model.propagator(tunings[0])
+    state, states, summaries = np.array(state, float), [], []
     for tuning in tunings:
         propagator = propagator.at(tuning)
-        samples, events, summary = model.empty_record()
-        span = periods * repeats, repeats
-        propagator.run(state, *span, samples, events, MAX_EVENTS, summary)
-        try:
-            orbit = period_map.orbit(tuning, state)
-            table = period_map.summary(tuning, orbit)
-        except NotFound:
-            orbit, table = state, np.atleast_2d(summary)
-        near = np.abs(table[:, columns.X_MAX] - np.atleast_2d(summary)[:, columns.X_MAX]).max()
-        if near < 0.1:
-            state, summary = orbit, table
-        states.append(state.copy())
-        summaries.append(np.atleast_2d(summary))
-        state = state.copy()
+        orbit = period_map.stable_orbit(tuning, state)
+        if orbit is None:
+            ends, codes = state[None].copy(), np.zeros(1, np.int64)
+            propagator.skip(state[None], periods * model.repeats, MAX_EVENTS, ends, codes)
+            orbit = period_map.stable_orbit(tuning, ends[0])
+            orbit = ends[0] if orbit is None else orbit
+        state = orbit
+        states.append(state)
+        summaries.append(period_map.summary(tuning, state))
     return np.array(states), np.array(summaries)
