@@ -95,6 +95,36 @@ def test_the_fold_of_a_narrow_hysteresis_is_found():
     assert np.isnan([found.jump_up, found.jump_down]).all() and not found.lost
 
 
+def test_a_motion_whose_period_doubles_falls_where_a_sweep_does():
+    model = PAPER.replace(
+        max_stiffness=4.22e8,
+        stiffness_ratio=0.5714,
+        contact_ratio=1.65,
+        reduced_mass=0.1747,
+        load=3146.3,
+        backlash=266e-6,
+    )
+    size = 2.0 * 0.05 * model.reduced_mass * model.mean_eigenfrequency
+    model = model.replace(material_damping=size)
+    fall = main_resonance(model, ("jump_down",)).jump_down
+    tunings = np.arange(fall + 0.02, fall - 0.002, -2.5e-4)
+    start = gearlib.sweep(
+        model, np.arange(1.0, fall + 0.02, -5e-3), direction="down", periods=200, record_periods=16
+    )
+    run = gearlib.sweep(
+        model,
+        tunings,
+        direction="down",
+        periods=400,
+        record_periods=16,
+        initial_state=tuple(start.final_state.values[-1]),
+    )
+    height = run.displacement_max.values
+    i = int(np.argmax(-np.diff(height)))
+    assert height[i + 1] < 0.5 * height[i] and run.period.values[i] == 2
+    assert abs(0.5 * (tunings[i] + tunings[i + 1]) - fall) < 5e-4
+
+
 def test_a_special_point_is_a_fixed_point_with_its_property():
     found = main_resonance(DAMPED)
     for name in ("jump_up", "jump_down", "onset"):

@@ -46,6 +46,9 @@ _JUMP_RATIO = 1.3
 _SAME_MOTION = 0.05
 #: Change of a state in a period below which it is one of an orbit, static deflections.
 _SETTLED = 1e-3
+#: Mesh periods of which a motion whose period may have doubled is summarised, the share of its
+#: largest displacement by which it falls, and bisections that place the fall.
+_RECORDED_PERIODS, _LEAST_FALL, _MAX_BISECTIONS = 16, 0.2, 24
 #: Relative tuning step behind a fold, where it shows to which motion the model jumps.
 _BEHIND_FOLD = 0.002
 #: Largest number of jumps to higher branches before the motion falls.
@@ -60,7 +63,7 @@ class MainResonance:
 
     onset: float = math.nan  #: contact is first lost, running up
     jump_up: float = math.nan  #: first fold from below: the motion jumps up, running up
-    jump_down: float = math.nan  #: fold at which the motion falls, running down
+    jump_down: float = math.nan  #: the motion falls, running down: at a fold, or found by runs
     peak: float = math.nan  #: largest displacement of the stable branch entered from above
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
@@ -88,7 +91,8 @@ def main_resonance(model, quantities=QUANTITIES):
     MainResonance
         The upper end of the range of contact loss may be followed downwards over several jumps to
         higher branches, which strike the far flank: ``jump_down`` is the fold from which the
-        motion falls, peaks are those of the branch up to its first fold.
+        motion falls or, where its period doubles before, the last tuning before it falls in runs;
+        peaks are those of the branch up to its first fold.
     """
     try:
         search = _Search(model)
@@ -187,6 +191,46 @@ class _Search:
         return self._first_fold(self.above, self.below)
 
     def jump_down(self):
+        """Return the point at which the motion falls, running down, None without one."""
+        try:
+            return self._fold_of_fall()
+        except NotFound:
+            if self.model.size > 2:
+                raise
+            return self._fall_between_runs()
+
+    def _fall_between_runs(self):
+        """Return the last point before the motion falls, where that is at no fold of its orbit.
+
+        Its period may double before, or it ends in chaos: runs alone tell where it falls.
+        """
+        low = _SWEEP_END * self.above[-1]
+        count = math.ceil(math.log(self.above[-1] / low) / math.log(_SWEEP_RATIO))
+        tunings = np.geomspace(self.above[-1], low, count)
+        states, heights = self._heights(self.above[:-1], tunings)
+        falls = np.flatnonzero(heights[1:] < (1.0 - _LEAST_FALL) * heights[:-1])
+        if not falls.size:
+            raise NotFound("the motion does not fall")
+        i = int(falls[0])
+        state, tuning, end = states[i], tunings[i], tunings[i + 1]
+        limit = 0.5 * (heights[i] + heights[i + 1])
+        for _ in range(_MAX_BISECTIONS):
+            middle = 0.5 * (tuning + end)
+            later, height = self._heights(state, np.array([middle]))
+            if height[0] > limit:
+                state, tuning = later[0], middle
+            else:
+                end = middle
+        return np.append(state, tuning)
+
+    def _heights(self, state, tunings):
+        """Return states of a sweep and largest displacements over several periods."""
+        states, summaries = sweep_states(
+            self.model, state, tunings, _LONG_PERIODS, recorded=_RECORDED_PERIODS
+        )
+        return states, np.nan_to_num(summaries[:, 0, columns.X_MAX])
+
+    def _fold_of_fall(self):
         """Return the fold at which the motion falls, running down, None without one."""
         fold = self._down[0]
         for _ in range(_MAX_CLIMBS):
