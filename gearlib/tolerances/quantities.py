@@ -1,6 +1,7 @@
 """Quantities of many designs: jumps, onset, peak, duty point; each design is one search."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,8 @@ class DesignQuantities:
         self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
         duty = _DUTY & set(self.quantities)
         _check_model(model, duty, set(self.quantities) - duty, speed)
-        self.speed, self._orbit = speed, None
+        self.speed = speed
+        self._orbit: Any = None
         if duty:
             tuning = check_speed(model, "speed", speed)
             self._orbit = periodic_orbit(model, tuning, period=model.repeats)
@@ -64,7 +66,9 @@ class DesignQuantities:
         """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found."""
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
-        resonance = main_resonance(model, self._resonant) if self._resonant else None
+        resonance: Any = None
+        if self._resonant:
+            resonance = main_resonance(model, self._resonant)
         summary = self._duty_summary(model) if self._orbit is not None else None
         for i, name in enumerate(self.quantities):
             if name in _DUTY:

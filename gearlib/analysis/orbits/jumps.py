@@ -11,6 +11,7 @@ with a multiplier 1, det(dP/dz - I) = 0.
 import functools
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -130,8 +131,11 @@ class _Search:
         highest, least = np.transpose([extrema for _, extrema in found])
         within = (_RESONANCE_BOUNDS[0] < _SCAN_TUNINGS) & (_SCAN_TUNINGS < _RESONANCE_BOUNDS[1])
         self.summit = int(np.where(within, highest - least, -np.inf).argmax())
-        #: A tuning at which contact is lost; orbits of the scan beside it that keep contact.
-        self.inside, self.below, self.above = _SCAN_TUNINGS[self.summit], None, None
+        #: A tuning at which contact is lost.
+        self.inside: float | None = float(_SCAN_TUNINGS[self.summit])
+        #: Orbits of the scan beside it that keep contact.
+        self.below: np.ndarray | None = None
+        self.above: np.ndarray | None = None
         if least[self.summit] >= 0.0:
             self.inside = self._lowest(self.inside)
         if self.inside is not None:
@@ -204,10 +208,10 @@ class _Search:
 
         Its period may double before, or it ends in chaos: runs alone tell where it falls.
         """
-        low = _SWEEP_END * self.above[-1]
-        count = math.ceil(math.log(self.above[-1] / low) / math.log(_SWEEP_RATIO))
-        tunings = np.geomspace(self.above[-1], low, count)
-        states, heights = self._heights(self.above[:-1], tunings)
+        start: Any = self.above
+        count = math.ceil(-math.log(_SWEEP_END) / math.log(_SWEEP_RATIO))
+        tunings = np.geomspace(start[-1], _SWEEP_END * start[-1], count)
+        states, heights = self._heights(start[:-1], tunings)
         falls = np.flatnonzero(heights[1:] < (1.0 - _LEAST_FALL) * heights[:-1])
         if not falls.size:
             raise NotFound("the motion does not fall")
