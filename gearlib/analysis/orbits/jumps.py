@@ -32,9 +32,9 @@ _RESONANCE_BOUNDS = (0.65, 1.5)
 #: first one.
 _SWEEP_RATIO, _SWEEP_END = 1.006, 0.25
 #: Mesh periods at each tuning of a sweep, and where a motion settles slowly or jumps.
-_SWEEP_PERIODS, _LONG_PERIODS = 60, 200
+_SWEEP_PERIODS, _LONG_PERIODS = 60, 160
 #: Steps that are swept before jumps are looked for.
-_SWEEP_STEPS = 32
+_SWEEP_STEPS = 24
 #: Pieces into which an interval with a jump is cut, and how often it is cut.
 _PIECES, _MAX_CUTS = 16, 4
 #: Share of the change in an interval below which the largest piece of it is no jump.
@@ -47,9 +47,10 @@ _JUMP_RATIO = 1.3
 _SAME_MOTION = 0.05
 #: Change of a state in a period below which it is one of an orbit, static deflections.
 _SETTLED = 1e-3
-#: Mesh periods of which a motion whose period may have doubled is summarised, the share of its
-#: largest displacement by which it falls, and bisections that place the fall.
-_RECORDED_PERIODS, _LEAST_FALL, _MAX_BISECTIONS = 16, 0.2, 24
+#: Mesh periods at each tuning where a motion falls at no fold, and those that are summarised, since
+#: its period may have doubled; the share of its largest displacement by which it falls, and
+#: bisections that place the fall.
+_FALL_PERIODS, _RECORDED_PERIODS, _LEAST_FALL, _MAX_BISECTIONS = 200, 16, 0.2, 24
 #: Relative tuning step behind a fold, where it shows to which motion the model jumps.
 _BEHIND_FOLD = 0.002
 #: Largest number of jumps to higher branches before the motion falls.
@@ -230,7 +231,7 @@ class _Search:
     def _heights(self, state, tunings):
         """Return states of a sweep and largest displacements over several periods."""
         states, summaries = sweep_states(
-            self.model, state, tunings, _LONG_PERIODS, recorded=_RECORDED_PERIODS
+            self.model, state, tunings, _FALL_PERIODS, recorded=_RECORDED_PERIODS
         )
         return states, np.nan_to_num(summaries[:, 0, columns.X_MAX])
 

@@ -33,11 +33,17 @@ class PeriodMap:
         self.directions[:n, :-1], self.directions[n, -1] = self.lift.T, 1.0
         self.unit = np.eye(n)
 
+    def _propagator_at(self, tuning):
+        """Return the propagator at a tuning, the last one where the tuning has not changed."""
+        if tuning != self.propagator.tuning:
+            self.propagator = self.propagator.at(tuning)
+        return self.propagator
+
     def residual(self, tuning, state):
         """Return P(z) - z, shape (n,), and its derivative by z, (n, n), without free rotations."""
         if not tuning > 0.0:
             raise NotFound("no tuning is left")
-        propagator = self.propagator.at(tuning)
+        propagator = self._propagator_at(tuning)
         end, maps, code = propagator.maps(state, self.model.repeats, MAX_EVENTS)
         if code != status.OK:
             raise NotFound(status.MESSAGES[code])
@@ -73,7 +79,7 @@ class PeriodMap:
 
     def summary(self, tuning, state):
         """Return the summaries of all meshes over the period from a state, shape (m, columns)."""
-        propagator = self.propagator.at(tuning)
+        propagator = self._propagator_at(tuning)
         return np.atleast_2d(propagator.record(state, self.model.repeats, MAX_EVENTS)[1])
 
     def _fold_residual(self, point):
