@@ -11,7 +11,7 @@ room             responsibility
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
 ``rig``          measured sets and fits: `read_measured`, `fit`
-``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`, `certify_box`
+``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        tables as pages, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -49,11 +49,9 @@ _PUBLIC = {
     "basins": "analysis.global_dynamics.basins",
     "bifurcation_diagram": "analysis.global_dynamics.bifurcation",
     "certify": "analysis.proofs.orbits",
-    "certify_box": "tolerances.boxes",
     "certify_range": "analysis.proofs.ranges",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
-    "first_order_scatter": "tolerances.linear_scatter",
     "fit": "rig.fits",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
     "idler": "models.trains.ready_made",
@@ -75,7 +73,6 @@ _PUBLIC = {
     "split_power_reducer": "models.trains.reducer_train",
     "sweep": "runs.sweeping",
     "switch_branch": "analysis.orbits.continuation",
-    "tighten": "tolerances.tightening",
     "tongues": "analysis.tongues",
     "trust": "analysis.trust",
     "two_stage": "models.trains.ready_made",
@@ -101,11 +98,9 @@ __all__ = [
     "basins",
     "bifurcation_diagram",
     "certify",
-    "certify_box",
     "certify_range",
     "continue_orbit",
     "duty_point",
-    "first_order_scatter",
     "fit",
     "harmonic_balance",
     "idler",
@@ -127,7 +122,6 @@ __all__ = [
     "split_power_reducer",
     "sweep",
     "switch_branch",
-    "tighten",
     "tongues",
     "trust",
     "two_stage",

@@ -22,7 +22,6 @@ from gearlib.figures import (
     time_courses_figure,
 )
 from gearlib.figures import schematic as train_schematic
-from gearlib.figures.expansion_figure import expansions
 from gearlib.figures.fit_figure import fit
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
@@ -31,7 +30,6 @@ from gearlib.runs.simulation import simulate
 
 __all__ = [
     "campbell",
-    "expansions",
     "fit",
     "harris_map",
     "orbit",

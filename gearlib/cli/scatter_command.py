@@ -12,7 +12,7 @@ from gearlib.models import tolerated
 #: What is followed from design to design unless told, as far as it asks no duty point.
 _FOLLOWED = Tolerances.model_fields["quantities"].default
 _WAYS = {"up": "from below", "down": "from above", "seeded": "from seeded starts"}
-_TOLD = ("nominal", "mean", "deviation", "first_order")
+_TOLD = ("nominal", "mean", "deviation")
 
 
 class _Tolerance(click.ParamType):

@@ -106,7 +106,7 @@ class Tolerances(Grid):
         min_length=1,
     )
     correlations: list[Correlation] = entry("Of them, by a Gaussian copula.", [])
-    quantities: listing(Literal[_QUANTITIES], "Followed from design to design.") = [
+    quantities: listing(Literal[_QUANTITIES], "Quantities of each design.") = [
         "jump_up",
         "jump_down",
         "onset_of_contact_loss",

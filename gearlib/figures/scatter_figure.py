@@ -87,17 +87,11 @@ def _histogram(axes, scattered, name):
     if not values.size:
         return
     low, high = style.limits(values / scale, margin=0.02)
-    count, _, _ = axes.hist(values / scale, np.linspace(low, high, _BINS + 1), color="#CFCFCF")
-    spread = float(scattered.get(f"{name}_first_order", math.nan))
+    axes.hist(values / scale, np.linspace(low, high, _BINS + 1), color="#CFCFCF")
     middle = float(scattered[f"{name}_nominal"])
-    if math.isfinite(spread) and spread > 0.0 and math.isfinite(middle):
-        x = np.linspace(low, high, 200)
-        bell = np.exp(-0.5 * ((x * scale - middle) / spread) ** 2)
-        bell *= values.size * (high - low) / _BINS * scale / (spread * math.sqrt(math.tau))
-        axes.plot(x, bell, color=style.PALETTE[0], label="first order")
+    if math.isfinite(middle):
         axes.axvline(middle / scale, color="black", linestyle=style.DASHED, lw=0.6, label="nominal")
         axes.legend()
-        axes.set_ylim(0.0, 1.15 * max(float(bell.max()), float(count.max())))
     axes.set_xlim(low, high)
 
 

@@ -7,7 +7,6 @@ function that returns a model and takes what scatters as keyword arguments.
 import dataclasses
 import inspect
 import re
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.models.trains import train_slopes
-from gearlib.tolerances import distributions, nearby
+from gearlib.tolerances import distributions
 
 #: Most points that there are: Sobol' numbers have so many bits.
 _BITS = 30
@@ -341,15 +340,6 @@ class Designs:
     def units(self, name):
         """Return (CF units, words) of a parameter."""
         return self.source.described.get(name, ("1", name))
-
-    @cached_property
-    def fields(self):
-        """Return (names, jacobian), see `gearlib.tolerances.nearby.fields`."""
-        known = set(self.nominal.derivatives)
-        if isinstance(self.source, OfModel) and not set(self.names) & set(RATIOS):
-            own = tuple(name for name in self.names if name in known)
-            return own, np.array([[float(a == b) for b in self.names] for a in own])
-        return nearby.fields(self)
 
 
 def _plain(model):

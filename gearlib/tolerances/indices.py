@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from gearlib import checks, notebook
 from gearlib.data.result import result
 from gearlib.tolerances.designs import Designs
-from gearlib.tolerances.quantities import QUANTITIES, Followed, names_of, of_designs
+from gearlib.tolerances.quantities import QUANTITIES, DesignQuantities, names_of, of_designs
 
 #: Between the two draws of which the interval is reported.
 _RESAMPLES = 200
@@ -38,7 +38,7 @@ def sobol_indices(
     model, tolerances, quantities, seed, progress
         As of `gearlib.scatter`, without correlations.
     n : int, default 1024
-        A power of 2; of k parameters n (k + 2) designs are followed.
+        A power of 2; of k parameters n (k + 2) designs are computed.
     speed : float, optional
         Of the duty point, rpm.
     confidence : float, default 0.95
@@ -69,15 +69,14 @@ def sobol_indices(
             "independent parameters"
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    fields, _ = designs.fields
-    follow = Followed(designs.nominal, fields, quantities, speed=speed)
+    search = DesignQuantities(designs.nominal, quantities, speed=speed)
     k = len(designs.names)
     both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = both[:, :k], both[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
     values = designs.tolerances.values(points.reshape(-1, k))
     with notebook.telling("designs", len(values), progress) as newly:
-        found, _, _ = of_designs(follow, designs, values, newly)
+        found, _, _ = of_designs(search, designs, values, newly)
     found = np.moveaxis(found.reshape(k + 2, n, len(quantities)), 2, 0)
     tables = [
         _indices(one, level, designs.seed, name)

@@ -20,13 +20,11 @@ from gearlib.runs.run_arguments import check_either, check_memory, check_speed, 
 from gearlib.runs.sweeping import check_tunings
 from gearlib.tolerances import bands
 from gearlib.tolerances.designs import MOST, Designs, counted
-from gearlib.tolerances.linear_scatter import Linear
-from gearlib.tolerances.nearby import pieces
 from gearlib.tolerances.quantities import (
     CODES,
     NO_DESIGN,
     QUANTITIES,
-    Followed,
+    DesignQuantities,
     names_of,
     of_designs,
 )
@@ -95,13 +93,10 @@ def scatter(
     -------
     xarray.Dataset
         Over ``sample``: parameters, quantities, their ``<quantity>_status`` (0: found), and
-        ``refusal``, why there is no such design. Scalars ``<quantity>_nominal``, ``_mean``,
-        ``_deviation`` of those found, and ``_first_order``, the deviation by derivatives at the
-        nominal design, exact where the model has them; ``<quantity>_effect`` over ``parameter``,
-        what one standard deviation of it comes to in first order. Over ``direction`` and ``speed``:
-        contact_loss_probability, unsettled_share, run_count, failed_runs; with ``quantile``
-        height_band and factor_band. Over ``speed``: two_motions_probability, with seeded starts
-        motion_probability.
+        ``refusal``, why there is no such design. Scalars ``<quantity>_nominal``, ``_mean`` and
+        ``_deviation`` of those found. Over ``direction`` and ``speed``: contact_loss_probability,
+        unsettled_share, run_count, failed_runs; with ``quantile`` height_band and factor_band. Over
+        ``speed``: two_motions_probability, with seeded starts motion_probability.
 
     Raises
     ------
@@ -159,11 +154,10 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
             coords |= {"direction": list(runs.directions), over: runs.rates}
             said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
         if quantities:
-            follow = Followed(designs.nominal, designs.fields[0], quantities, speed=asked.speed)
-            found = of_designs(follow, designs, values, newly)
-            data |= _of_quantities(designs, follow, found)
+            search = DesignQuantities(designs.nominal, quantities, speed=asked.speed)
+            found = of_designs(search, designs, values, newly)
+            data |= _of_quantities(search, found)
             refusals = refusals or found[2]
-            coords["parameter"] = list(designs.names)
             said |= {"quantities": list(quantities)}
             said |= {} if asked.speed is None else {"speed": asked.speed}
     data["refusal"] = (("sample",), np.array(refusals, dtype=object))
@@ -218,27 +212,17 @@ def _of_points(ran, over):
     return {name: (dims, one) for name, one in zip(names, ran, strict=True)}
 
 
-def _of_quantities(designs, follow, found):
-    """Return the variables of quantities, what is found of them as of `of_designs`."""
+def _of_quantities(search, found):
+    """Return the variables of quantities from the values and codes that `of_designs` returns."""
     values, codes, _ = found
-    form = Linear(follow.quantities, pieces(follow, designs), designs)
     data = {}
-    for i, name in enumerate(follow.quantities):
+    for i, name in enumerate(search.quantities):
         units, words = QUANTITIES[name]
         data[name] = _described(("sample",), values[:, i], units, words)
         status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
         data[f"{name}_status"] = status
-        scalars = {"nominal": (follow.nominal[i], f"of the nominal design: {words}")}
-        spread = form.deviations[i], f"standard deviation in first order: {words}"
-        scalars["first_order"] = spread
-        data[f"{name}_effect"] = _described(
-            ("parameter",),
-            form.effects[i],
-            units,
-            f"change in first order by a standard deviation of the parameter: {words}",
-        )
-        for end, (value, said) in scalars.items():
-            data[f"{name}_{end}"] = _described((), float(value), units, said)
+        nominal = float(search.nominal[i])
+        data[f"{name}_nominal"] = _described((), nominal, units, f"of the nominal design: {words}")
     return data
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from gearlib.data.scatter_variables import QUANTITIES
 
 #: Ends of the names of what is told of a quantity.
-TOLD = ("nominal", "mean", "deviation", "first_order")
+TOLD = ("nominal", "mean", "deviation")
 _QUANTILES = (5, 50, 95)
 
 

@@ -158,7 +158,6 @@ def test_wrong_arguments_are_refused(changes, words):
         (scatter, (), {"n": 3, "tunings": [0.9]}),
         (scatter, ("peak",), {"n": 3, "tunings": [0.9]}),
         (gearlib.sobol_indices, ("jump_up",), {"n": 2}),
-        (gearlib.first_order_scatter, ("jump_up",), {"n": 2}),
     ],
 )
 def test_what_is_done_comes_to_what_was_announced(call, names, given, monkeypatch):
@@ -197,7 +196,7 @@ def test_other_models_go_one_by_one():
     assert math.isfinite(float(found.factor_band.max()))
 
 
-def test_quantities_go_with_the_samples_and_their_first_order():
+def test_quantities_go_with_the_samples():
     given = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
     names = ("jump_up", "onset_of_contact_loss")
     found = scatter(PAIR, given, names, n=32)
@@ -218,6 +217,5 @@ def test_quantities_go_with_the_samples_and_their_first_order():
     # Of a natural frequency: half the share of the stiffness.
     nominal = scatter(PAIR, {"max_stiffness": {"std": "1 %"}, "load": {"std": "1 %"}}, names, n=64)
     for name in names:
-        share = float(nominal[f"{name}_effect"][0] / nominal[f"{name}_nominal"])
-        ratio = float(nominal[f"{name}_first_order"] / nominal[f"{name}_deviation"])
-        assert 0.004 < share < 0.006 and abs(ratio - 1.0) < 0.05
+        share = float(nominal[f"{name}_deviation"] / nominal[f"{name}_nominal"])
+        assert 0.004 < share < 0.006, name

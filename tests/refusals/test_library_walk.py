@@ -112,8 +112,6 @@ CALLED = {
         **{"tunings": [NU], "periods": 2, "record_periods": 1},
     },
     gearlib.sobol_indices: FOLLOWED | {"quantities": ("force",)},
-    gearlib.first_order_scatter: FOLLOWED | {"quantities": ("force",)},
-    gearlib.tighten: FOLLOWED | {"quantity": "force", "keep": "below", "limit": 1e9},
     gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
 #: What says the same in another way.
@@ -132,8 +130,7 @@ SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states
 order_map.tacho
 scatter.speed scatter.box scatter.progress
-sobol_indices.speed sobol_indices.progress first_order_scatter.speed first_order_scatter.progress
-tighten.speed tighten.progress
+sobol_indices.speed sobol_indices.progress
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 """.split()
 

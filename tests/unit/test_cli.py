@@ -195,7 +195,7 @@ def test_drawings_and_their_classes_scatter(run):
         # Coefficients of the damping go through a file of 12 digits.
         found = xr.load_dataset("a.nc")
         np.testing.assert_allclose(found.jump_up, expected.jump_up, rtol=1e-6)
-        assert found.parameter.values.tolist() == expected.parameter.values.tolist()
+        assert {*found.data_vars} == {*expected.data_vars}
     for gears, words in ((PAIR, "where no drawing describes the gears"), (DRAWN, "js7'")):
         done = run("scatter", *gears, "--distance-class", "js77", *asked)
         assert done.exit_code in (1, 2) and words in " ".join(done.output.split()), done.output
@@ -204,7 +204,7 @@ def test_drawings_and_their_classes_scatter(run):
     Path("own.yaml").write_text(json.dumps(CONFIG | {"tolerances": section}), encoding="utf-8")
     done = run("scatter", "--config", "own.yaml", *asked)
     assert done.exit_code == 0, done.output
-    assert xr.load_dataset("a.nc").parameter.values.tolist() == ["load"]
+    assert "load" in xr.load_dataset("a.nc")
     done = run("scatter", *DRAWN, *asked)
     assert done.exit_code == 2 and "--tolerance is missing" in done.output, done.output
 

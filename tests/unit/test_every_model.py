@@ -141,8 +141,6 @@ def end(model, tuning):
 CALLS = {
     "scatter": scattered,
     "sobol_indices": at_duty_point(gearlib.sobol_indices, ("force",)),
-    "first_order_scatter": at_duty_point(gearlib.first_order_scatter, ("force",)),
-    "tighten": at_duty_point(gearlib.tighten, "force", keep="below", limit=1e9),
     "simulate": lambda pair: simulate(pair, NU, periods=2),
     "sweep": lambda pair: sweep(pair, [NU], periods=2, record_periods=1, direction="up"),
     "basins": lambda pair: basins(pair, NU, ([0.0], [0.0]), periods=60),
@@ -176,9 +174,7 @@ REFUSED = {
     "tongues": {"pairs of teeth", *NO_GEARS},
     "schmidt": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
     "duty_point": NO_GEARS,
-    **dict.fromkeys(
-        ("sobol_indices", "first_order_scatter", "tighten"), NO_GEARS | {"pairs of teeth"}
-    ),
+    "sobol_indices": NO_GEARS,
     **dict.fromkeys(("run_up", "order_map"), NO_GEARS | {"pairs of teeth", "one degree"}),
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},

@@ -229,21 +229,6 @@ def test_many_pairs_at_once_are_the_pairs_one_by_one():
             assert column[i] == getattr(model, name), name
 
 
-def test_derivatives_of_ratios_and_drawings_lead_to_the_fields():
-    designs = Designs(PAIR, MANY | {"reduced_mass": {"mean": 3.1, "std": 0.1}})
-    fields, jacobian = designs.fields
-    at = fields.index("material_damping"), designs.names.index
-    pair = designs.nominal
-    unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-    row = jacobian[at[0]]
-    assert math.isclose(row[at[1]("damping_ratio")], unit, rel_tol=1e-8)
-    by_mass = pair.material_damping / (2.0 * pair.reduced_mass)
-    assert math.isclose(row[at[1]("reduced_mass")], by_mass, rel_tol=1e-6)
-    plain = {name: MANY[name] for name in ("load", "backlash")}
-    fields, jacobian = Designs(PAIR, plain).fields
-    assert fields == ("load", "backlash") and np.array_equal(jacobian, np.eye(2))
-
-
 def test_a_drawing_scatters_by_its_own_names():
     gears = DrawnPair(fzg_c(), torque=302.0, damping_ratio=0.06, backlash=None)
     given = {
@@ -414,4 +399,4 @@ def test_where_nothing_else_can_be_built_all_samples_are_refused():
 
     found = gearlib.scatter(only, {"load": {"mean": 3300.0, "std": 9.0}}, ("jump_up",), n=4)
     assert (found.jump_up_status == -1).all() and (found.refusal != "").all()
-    assert np.isfinite(found.jump_up_nominal) and np.isnan(found.jump_up_first_order)
+    assert np.isfinite(found.jump_up_nominal)

@@ -12,8 +12,9 @@ module                   responsibility
 ``touching``             how far an orbit's turning points lie from the flank lines
 ``loci``                 `locus`: folds and grazings over two parameters
 ``linear_orbits``        the orbit of flanks that never part, over the tuning
-``following``            folds, onsets and orbits followed from one model to others
-``main_resonance``       where contact is lost, both jumps, the top of a branch
+``period_map``           orbits, folds and sweeps of a model by its period map
+``jumps``                `main_resonance`: where contact is lost, both jumps, peaks
+``peaks``                the largest extremum of a branch, next to its fold
 ``orbit_sensitivities``  derivatives of orbits, multipliers and folds by parameters
 =======================  ==========================================================
 """

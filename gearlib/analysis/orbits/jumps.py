@@ -11,6 +11,7 @@ with a multiplier 1, det(dP/dz - I) = 0.
 import functools
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -31,9 +32,9 @@ _RESONANCE_BOUNDS = (0.65, 1.5)
 #: first one.
 _SWEEP_RATIO, _SWEEP_END = 1.006, 0.25
 #: Mesh periods at each tuning of a sweep, and where a motion settles slowly or jumps.
-_SWEEP_PERIODS, _LONG_PERIODS = 60, 200
+_SWEEP_PERIODS, _LONG_PERIODS = 60, 160
 #: Steps that are swept before jumps are looked for.
-_SWEEP_STEPS = 32
+_SWEEP_STEPS = 24
 #: Pieces into which an interval with a jump is cut, and how often it is cut.
 _PIECES, _MAX_CUTS = 16, 4
 #: Share of the change in an interval below which the largest piece of it is no jump.
@@ -46,6 +47,10 @@ _JUMP_RATIO = 1.3
 _SAME_MOTION = 0.05
 #: Change of a state in a period below which it is one of an orbit, static deflections.
 _SETTLED = 1e-3
+#: Mesh periods at each tuning where a motion falls at no fold, and those that are summarised, since
+#: its period may have doubled; the share of its largest displacement by which it falls, and
+#: bisections that place the fall.
+_FALL_PERIODS, _RECORDED_PERIODS, _LEAST_FALL, _MAX_BISECTIONS = 200, 16, 0.2, 24
 #: Relative tuning step behind a fold, where it shows to which motion the model jumps.
 _BEHIND_FOLD = 0.002
 #: Largest number of jumps to higher branches before the motion falls.
@@ -60,7 +65,7 @@ class MainResonance:
 
     onset: float = math.nan  #: contact is first lost, running up
     jump_up: float = math.nan  #: first fold from below: the motion jumps up, running up
-    jump_down: float = math.nan  #: fold at which the motion falls, running down
+    jump_down: float = math.nan  #: the motion falls, running down: at a fold, or found by runs
     peak: float = math.nan  #: largest displacement of the stable branch entered from above
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
@@ -88,9 +93,13 @@ def main_resonance(model, quantities=QUANTITIES):
     MainResonance
         The upper end of the range of contact loss may be followed downwards over several jumps to
         higher branches, which strike the far flank: ``jump_down`` is the fold from which the
-        motion falls, peaks are those of the branch up to its first fold.
+        motion falls or, where its period doubles before, the last tuning before it falls in runs;
+        peaks are those of the branch up to its first fold.
     """
-    search = _Search(model)
+    try:
+        search = _Search(model)
+    except (NotFound, np.linalg.LinAlgError):
+        return MainResonance(lost=frozenset(quantities))
     points, values, lost = {}, {}, set()
     for name in quantities:
         try:
@@ -123,8 +132,11 @@ class _Search:
         highest, least = np.transpose([extrema for _, extrema in found])
         within = (_RESONANCE_BOUNDS[0] < _SCAN_TUNINGS) & (_SCAN_TUNINGS < _RESONANCE_BOUNDS[1])
         self.summit = int(np.where(within, highest - least, -np.inf).argmax())
-        #: A tuning at which contact is lost; orbits of the scan beside it that keep contact.
-        self.inside, self.below, self.above = _SCAN_TUNINGS[self.summit], None, None
+        #: A tuning at which contact is lost.
+        self.inside: float | None = float(_SCAN_TUNINGS[self.summit])
+        #: Orbits of the scan beside it that keep contact.
+        self.below: np.ndarray | None = None
+        self.above: np.ndarray | None = None
         if least[self.summit] >= 0.0:
             self.inside = self._lowest(self.inside)
         if self.inside is not None:
@@ -156,7 +168,7 @@ class _Search:
         def distance(tuning):
             nonlocal state
             state = self.map.orbit(tuning, state)
-            return self.map.summary(tuning, state)[:, columns.X_MIN].min() - line
+            return (self.map.summary(tuning, state)[:, columns.X_MIN] - line).min()
 
         other = (1.0 - 1e-4) * tuning
         values = distance(other), distance(tuning)
@@ -184,6 +196,46 @@ class _Search:
         return self._first_fold(self.above, self.below)
 
     def jump_down(self):
+        """Return the point at which the motion falls, running down, None without one."""
+        try:
+            return self._fold_of_fall()
+        except NotFound:
+            if self.model.size > 2:
+                raise
+            return self._fall_between_runs()
+
+    def _fall_between_runs(self):
+        """Return the last point before the motion falls, where that is at no fold of its orbit.
+
+        Its period may double before, or it ends in chaos: runs alone tell where it falls.
+        """
+        start: Any = self.above
+        count = math.ceil(-math.log(_SWEEP_END) / math.log(_SWEEP_RATIO))
+        tunings = np.geomspace(start[-1], _SWEEP_END * start[-1], count)
+        states, heights = self._heights(start[:-1], tunings)
+        falls = np.flatnonzero(heights[1:] < (1.0 - _LEAST_FALL) * heights[:-1])
+        if not falls.size:
+            raise NotFound("the motion does not fall")
+        i = int(falls[0])
+        state, tuning, end = states[i], tunings[i], tunings[i + 1]
+        limit = 0.5 * (heights[i] + heights[i + 1])
+        for _ in range(_MAX_BISECTIONS):
+            middle = 0.5 * (tuning + end)
+            later, height = self._heights(state, np.array([middle]))
+            if height[0] > limit:
+                state, tuning = later[0], middle
+            else:
+                end = middle
+        return np.append(state, tuning)
+
+    def _heights(self, state, tunings):
+        """Return states of a sweep and largest displacements over several periods."""
+        states, summaries = sweep_states(
+            self.model, state, tunings, _FALL_PERIODS, recorded=_RECORDED_PERIODS
+        )
+        return states, np.nan_to_num(summaries[:, 0, columns.X_MAX])
+
+    def _fold_of_fall(self):
         """Return the fold at which the motion falls, running down, None without one."""
         fold = self._down[0]
         for _ in range(_MAX_CLIMBS):
@@ -217,9 +269,9 @@ class _Search:
             states, summaries = self._swept(start[:-1], tunings, _SWEEP_PERIODS)
             out = (tunings > stop) if up else (tunings < stop)
             if end is not None:
-                least = summaries[:, :, columns.X_MIN].min(axis=1)
+                least = (summaries[:, :, columns.X_MIN] - self.model.flank_lines[0]).min(axis=1)
                 passed = (tunings > end[-1]) if up else (tunings < end[-1])
-                out |= passed & (least >= self.model.flank_lines[0])
+                out |= passed & (least >= 0.0)
             size = int(out.argmax()) + 1 if out.any() else _SWEEP_STEPS
             start = None if out.any() else np.append(states[-1], tunings[-1])
             for i in _largest(_changes(summaries[: size + 1])):

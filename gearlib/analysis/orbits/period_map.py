@@ -5,7 +5,6 @@ import numpy as np
 from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
 from gearlib.integrators import choose
-from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
 
 #: Largest number of Newton steps, largest step, and step below which the next would be rounding.
@@ -14,6 +13,8 @@ _MAX_NEWTON, _MAX_STEP, _SMALL_STEP = 20, 3.0, 1e-8
 _DIFFERENCE = 1e-6
 #: Modulus of a multiplier above which deviations grow.
 _UNSTABLE = 1.0 + 1e-6
+#: Distance of an orbit that is followed from tuning to tuning, as a share of the state.
+_CLOSE = 0.2
 
 
 class NotFound(ArithmeticError):
@@ -32,11 +33,17 @@ class PeriodMap:
         self.directions[:n, :-1], self.directions[n, -1] = self.lift.T, 1.0
         self.unit = np.eye(n)
 
+    def _propagator_at(self, tuning):
+        """Return the propagator at a tuning, the last one where the tuning has not changed."""
+        if tuning != self.propagator.tuning:
+            self.propagator = self.propagator.at(tuning)
+        return self.propagator
+
     def residual(self, tuning, state):
         """Return P(z) - z, shape (n,), and its derivative by z, (n, n), without free rotations."""
         if not tuning > 0.0:
             raise NotFound("no tuning is left")
-        propagator = self.propagator.at(tuning)
+        propagator = self._propagator_at(tuning)
         end, maps, code = propagator.maps(state, self.model.repeats, MAX_EVENTS)
         if code != status.OK:
             raise NotFound(status.MESSAGES[code])
@@ -59,9 +66,20 @@ class PeriodMap:
                 return state
         raise NotFound("no orbit is near the guess")
 
+    def stable_orbit(self, tuning, state):
+        """Return the state of a stable orbit close to a state, None without one."""
+        try:
+            orbit = self.orbit(tuning, state)
+        except NotFound:
+            return None
+        matrix = self.residual(tuning, orbit)[1]
+        multipliers = np.linalg.eigvals(matrix + self.unit)
+        near = np.abs(orbit - state).max() < _CLOSE * max(1.0, np.abs(state).max())
+        return orbit if near and np.abs(multipliers).max() < _UNSTABLE else None
+
     def summary(self, tuning, state):
         """Return the summaries of all meshes over the period from a state, shape (m, columns)."""
-        propagator = self.propagator.at(tuning)
+        propagator = self._propagator_at(tuning)
         return np.atleast_2d(propagator.record(state, self.model.repeats, MAX_EVENTS)[1])
 
     def _fold_residual(self, point):
@@ -115,10 +133,11 @@ class PeriodMap:
         return bool((np.abs(others) < _UNSTABLE).all())
 
 
-def sweep_states(model, state, tunings, periods):
+def sweep_states(model, state, tunings, periods, recorded=1):
     """Return the last states (k, n) and summaries (k, m, columns) of runs carried along tunings.
 
-    Of more than one degree of freedom states are those of the orbit near the end of each run.
+    Summaries are of the last `recorded` periods. Of more than one degree of freedom states are
+    those of the orbit near the end of each run.
     """
     tunings = np.asarray(tunings, float)
     if model.size > 2:
@@ -131,30 +150,25 @@ def sweep_states(model, state, tunings, periods):
         np.empty((tunings.size, 2)),
         np.full((tunings.size, 2), -1),
     )
-    span = Span(periods, 1, MAX_EVENTS)
+    span = Span(periods, recorded, MAX_EVENTS)
     order = np.arange(tunings.size)
     module.run_many(model, tunings, order, start, True, span, rows, **options)
     return rows.ends, rows.summaries.reshape(tunings.size, 1, -1)
 
 
 def _sweep_of_many_coordinates(model, state, tunings, periods):
-    period_map, repeats = PeriodMap(model), model.repeats
-    propagator, state = model.propagator(tunings[0]), np.array(state, float)
-    states, summaries = [], []
+    """Follow the stable orbit by Newton's method; where it is lost, run until one is met."""
+    period_map, propagator = PeriodMap(model), model.propagator(tunings[0])
+    state, states, summaries = np.array(state, float), [], []
     for tuning in tunings:
         propagator = propagator.at(tuning)
-        samples, events, summary = model.empty_record()
-        span = periods * repeats, repeats
-        propagator.run(state, *span, samples, events, MAX_EVENTS, summary)
-        try:
-            orbit = period_map.orbit(tuning, state)
-            table = period_map.summary(tuning, orbit)
-        except NotFound:
-            orbit, table = state, np.atleast_2d(summary)
-        near = np.abs(table[:, columns.X_MAX] - np.atleast_2d(summary)[:, columns.X_MAX]).max()
-        if near < 0.1:
-            state, summary = orbit, table
-        states.append(state.copy())
-        summaries.append(np.atleast_2d(summary))
-        state = state.copy()
+        orbit = period_map.stable_orbit(tuning, state)
+        if orbit is None:
+            ends, codes = state[None].copy(), np.zeros(1, np.int64)
+            propagator.skip(state[None], periods * model.repeats, MAX_EVENTS, ends, codes)
+            orbit = period_map.stable_orbit(tuning, ends[0])
+            orbit = ends[0] if orbit is None else orbit
+        state = orbit
+        states.append(state)
+        summaries.append(period_map.summary(tuning, state))
     return np.array(states), np.array(summaries)

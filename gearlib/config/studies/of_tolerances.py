@@ -86,7 +86,7 @@ def _scattering(c):
 
 def _parts_caption(c):
     return f"""Left: how often each value is met among {c.tolerances.samples} designs, and the
-        normal distribution that exact derivatives at the nominal design foresee. Right: Sobol'
+        value of the nominal design. Right: Sobol'
         indices, the share of the variance by a parameter alone (filled) and with others (outline),
         with bootstrapped intervals. What scatters: {_scattering(c)}."""
 
@@ -120,8 +120,8 @@ TOLERANCES_STUDY = Study(
         {"scattered": "tolerances.nc"},
         "Tolerances: table",
         """What of each quantity the tolerances leave open: of the nominal design, mean, standard
-        deviation and quantiles of {c.tolerances.samples} designs, the standard deviation in first
-        order by exact derivatives, and in how many designs it is found.""",
+        deviation and quantiles of {c.tolerances.samples} designs, and in how many designs it is
+        found.""",
         rule="tolerance_table",
     ),
     Drawing(

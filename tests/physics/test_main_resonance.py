@@ -1,4 +1,4 @@
-"""Special points followed to other designs: against whole branches, differences, other calls."""
+"""The main resonance and quantities of designs: against whole branches, sweeps, settled runs."""
 
 import dataclasses
 
@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.analysis.orbits import following
 from gearlib.analysis.orbits import special_points as special
+from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.linear_orbits import linear_orbits
-from gearlib.analysis.orbits.main_resonance import Resonance, fall
 from gearlib.data.lost_contact import ROUNDING
 from gearlib.kernels import orbit as columns
-from gearlib.tolerances.quantities import FOUND, NONE, QUANTITIES, Followed
+from gearlib.tolerances.quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import GEARS, gears
-
-#: What a tangential pin error of the first planet is of a train.
-TANGENTIAL = {("body", "planet 1", "offset", 1): 1.0}
 
 
 def pins(error):
@@ -42,15 +38,15 @@ def drawn(model, share, seed):
 
 
 @pytest.fixture(scope="module")
-def followed():
+def searches():
     speed = float(DAMPED.speed(0.9))
-    return {model: Followed(model, FIELDS, OF_PAIRS, speed=speed) for model in (DAMPED, WIDE)}
+    return {model: DesignQuantities(model, OF_PAIRS, speed=speed) for model in (DAMPED, WIDE)}
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_jumps_and_onset_are_those_of_a_whole_branch(followed, seed):
+def test_jumps_and_onset_are_those_of_a_whole_branch(searches, seed):
     model = drawn(DAMPED, 0.03, seed)
-    values = dict(zip(OF_PAIRS, followed[DAMPED](model)[0], strict=True))
+    values = dict(zip(OF_PAIRS, searches[DAMPED](model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)
     assert orbit.pattern == (1,)
@@ -69,46 +65,95 @@ def test_jumps_and_onset_are_those_of_a_whole_branch(followed, seed):
 
 
 @pytest.mark.parametrize("model", [DAMPED, WIDE])
-def test_derivatives_are_those_of_designs_nearby(followed, model):
-    follow = followed[model]
-    for name, own in zip(FIELDS, follow.gradient.T, strict=True):
-        step = 1e-5 * getattr(model, name)
-        ends = [
-            follow(model.replace(**{name: getattr(model, name) + sign * step}))[0]
-            for sign in (1.0, -1.0)
-        ]
-        size = np.abs(own) + 1e-3 * np.abs(follow.nominal) / getattr(model, name)
-        # Rounding of differences, and their third derivative.
-        assert (np.abs((ends[0] - ends[1]) / (2.0 * step) - own) < 1e-6 * size).all(), name
+def test_quantities_are_smooth_functions_of_the_design(searches, model):
+    search = searches[model]
+    for name in FIELDS:
+        size = getattr(model, name)
+        low, high, near, far = (
+            search(model.replace(**{name: (1.0 + share) * size}))[0]
+            for share in (-2e-5, 2e-5, -1e-5, 1e-5)
+        )
+        # Differences over two steps agree, as they do where nothing but rounding is lost.
+        slopes = (high - low) / 4e-5, (far - near) / 2e-5
+        bound = 1e-6 * np.abs(slopes[1]) + 1e-6 * np.abs(search.nominal)
+        assert (np.abs(slopes[0] - slopes[1]) < bound).all(), name
 
 
-def test_the_fold_moves_as_fold_sensitivities_say(followed):
-    orbit = gearlib.periodic_orbit(DAMPED, 1.3)
-    branch = gearlib.continue_orbit(orbit, to=0.6)
-    at = int(np.flatnonzero(branch.label.values == special.FOLD)[0])
-    ratios = ("damping_ratio", "contact_ratio", "stiffness_ratio", "backlash_ratio")
-    table = gearlib.fold_sensitivities(DAMPED, branch, at, ratios)
-    start = followed[DAMPED].starts["first_fold"]
-    own = start.slopes(ratios)[2]
-    known = [float(table[f"d_tuning_d_{name}"]) for name in ratios]
-    assert own == pytest.approx(known, rel=1e-6)
+def test_the_fold_of_a_narrow_hysteresis_is_found():
+    # Just below the damping at which both jumps meet: 0.3 rpm apart.
+    model = PAPER.replace(
+        material_damping=9e3, backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6
+    )
+    low, high = 4e3, 1.4e4
+    for _ in range(25):
+        damping = 0.5 * (low + high)
+        found = main_resonance(model.replace(material_damping=damping), ("jump_up",))
+        low, high = (damping, high) if np.isfinite(found.jump_up) else (low, damping)
+    found = main_resonance(model.replace(material_damping=0.998 * low), ("jump_up", "jump_down"))
+    assert 0.0 < found.jump_up - found.jump_down < 1e-3
+    found = main_resonance(model.replace(material_damping=1.002 * high), ("jump_up", "jump_down"))
+    assert np.isnan([found.jump_up, found.jump_down]).all() and not found.lost
 
 
-def test_the_onset_knows_nothing_of_backlash_and_scales(followed):
-    follow = followed[DAMPED]
+def test_a_motion_whose_period_doubles_falls_where_a_sweep_does():
+    model = PAPER.replace(
+        max_stiffness=4.22e8,
+        stiffness_ratio=0.5714,
+        contact_ratio=1.65,
+        reduced_mass=0.1747,
+        load=3146.3,
+        backlash=266e-6,
+    )
+    size = 2.0 * 0.05 * model.reduced_mass * model.mean_eigenfrequency
+    model = model.replace(material_damping=size)
+    fall = main_resonance(model, ("jump_down",)).jump_down
+    tunings = np.arange(fall + 0.02, fall - 0.002, -2.5e-4)
+    start = gearlib.sweep(
+        model, np.arange(1.0, fall + 0.02, -5e-3), direction="down", periods=200, record_periods=16
+    )
+    run = gearlib.sweep(
+        model,
+        tunings,
+        direction="down",
+        periods=400,
+        record_periods=16,
+        initial_state=tuple(start.final_state.values[-1]),
+    )
+    height = run.displacement_max.values
+    i = int(np.argmax(-np.diff(height)))
+    assert height[i + 1] < 0.5 * height[i] and run.period.values[i] == 2
+    assert abs(0.5 * (tunings[i] + tunings[i + 1]) - fall) < 5e-4
+
+
+def test_a_special_point_is_a_fixed_point_with_its_property():
+    found = main_resonance(DAMPED)
+    for name in ("jump_up", "jump_down", "onset"):
+        propagator = DAMPED.propagator(getattr(found, name))
+        end, maps, _ = propagator.maps(found.states[name], 1, 1000)
+        assert end == pytest.approx(found.states[name], abs=1e-10), name
+        if name == "onset":
+            least = propagator.record(found.states[name], 1, 1000)[1][columns.X_MIN]
+            assert least == pytest.approx(0.0, abs=1e-12)
+        else:
+            assert np.linalg.det(maps[0] - np.eye(2)) == pytest.approx(0.0, abs=1e-9), name
+
+
+def test_the_onset_knows_nothing_of_backlash_and_scales(searches):
+    search = searches[DAMPED]
     scale = {"load": 3.0, "backlash": 3.0}
     twin = DAMPED.replace(**{name: getattr(DAMPED, name) * x for name, x in scale.items()})
-    ratios = dict(zip(OF_PAIRS, follow(twin)[0] / follow.nominal, strict=True))
+    ratios = dict(zip(OF_PAIRS, search(twin)[0] / search.nominal, strict=True))
     for name in ("jump_up", "jump_down", "onset_of_contact_loss", "dynamic_factor"):
         assert ratios[name] == pytest.approx(1.0, abs=1e-9), name
     for name in ("peak", "force", "transmission_error", "contact_margin"):
         assert ratios[name] == pytest.approx(3.0, rel=1e-9), name
-    column = follow.gradient[OF_PAIRS.index("onset_of_contact_loss"), FIELDS.index("backlash")]
-    assert column == 0.0
+    onset = OF_PAIRS.index("onset_of_contact_loss")
+    wider = search(DAMPED.replace(backlash=1.1 * DAMPED.backlash))[0]
+    assert wider[onset] == search.nominal[onset]
 
 
-def test_what_has_no_jumps_says_so(followed):
-    values, codes = followed[DAMPED](DAMPED.replace(material_damping=1.1e4))
+def test_what_has_no_jumps_says_so(searches):
+    values, codes = searches[DAMPED](DAMPED.replace(material_damping=1.1e4))
     found = dict(zip(OF_PAIRS, zip(values, codes, strict=True), strict=True))
     for name in ("jump_up", "jump_down", "onset_of_contact_loss"):
         assert np.isnan(found[name][0]) and found[name][1] == NONE
@@ -122,18 +167,8 @@ def test_what_has_no_jumps_says_so(followed):
     )
 
 
-def test_a_search_finds_what_is_followed(followed):
-    model = drawn(DAMPED, 0.05, 1)
-    found = Resonance(model)
-    names = ("jump_up", "jump_down", "onset_of_contact_loss")
-    places = (found.jump_up, fall(model, found.jump_down), found.onset)
-    values = dict(zip(OF_PAIRS, followed[DAMPED](model)[0], strict=True))
-    for name, place in zip(names, places, strict=True):
-        assert values[name] == pytest.approx(float(model.speed(place[2])), rel=1e-9)
-
-
-def test_the_duty_point_is_that_of_a_settled_run(followed):
-    values = dict(zip(OF_PAIRS, followed[DAMPED].nominal, strict=True))
+def test_the_duty_point_is_that_of_a_settled_run(searches):
+    values = dict(zip(OF_PAIRS, searches[DAMPED].nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["dynamic_factor"] == pytest.approx(float(point.dynamic_factor), rel=1e-9)
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
@@ -145,13 +180,9 @@ def test_a_train_at_a_duty_point():
     train = gearlib.planetary(
         stiffness_ratio=(0.7, 0.8), pin_errors=[(5e-6, 3e-6), (0.0, 0.0), (0.0, 0.0)]
     )
-    # The last as a function that displaces a pin would have it.
-    names = ("load", "material_damping", "stiffness_ratio", "error of mesh sun 1")
-    names += ({("body", "planet 1", "offset", 0): 1.0, ("body", "planet 1", "offset", 1): -0.5},)
     quantities = ("force", "dynamic_factor", "transmission_error", "contact_margin")
     quantities += ("load_sharing", "least_load_sharing")
-    speed = float(train.speed(0.6))
-    follow = Followed(train, names, quantities, speed=speed)
+    search = DesignQuantities(train, quantities, speed=float(train.speed(0.6)))
     run = gearlib.simulate(
         train, 0.6, periods=800, record_periods=1, initial_state="static", samples_per_period=8
     )
@@ -165,22 +196,16 @@ def test_a_train_at_a_duty_point():
         float(run.load_sharing.min()),
     ]
     # A run of 800 periods still settles.
-    assert follow.nominal == pytest.approx(known, rel=1e-5)
-    for name, own in zip(names, follow.gradient.T, strict=True):
-        (ahead, right), (behind, left) = (
-            following.moved(train, name, share) for share in (2e-5, -2e-5)
-        )
-        slope = (follow(ahead)[0] - follow(behind)[0]) / (right - left)
-        assert slope == pytest.approx(own, rel=1e-5, abs=1e-12 * abs(own).max()), name
+    assert search.nominal == pytest.approx(known, rel=1e-5)
 
 
-def test_what_cannot_be_followed_is_refused():
+def test_quantities_that_a_model_does_not_have_are_refused():
     with pytest.raises(ValueError, match="^speed = None is not allowed: force is one of the duty"):
-        Followed(DAMPED, (), ("force",))
+        DesignQuantities(DAMPED, ("force",))
     with pytest.raises(ValueError, match="load_sharing' is not allowed: it is one of trains"):
-        Followed(DAMPED, (), ("load_sharing",), speed=1000.0)
+        DesignQuantities(DAMPED, ("load_sharing",), speed=1000.0)
     with pytest.raises(ValueError, match="^quantities = 'peak' is not allowed for this GearTrain"):
-        Followed(gearlib.planetary(), (), ("peak",))
+        DesignQuantities(gearlib.planetary(), ("peak",))
 
 
 @pytest.mark.parametrize("model", [GEARS, gears(5e8, material=4.5e3), pins(5e-6)])
@@ -198,35 +223,25 @@ def test_the_linear_orbit_is_that_of_a_motion_in_contact(model):
 
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
     model = gears(5e8, material=4.5e3, oil=300.0)
-    names = ("max_stiffness", "material_damping")
-    follow = Followed(model, names, ("onset_of_contact_loss", "jump_up", "jump_down"))
+    search = DesignQuantities(model, ("onset_of_contact_loss", "jump_up", "jump_down"))
     low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))
     up = gearlib.continue_orbit(gearlib.periodic_orbit(model, low), to=high)
     places = [
         np.flatnonzero(up.label.values == label)[0] for label in (special.GRAZING, special.FOLD)
     ]
-    assert follow.nominal[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
+    assert search.nominal[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
     # On the way down the period doubles before the fold.
-    assert np.isnan(follow.nominal[2])
-    for name, own in zip(names, follow.gradient.T, strict=True):
-        (ahead, right), (behind, left) = (
-            following.moved(model, name, share) for share in (1e-5, -1e-5)
-        )
-        slope = (follow(ahead)[0] - follow(behind)[0])[:2] / (right - left)
-        assert slope == pytest.approx(own[:2], rel=1e-5), name
+    values, codes = search(model)
+    assert np.isnan(values[2]) and codes[2] == LOST
 
 
-def test_a_train_whose_planets_are_alike_loses_contact_at_the_worst_of_them():
-    follow = Followed(pins(0.0), (TANGENTIAL,), ("onset_of_contact_loss", "jump_up"))
-    (values, slopes), _ = follow.pieces
-    assert len(values) == 3 and np.ptp(values) == 0.0
-    size = 1e-7
+def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
+    train = pins(0.0)
+    search = DesignQuantities(train, ("onset_of_contact_loss", "jump_up"))
+    onset, jump = search.nominal
+    # An error of either sign loads a planet less.
     for sign in (1.0, -1.0):
-        found = follow(pins(sign * size))[0][0] - values[0]
-        # In first order of the error.
-        assert found == pytest.approx((sign * size * slopes).min(), rel=0.01)
-    # A sweep loses contact and jumps there.
-    train, (onset, jump) = pins(0.0), follow.nominal
+        assert search(pins(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
     lost = (run.fraction_normal < 1.0 - ROUNDING).any("mesh")
@@ -235,19 +250,16 @@ def test_a_train_whose_planets_are_alike_loses_contact_at_the_worst_of_them():
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
 
 
-def test_taylor_steps_find_the_same(followed):
+def test_taylor_steps_find_the_same(searches):
     # Another code: nonlinear damping, so little of it that it changes nothing.
     twin = gearlib.OneDegreePair(pair=DAMPED, cubic_damping=1e-9)
     names = ("jump_up", "jump_down", "onset_of_contact_loss", "peak", "dynamic_factor")
-    follow = Followed(twin, ("load", "material_damping"), names, speed=float(DAMPED.speed(0.9)))
+    search = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9)))
     own = [OF_PAIRS.index(name) for name in names]
-    assert follow.nominal == pytest.approx(followed[DAMPED].nominal[own], rel=1e-8)
-    columns = [FIELDS.index(name) for name in follow.names]
-    known = followed[DAMPED].gradient[np.ix_(own, columns)]
-    assert follow.gradient == pytest.approx(known, rel=1e-6, abs=1e-9 * np.abs(known).max())
+    assert search.nominal == pytest.approx(searches[DAMPED].nominal[own], rel=1e-8)
 
 
 def test_models_with_deviations_have_no_plain_transmission_error():
     model = gearlib.OneDegreePair(pair=DAMPED, deviation=gearlib.Harmonics(cosines=(1e-6,)))
     with pytest.raises(ValueError, match="not allowed for a model with deviations of the flanks"):
-        Followed(model, (), ("transmission_error",), speed=3000.0)
+        DesignQuantities(model, ("transmission_error",), speed=3000.0)
