@@ -38,9 +38,10 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
     # Truncation falls by 81 from width to width, rounding grows by 3: a small change may be luck.
     best = int(np.nan_to_num(changes * 3.0 ** np.arange(len(changes)), nan=np.inf).argmin())
     change = (np.append(changes, 0.0)[best : best + 2] / (1.0, 3.0)).max()
-    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * np.abs(middle).max(initial=0.0)
-    error = np.full(middle.shape, 0.0 if same.all() else SAFETY * change)
-    return np.where(same, 0.0, better[best + 1]), error
+    size = np.abs(middle).max(initial=0.0)
+    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * size
+    error = 0.0 if same.all() else SAFETY * change + np.spacing(size) / pairs[best + 2][0]
+    return np.where(same, 0.0, better[best + 1]), np.full(middle.shape, error)
 
 
 def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:

@@ -1,19 +1,18 @@
 """From points of the unit cube to parameters and models, the same for any range of points.
 
-What scatters is a model, by the names of its `derivatives`; two drawn gears, see `DrawnPair`; or a
+What scatters is a model, by the names of its `settable`; two drawn gears, see `DrawnPair`; or a
 function that returns a model and takes what scatters as keyword arguments.
 """
 
 import dataclasses
 import inspect
 import re
-from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
 from gearlib import checks, parameters
-from gearlib.models.derivatives import unchecked
+from gearlib.models.derivatives import ratio_fields, unchecked
 from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.harmonics import Harmonics
@@ -23,7 +22,6 @@ from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
-from gearlib.models.trains import train_slopes
 from gearlib.tolerances import distributions
 
 #: Most points that there are: Sobol' numbers have so many bits.
@@ -38,79 +36,24 @@ _DAMPINGS = {"damping_ratio", "material_damping", "logarithmic_decrement"}
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
 
-def ratio_fields(pair, name, value):
-    """Return what fields of a `GearPair` are with one of `RATIOS`, by arrays too."""
-    if name == "backlash_ratio":
-        return {"backlash": value * pair.static_deflection}
-    return {RATIOS[name]: value * (2.0 * pair.reduced_mass * pair.mean_eigenfrequency)}
-
-
 class OfModel:
-    """A model whose parameters scatter, by the names of its `derivatives`."""
+    """A model whose parameters scatter, by the names of `Model.settable`."""
 
     def __init__(self, model):
         self.model = model
-        names = [name for name in model.derivatives if "initial_" not in name and name != "tuning"]
-        own = numbers(type(model)) if dataclasses.is_dataclass(model) else {}
-        own = (numbers(PairParameters) if model.mesh else {}) | own
-        if model.train is not model:
-            names += [name for name in own if name not in names]
-            fields = dataclasses.fields(model) if dataclasses.is_dataclass(model) else ()
-            plain = [one.name for one in fields if type(getattr(model, one.name)) is float]
-            names += [name for name in plain if name not in names]
-        if not model.mesh:
-            names = [name for name in names if name not in RATIOS]
-        self.known = {name: own.get(name) for name in names}
-        self.described = parameters.named(type(model)) | dict(model.derivatives)
+        declared = numbers(type(model)) if dataclasses.is_dataclass(model) else {}
+        declared = (numbers(PairParameters) if model.mesh else {}) | declared
+        names = [*model.settable, *({} if model.train is model else declared)]
+        self.known = {name: declared.get(name) for name in names}
+        self.described = parameters.named(type(model)) | model.settable
 
     def own(self, name):
-        """Return the value that the model has of a parameter, None where it is no number."""
-        if self.model.train is self.model:
-            return self.model.load if name == "load" else None
-        field, _, index = name.partition("[")
-        value: Any = getattr(self.model, field, None)
-        return value[int(index[:-1])] if index else value
+        """Return the value that the model has of a parameter."""
+        return self.model.value(name)
 
     def __call__(self, changes):
-        """Return the model with parameters changed; ratios come last, with what they rest on."""
-        model = self.model
-        if model.train is model:
-            return _train(model, changes)
-        plain: dict = {}
-        for name, value in changes.items():
-            field, _, index = name.partition("[")
-            if index:
-                entries = list(plain.get(field, getattr(model, field)))
-                entries[int(index[:-1])] = value
-                plain[field] = tuple(entries)
-            elif name not in RATIOS:
-                plain[name] = value
-        model = model.replace(**plain)
-        for name in RATIOS:
-            if name in changes:
-                model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
-        return model
-
-
-def _train(train, changes):
-    """Return a train with parameters of `train_slopes.parameters` changed."""
-    parts = {kind: dict(own) for kind, own in train_slopes.elements(train).items()}
-    for name, value in changes.items():
-        for key in train_slopes.direction(train, name):
-            kind, label, field, *axis = key
-            old = getattr(parts[kind][label], field)
-            new = value
-            if name == "load":
-                new = old * (value / train.load)
-            elif isinstance(old, tuple):
-                new = tuple(value if not axis or i == axis[0] else x for i, x in enumerate(old))
-            parts[kind][label] = dataclasses.replace(parts[kind][label], **{field: new})
-    return dataclasses.replace(
-        train,
-        bodies=tuple(parts["body"].values()),
-        shafts=tuple(parts["shaft"].values()),
-        meshes=tuple(parts["mesh"].values()),
-    )
+        """Return the model with parameters changed."""
+        return self.model.with_values(changes)
 
 
 class DrawnPair:

@@ -61,7 +61,7 @@ def settable(train):
         for label, element in named.items():
             for name, (units, words) in FIELDS[kind].items():
                 axes = _elastic(element, name)
-                if axes is None or name == "torque":
+                if axes is None:
                     continue
                 if name != "offset":
                     described[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
