@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -50,73 +50,36 @@ CHANGES = {
         lambda f, a, *_: a.lines[0].set_ydata(np.where(X == 1.0, np.nan, X**2)),
         "line 0 'square': y differs at 1 of 7 points, largest inf at x = 1",
     ),
-    "axes": (lambda f, a, *_: swapped(a.lines[0]), "line 0 'square': x differs at 5 of 7"),
     "colour": (lambda f, a, *_: a.lines[1].set_color("k"), "line 1: colour was"),
     "dashes": (
         lambda f, a, *_: a.lines[1].set_linestyle("-"),
         "line 1: dashes was [0.0, 4.0, 2.0], is '-'",
     ),
-    "width": (lambda f, a, *_: a.lines[1].set_linewidth(3.0), "line 1: width was 1.5, is 3.0"),
     "marker": (lambda f, a, *_: a.lines[0].set_marker("s"), "marker was 'o', is 's'"),
-    "filling": (lambda f, a, *_: a.lines[0].set_markerfacecolor("white"), "marker colours was"),
     "label": (lambda f, a, *_: a.lines[0].set_label("cube"), "label was 'square', is 'cube'"),
-    "hidden": (lambda f, a, *_: a.lines[0].set_visible(False), "visible was True, is False"),
-    "order": (lambda f, a, *_: a.lines[0].set_zorder(0.0), "order was 2"),
     "line gone": (lambda f, a, *_: a.lines[0].remove(), "axes 0, line 2: gone"),
     "band": (lambda f, a, *_: a.collections[0].set_offsets([1.0, 0.0]), "collection 0: offsets"),
     "span": (
         lambda f, a, *_: a.patches[0].set_width(0.7),
         "patch 0: points differs at 2 of 10 numbers",
     ),
-    "coordinates": (
-        lambda f, a, *_: a.patches[0].set_transform(a.transData),
-        "patch 0: coordinates was 'data, axes', is 'data'",
-    ),
     "bar": (lambda f, a, *_: a.patches[2].set_height(3.0), "patch 2: points differs"),
-    "error": (lambda f, a, *_: a.collections[1].set_segments([np.eye(2)]), "points was"),
     "words": (lambda f, a, *_: a.texts[0].set_text("now"), "text was 'here', is 'now'"),
-    "shift": (lambda f, a, *_: a.texts[0].set_position((3, 5)), "shift was"),
     "place": (lambda f, a, *_: a.texts[1].set_position((0.1, 0.5)), "text 1 'there': points was"),
     "title": (lambda f, a, *_: a.set_title("right"), "titles was ['', 'left', '']"),
     "axis label": (lambda f, a, *_: a.set_ylabel("z"), "y axis 'y': label was 'y', is 'z'"),
-    "scale": (lambda f, a, *_: a.set_yscale("symlog"), "scale was 'linear', is 'symlog'"),
     "limits": (lambda f, a, *_: a.set_xlim(0.0, 4.0), "x axis 'x': limits was [0.0, 3.0]"),
-    "direction": (lambda f, a, *_: a.invert_xaxis(), "inverted was False, is True"),
-    "second scale": (lambda f, a, *_: a.child_axes[0].set_xlabel("log"), "scale 0, x axis 'root'"),
-    "factor": (
-        lambda f, a, *_: a.child_axes[0].set_functions((np.cbrt, lambda x: x**3)),
-        "scale 0, x axis 'root': limits was",
-    ),
     "legend": (lambda f, a, *_: a.get_legend().get_texts()[0].set_text("n"), "'square': text was"),
-    "handle": (
-        lambda f, a, *_: a.get_legend().legend_handles[0].set_color("k"),
-        "legend 0, entry 0 'square': colour was",
-    ),
-    "legend's title": (lambda f, a, *_: a.get_legend().set_title("k"), "title was 'kinds'"),
-    "shades turned": (
-        lambda f, a, b, c: b.collections[0].set_array(np.arange(6.0).reshape(2, 3).T),
-        "axes 1, collection 0: values differs at 4 of 6 numbers",
-    ),
     "map": (lambda f, a, b, c: b.collections[0].set_cmap("gray"), "collection 0: map was"),
     "norm": (lambda f, a, b, c: b.collections[0].set_norm(Normalize(0.0, 9.0)), "limits was"),
-    "kind of norm": (lambda f, a, b, c: b.collections[0].set_norm(LogNorm(1, 5)), "scale was"),
     "points": (lambda f, a, b, c: b.collections[1].set_offsets([[0, 1], [1, 2]]), "offsets"),
-    "sizes": (lambda f, a, b, c: b.collections[1].set_sizes([3.0, 6.0]), "sizes was"),
-    "colours": (lambda f, a, b, c: b.collections[1].set_facecolors(["b", "r"]), "colours was"),
     "image": (lambda f, a, b, c: b.images[0].set_data(np.eye(3)[::-1]), "image 0: values differs"),
-    "extent": (
-        lambda f, a, b, c: b.images[0].set_extent((0, 2, 0, 4)),
-        "image 0: extent differs at 1 of 4 numbers",
-    ),
-    "tick labels": (lambda f, a, b, c: b.set_xticks([0, 1, 2], [*"acb"]), "tick labels was"),
     "ticks": (
         lambda f, a, b, c: b.set_xticks([0, 1, 3], [*"abc"]),
         "ticks differs at 1 of 3 numbers, largest 1 at (2,)",
     ),
     "colour bar": (lambda f, a, b, c: c.set_ylabel("depth"), "axes 2, y axis 'height': label"),
-    "foot": (lambda f, *_: f.supxlabel("above"), "figure, text 0 'below': text was"),
     "common legend": (lambda f, *_: f.legends[0].remove(), "figure, legend 0: gone"),
-    "size": (lambda f, *_: f.set_size_inches(5.0, 4.0), "figure: size was [5.0, 3.0]"),
 }
 
 

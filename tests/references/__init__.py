@@ -8,7 +8,6 @@ module                      responsibility
 ``reference_trains``        the same of gear trains
 ``reference_motion``        a motion event by event, in floats or many digits
 ``reference_run_up``        the same along a course of speed and load, and by scipy
-``reference_pair_run_up``   a run-up of one pair and its record in many digits, for differences
 ``reference_slopes``        derivatives in 50 digits, by differences
 ``reference_elimination``   gain, offset and shaft phase of a sensor by least squares
 ==========================  ======================================================================

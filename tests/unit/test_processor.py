@@ -1,7 +1,6 @@
 """Settings of one instruction set: where they apply, and that libraries take them."""
 
 import os
-import platform
 import subprocess
 import sys
 
@@ -78,49 +77,3 @@ def test_a_shell_can_take_them_over():
         environment={**os.environ},
     )
     assert dict(one.split("=", 1) for one in printed.split()) == processor.settings()
-
-
-@needs_settings
-def test_all_that_numpy_chooses_above_the_level_is_named():
-    from numpy._core._multiarray_umath import __cpu_baseline__, __cpu_dispatch__
-
-    above = {name for name in __cpu_dispatch__ if "512" in name or name == "X86_V4"}
-    assert above <= set(processor.NUMPY.split())
-    assert not set(processor.NUMPY.split()) & set(__cpu_baseline__)
-
-
-@needs_settings
-def test_no_warning_is_seen():
-    assert python("import numpy", environment={**os.environ}) == ""
-
-
-@needs_settings
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is another one")
-def test_the_c_library_reads_its_setting():
-    code = """
-import math
-xs = [0.1 + 0.37 * i for i in range(2000)]
-print([f(x).hex() for f in (math.sin, math.cos, math.tan, math.atan) for x in xs])
-print([math.exp(x / 100).hex() for x in xs], [(x**0.3).hex() for x in xs])
-"""
-    ours = {**os.environ}
-    native = {**os.environ, "GLIBC_TUNABLES": ""}
-    # What processors without FMA have: other code, so that the comparison can fail.
-    older = {**os.environ, "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-AVX2_Usable"}
-    assert python(code, environment=ours) == python(code, environment=native)
-    assert python(code, environment=ours) != python(code, environment=older)
-
-
-@needs_settings
-def test_eigenvalues_hang_on_the_kernels():
-    # What the settings are for.
-    code = """
-import numpy as np
-a = np.sin(np.arange(1600.0)).reshape(40, 40)
-print(np.linalg.eigvals(a).tobytes().hex())
-"""
-    found = {
-        python(code, environment=os.environ | {"OPENBLAS_CORETYPE": core})
-        for core in ("Haswell", "Nehalem")
-    }
-    assert len(found) == 2

@@ -1,7 +1,5 @@
 """Work and precision: ladders, error measures, decades and tables, from constructed data."""
 
-import itertools
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -116,41 +114,6 @@ def test_the_fastest_of_a_decade():
     # time below zero is none.
     found = [fastest.fastest(error, seconds, decade) for decade in fastest.DECADES]
     assert found == [0, 0, 2, 2, 1, 1, 1, 1, 1, *[None] * 6]
-
-
-@pytest.mark.parametrize("cost", [1e-8, 1e-3, 0.1])
-def test_the_slope_of_the_time_leaves_out_the_start(monkeypatch, cost):
-    clock = [0.0]
-
-    def call(periods):
-        clock[0] += 0.02 + cost * periods
-
-    monkeypatch.setattr(wp.time, "perf_counter", lambda: clock[0])
-    assert wp.seconds_per_period(call, 10, 20, 3) == pytest.approx(cost, rel=1e-6)
-
-
-def test_the_slope_stands_out_from_a_start_that_takes_longer_than_a_thousand_periods(monkeypatch):
-    # As those of solvers that compile; one start takes 5 % longer than the next.
-    clock, starts = [0.0], itertools.cycle((1.0, 1.05))
-
-    def call(periods):
-        clock[0] += next(starts) + 1e-4 * periods
-
-    monkeypatch.setattr(wp.time, "perf_counter", lambda: clock[0])
-    assert wp.seconds_per_period(call, 1, 2**18, 3) == pytest.approx(1e-4, rel=0.1)
-
-
-def test_no_timed_run_is_longer_than_the_one_whose_error_is_known(monkeypatch):
-    # A run that has settled ends early: its time over its periods would be that of no period.
-    clock, most = [0.0], []
-
-    def call(periods):
-        most.append(periods)
-        clock[0] += 1e-6 * min(periods, 30)
-
-    monkeypatch.setattr(wp.time, "perf_counter", lambda: clock[0])
-    assert wp.seconds_per_period(call, 10, 20, 3) == pytest.approx(1e-6, rel=1e-6)
-    assert max(most) == 20
 
 
 def measured(method, line, error, seconds):

@@ -33,7 +33,7 @@ class Propagator(Base):
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
         self.long = model.repeats > _STRETCH and hasattr(model, "segments_of")
-        #: Of a long run-out with the first segments only.
+        #: Of a long run-out with the first segments only: `whole` has all.
         self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.free), len(self.grid.length)
@@ -79,6 +79,13 @@ class Propagator(Base):
     def turning(self):
         """Whether the matrices without harmonics depend on the tuning."""
         return self.model.gyroscopic
+
+    def whole(self):
+        """Return the system and its grid with the segments of all mesh periods."""
+        if not self.long:
+            return self.system, self.grid
+        system = self.model.system(self.tuning)
+        return system, grid_of(system)
 
     def ahead(self, first, done, spans):
         """Return (system, grid, period they last to) for a run, `done` periods of it behind it.
