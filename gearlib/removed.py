@@ -11,13 +11,17 @@ _REPLACEMENTS = {
     "scatter and sobol_indices tell what tolerances do": (
         "certify_box, first_order_scatter, tighten, kept_contact"
     ),
-    "call fit once for each model and compare the residuals": "compare_fits",
+    "fit starts from the values of the model, once for each model": (
+        "compare_fits, fit --starts, fit --seed, fit.starts, fit.seed"
+    ),
     "order_map takes single orders": "order_track",
     "duty_point gives the dynamic factor at one speed": "dynamic_factor, relief_dynamics",
     "the target mesh_stiffness compares stiffnesses": "rectangle",
     "failures and work_precision compare methods": "jump_by_method",
     "the target reducer shows the motions of the train": "one_mesh",
-    "tongues, simulate and sweep take any train": "symmetry_breaking, train_chart",
+    "tongues, simulate and sweep take any train, the section train describes one": (
+        "symmetry_breaking, train_chart, planetary"
+    ),
     "snakemake --report makes the report": "report_page",
 }
 #: Name -> replacement, in words.

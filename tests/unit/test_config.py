@@ -1,6 +1,7 @@
 """The configuration: numbers, units, speeds and cases as documented; see `tests/refusals` too."""
 
 import math
+import re
 import subprocess
 import sys
 from decimal import Decimal
@@ -9,13 +10,16 @@ from pathlib import Path
 import numpy as np
 import pint
 import pytest
+from click.testing import CliRunner
 
 import gearlib
 from gearlib import GearPair, tunings
+from gearlib.cli import main
 from gearlib.config import ConfigError, cases, load, schema, units
 from gearlib.config.defaults import laid_over
 from gearlib.config.trials import PEERS
 from gearlib.integrators import METHODS
+from gearlib.removed import REMOVED
 from tests.paper import CONFIG
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -213,3 +217,23 @@ def test_reading_the_configuration_needs_no_numerical_stack():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("name", sorted(REMOVED))
+def test_removed_names_are_answered_by_one_sentence(name):
+    words = f"{name} was removed in gearlib 0.3: {REMOVED[name]}"
+    if " " in name:
+        command, option = name.split()
+        done = CliRunner().invoke(main, [command, option, "1"])
+        assert done.exit_code == 2 and words in " ".join(done.output.split())
+        return
+    if name not in gearlib.__all__:
+        with pytest.raises(AttributeError, match=re.escape(words)):
+            getattr(gearlib, name)
+    section, _, key = name.partition(".")
+    if section != "fit":
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            changed(**{section: {key: 1} if key else {}})
+    if not key:
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            changed(targets=["phase_lag", name])
