@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.golden import data, redraw
+from tests.golden import data
 from tests.golden.tolerances import TABLE, tolerance
 
 KNOWN = sorted(str(path.relative_to(data.FOLDER)) for path in data.FOLDER.rglob("*.nc"))
@@ -94,8 +94,3 @@ def test_every_row_of_the_table_is_used():
         used |= {id(tolerance(name, each, golden[each].dtype.kind)) for each in golden.variables}
     assert [names for names, row in TABLE.items() if id(row) not in used] == []
     assert all(row.reason for row in TABLE.values())
-
-
-def test_golden_files_are_small():
-    assert sum((data.FOLDER / name).stat().st_size for name in KNOWN) < 1_000_000
-    assert sum(path.stat().st_size for path in redraw.FOLDER.iterdir()) < 1_000_000

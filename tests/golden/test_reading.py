@@ -116,14 +116,6 @@ def test_small_numbers_count():
     assert "y differs at 1 of 3 points, largest 1e-09 at x = 3" in moved
 
 
-def test_after_a_change_of_everything_the_list_is_short():
-    figure = Figure()
-    for axes in figure.subplots(3, 3).flat:
-        axes.plot(X, X)
-    moved = drawn.differences("much", drawn.read(figure), drawn.read(small_figure()))
-    assert len(moved) == 13 and moved[-1].endswith("more")
-
-
 def test_parts_of_a_figure_have_legends_of_their_own():
     before, after = Figure(), Figure()
     for figure, label in ((before, "all"), (after, "some")):

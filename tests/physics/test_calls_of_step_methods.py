@@ -195,14 +195,6 @@ def test_the_step_limit_is_that_of_a_period(method, options):
     assert int(run.status) == 0 and int(run.evaluations) > 7 * 100
 
 
-def test_the_step_limit_counts_every_step_tried():
-    # One evaluation at the start, then six a step; all in one period.
-    steps = (int(simulate(PAIR, 0.9, periods=1, method="rk45").evaluations) - 1) // 6
-    for limit, status in ((steps, 0), (steps - 1, 1)):
-        run = simulate(PAIR, 0.9, periods=1, method="rk45", max_events=limit)
-        assert int(run.status) == status
-
-
 @pytest.mark.parametrize(
     ("method", "options", "part"),
     [

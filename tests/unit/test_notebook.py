@@ -75,10 +75,3 @@ def test_long_calls_say_how_many_are_done(monkeypatch):
     lyapunov_exponents(PAPER, tunings, settle=1, periods=20)
     bifurcation_diagram(PAPER, tunings, settle=1, strobes=2)
     assert seen == [("values", 3, 0), 3] * 2
-
-
-def test_nothing_is_shown_elsewhere(capsys):
-    with notebook.bar("values", 1, lambda: pytest.fail("nobody asks")):
-        assert not notebook.in_kernel()
-    assert list(notebook.counted("values", "ab", 2)) == ["a", "b"]
-    assert capsys.readouterr() == ("", "")

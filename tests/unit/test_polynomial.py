@@ -179,19 +179,6 @@ def test_a_polynomial_that_falls_all_along_is_not_cut(power):
     assert np.isnan(work[1]).all()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_steps_of_few_terms_leave_two_of_all(seed):
-    # A polynomial that falls all along, and one that falls to a plateau: each in at most two steps
-    # with all terms, where the parabola through its ends alone leaves three.
-    scope = vars(polynomial) | {"_FEW_NEWTON": 2}
-    short = types.FunctionType(fall_by_shape.py_func.__code__, scope)
-    falls = np.append(1.0, -np.random.default_rng(seed).uniform(0.0, 2.0, 20))
-    falls[1:] /= 2.0 ** np.arange(1, 21) ** 1.5
-    falls[1] = -1.0
-    for curve in (falls, np.append([1.0, -2.0, 0.4, -0.4], 1e-3 * falls[4:])):
-        assert short(curve, 0) == pytest.approx(_first_root(curve), abs=1e-13)
-
-
 def test_shape_tells_what_bernstein_form_tells():
     rng = np.random.default_rng(0)
     told = np.zeros(3, dtype=int)

@@ -53,14 +53,6 @@ def test_they_can_be_switched_off():
     assert processor.settings({processor.SWITCH: "native"}, V3) == {}
 
 
-def test_other_tunables_of_the_c_library_are_kept():
-    given = {"GLIBC_TUNABLES": "glibc.malloc.arena_max=2:glibc.cpu.hwcaps=-AVX2"}
-    once = processor.settings(given, V3)
-    kept, masks = once["GLIBC_TUNABLES"].split(":")
-    assert kept == "glibc.malloc.arena_max=2" and "-AVX2" not in masks.split(",")
-    assert processor.settings(once, V3) == once
-
-
 @needs_settings
 def test_this_process_has_them():
     assert {name: os.environ.get(name) for name in processor.settings()} == processor.settings()

@@ -30,18 +30,6 @@ def test_growth_is_that_of_two_runs_side_by_side():
     assert lyapunov.lost(LIGHT, 0.66, (0.0, 0.0), 400)
 
 
-def test_a_deviation_goes_on_with_the_motion():
-    whole = lyapunov.growth(LIGHT, 0.665, (0.0, 0.0), 200)
-    deviation, state, most = lyapunov.Carried(LIGHT), (0.0, 0.0), 0.0
-    for _ in range(4):
-        found, _ = deviation.run(0.665, state, 50)
-        most = max(most, deviation.before + found.most)
-        deviation.go_on(found)
-        state = tuple(simulate(LIGHT, 0.665, periods=50, initial_state=state).final_state.values)
-    assert most == pytest.approx(whole.most, abs=0.3)
-    assert deviation.before == pytest.approx(whole.last, abs=0.3)
-
-
 def test_lags_behind_chaos_are_left_out():
     # After so many the run happens to repeat after one: it is left out all the same.
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 16}

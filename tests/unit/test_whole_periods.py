@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gearlib.kernels.closed_form.contact_table import (
-    EMPTY,
     LAST,
     LEVEL_COLUMNS,
     NONE,
@@ -246,16 +245,6 @@ def test_tables_of_contact():
             # A few roundings of the state and of the phase w t.
             allowed = 4e-15 * (1.0 + abs(u) + abs(v)) * (1.0 + lev.square)
             np.testing.assert_allclose(near, evolve(lev, u, v, t), rtol=0, atol=allowed)
-
-
-@pytest.mark.parametrize("tuning", [1.6, 1.9, 2.5])
-def test_a_contact_that_is_proven_to_last_needs_no_table(tuning):
-    # What trembles on the flank is bounded for ever, whether its shape proves it or not.
-    m, work = mesh(ratios_of(1.5, 0.8, 0.05, 0.0, 4.0), tuning), new_work()
-    set_mesh(work, m)
-    set_start(work, 1.1, 0.0)
-    advance(m, work, 0, NORMAL, 1.1, 0.0, 40, LIMIT, np.empty((0, ARC_COLUMNS)))
-    assert (work.levels[:, LAST] == EMPTY).all()
 
 
 def test_contact_of_a_state_on_a_line_is_that_just_after():

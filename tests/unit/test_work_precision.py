@@ -5,7 +5,6 @@ import pytest
 import xarray as xr
 
 from gearlib import integrators
-from gearlib.integrators.option import Option
 from gearlib.studies import jump
 from gearlib.studies.trials import fastest, problems, references
 from gearlib.studies.trials import work_precision as wp
@@ -73,29 +72,6 @@ def test_a_ladder_goes_from_coarse_to_fine():
 def test_the_tolerances_of_a_pair_keep_their_ratio():
     _, text, options = wp.rungs("rk45")[1]
     assert text == "rtol = 0.001" and options == {"rtol": 1e-3, "atol": 1e-6}
-
-
-def test_a_method_without_lines_goes_by_its_options(monkeypatch):
-    class Peer:
-        ORDER, EVENTS, MODELS = 5, "", ""
-        OPTIONS = {"rtol": Option(1e-6, None, ""), "atol": Option(1e-9, None, "")}
-
-    class Plain(Peer):
-        OPTIONS = {}
-
-    class Fixed(Peer):
-        OPTIONS = {"steps_per_period": Option(9, None, "")}
-
-    for name, module in (("peer", Peer), ("plain", Plain), ("fixed", Fixed)):
-        monkeypatch.setitem(integrators.METHODS, name, module)
-    peer = wp.rungs("peer")
-    assert [options["rtol"] for _, _, options in peer] == list(wp.GENERIC["rtol"])
-    assert all(line.family == "other" for line, _, _ in peer)
-    assert all(o["atol"] == pytest.approx(1e-3 * o["rtol"]) for _, _, o in peer)
-    assert [options for _, _, options in wp.rungs("plain")] == [{}]
-    assert wp.rungs("fixed")[0][2] == {"steps_per_period": 50}
-    with pytest.raises(ValueError, match="method = 'nobody' is not allowed"):
-        wp.rungs("nobody")
 
 
 def test_problems():
