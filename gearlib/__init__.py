@@ -26,8 +26,6 @@ first use, so that reading a configuration does not pay for the numerical stack.
 
 from importlib import import_module
 
-from gearlib.removed import REMOVED, sentence
-
 _PUBLIC = {
     "Body": "models.trains.elements",
     "DeadZoneOscillator": "models.dead_zone",
@@ -131,8 +129,9 @@ __all__ = [
 def __getattr__(name):
     if name in _PUBLIC:
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
-    if name in REMOVED:
-        raise AttributeError(sentence(name))
+    removed = import_module(f"{__name__}.removed")
+    if name in removed.REMOVED:
+        raise AttributeError(removed.sentence(name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

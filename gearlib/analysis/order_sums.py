@@ -35,15 +35,28 @@ def jump_phases(run, teeth):
     phases = [math.tau * teeth * Turning(asked["speed"]).revolutions(times)]
     model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
-        begin, switches = float(run.attrs.get("first_phase", 0.0)), model.system(1.0).starts
+        begin, (switches, period) = float(run.attrs.get("first_phase", 0.0)), _switches(model)
         first, last = (
-            math.floor((begin + end) / switches[-1])
+            math.floor((begin + end) / period)
             for end in (-math.tau, float(run.phase[-1]) + math.tau)
         )
-        turns = switches[-1] * np.arange(first, last + 1)
-        phases.append((turns[:, None] + switches[:-1]).ravel() - begin)
+        turns = period * np.arange(first, last + 1)
+        phases.append((turns[:, None] + switches).ravel() - begin)
     jumps = np.sort(np.concatenate(phases))
     return jumps[np.diff(jumps, prepend=-np.inf) > SAME_PHASE]
+
+
+def _switches(model):
+    """Return the phases at which forces of a model may jump, and after which they repeat."""
+    if model.equation is None:
+        starts = model.system(1.0).starts
+        return starts[:-1], starts[-1]
+    jumps = [[0.0]]
+    for side in (model.equation.near, model.equation.far):
+        before = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
+        jump = np.abs(np.roll(before, 1) - side.lines[:, 0])
+        jumps.append(side.breaks[:-1][jump > SAME_PHASE * np.abs(side.lines[:, 0]).max()])
+    return np.unique(np.concatenate(jumps)), math.tau
 
 
 def summed(phase, values, blocks, span, step, count, jumps=None):

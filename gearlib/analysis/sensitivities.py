@@ -13,6 +13,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
+from gearlib.models.model import is_model
 
 WIDTHS = 3e-3 / 3.0 ** np.arange(9)  #: half widths of the differences, as shares of a scale
 SAFETY = 5.0  #: factor on the last change of the Richardson value, for the error
@@ -63,8 +64,7 @@ def _difference(function: Callable, value: float, width: float, middle: np.ndarr
 def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
     """Differentiate what a call returns by parameters of a model and by its other arguments.
 
-    A warning says where contact events appear or vanish within all differences, and where an error
-    is larger than 1e-6 of the derivative.
+    It warns where contacts change at all widths, and of errors above 1e-6 of the derivative.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
     Returns
     -------
     xarray.Dataset
-        ``d_<variable>_d_<parameter>`` and its estimated error, ``..._error``; of a number or array,
-        with ``value`` for the variable.
+        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; without a name, ``d_value_d_``.
 
     Raises
     ------
     ValueError
         Naming the argument, its value and the allowed range.
     """
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     described = model.settable | {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
     data: dict = {}
     for name in (parameters,) if isinstance(parameters, str) else parameters:

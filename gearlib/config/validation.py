@@ -56,7 +56,7 @@ def _sentence(error, schema):
         key = _key(path)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed(node_at(path, schema), schema)}"
-    if path[:1] == ["targets"] and value in REMOVED:
+    if path[:1] == ["targets"] and str(value) in REMOVED:
         return sentence(value)
     node = node_at(path, schema)
     hint = _hint(value, node)

@@ -27,10 +27,11 @@ def settable(model):
     """
     described: dict = {}
     for owner in filter(None, (model, model.mesh)):
-        for name, parameter in parameters.declared(type(owner)).items():
-            value = getattr(owner, name)
-            units = parameters.cf_units(parameter.unit)
-            head = re.match(r"[^;,=]*", parameter.words)[0].strip()  # type: ignore[index]
+        declared = parameters.declared(type(owner))
+        for name in (field.name for field in dataclasses.fields(owner)):
+            value, parameter = getattr(owner, name), declared.get(name)
+            units = parameters.cf_units(parameter.unit) if parameter else "1"
+            head = re.match(r"[^;,=]*", parameter.words if parameter else name)[0].strip()
             words = head[:1].lower() + head[1:]
             if type(value) is float and math.isfinite(value):
                 described.setdefault(name, (units, words))

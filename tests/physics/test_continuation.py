@@ -16,8 +16,6 @@ from gearlib import (
     simulate,
     switch_branch,
 )
-from gearlib.analysis.orbits import loci
-from gearlib.analysis.orbits.branch_points import Shooting
 from gearlib.analysis.orbits.continuation import orbit_at
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
@@ -191,20 +189,6 @@ def test_a_locus_ends_behind_its_limits_and_not_on_them(up, end):
     curve = locus(MATERIAL, up, fold, "damping", to=to, limits=tuple(limits))
     assert curve.attrs["ended"] == "at a limit" and curve.point.size == 4
     np.testing.assert_array_equal(curve.tuning, free.tuning[:4])
-
-
-@pytest.mark.parametrize("label", [FOLD, DOUBLING])
-@pytest.mark.parametrize("as_model", [lambda pair: pair, lambda pair: OneDegreePair(pair=pair)])
-def test_slopes_of_folds_and_doublings(up, as_model, label):
-    names = "tuning", "backlash_damping"
-    pair = as_model(with_parameter(MATERIAL, 1.0, "backlash_damping", 0.02)[0])
-    shooting = Shooting(pair, 1.0, 1, names, (0.1, 0.5), 10_000)
-    problem = loci._Extended(shooting, label, None)
-    for point in (3, len(up.tuning) // 2):
-        y = shooting.unknowns(up.state.values[point], [float(up.tuning[point]), 0.02])
-        found, expected = problem.slopes(y), problem._differences(y)
-        # Rounding over the step of the differences, 1e-6.
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max())
 
 
 def test_where_no_single_curve_goes_on():

@@ -95,7 +95,7 @@ def test_the_fold_of_a_narrow_hysteresis_is_found():
     assert np.isnan([found.jump_up, found.jump_down]).all() and not found.lost
 
 
-def test_a_motion_whose_period_doubles_falls_where_a_sweep_does():
+def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
     model = PAPER.replace(
         max_stiffness=4.22e8,
         stiffness_ratio=0.5714,
@@ -107,22 +107,11 @@ def test_a_motion_whose_period_doubles_falls_where_a_sweep_does():
     size = 2.0 * 0.05 * model.reduced_mass * model.mean_eigenfrequency
     model = model.replace(material_damping=size)
     fall = main_resonance(model, ("jump_down",)).jump_down
-    tunings = np.arange(fall + 0.02, fall - 0.002, -2.5e-4)
-    start = gearlib.sweep(
-        model, np.arange(1.0, fall + 0.02, -5e-3), direction="down", periods=200, record_periods=16
-    )
-    run = gearlib.sweep(
-        model,
-        tunings,
-        direction="down",
-        periods=400,
-        record_periods=16,
-        initial_state=tuple(start.final_state.values[-1]),
-    )
-    height = run.displacement_max.values
-    i = int(np.argmax(-np.diff(height)))
-    assert height[i + 1] < 0.5 * height[i] and run.period.values[i] == 2
-    assert abs(0.5 * (tunings[i] + tunings[i + 1]) - fall) < 5e-4
+    branch = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.9 * fall)
+    labels, tunings = branch.label.values, branch.tuning.values
+    fold = int(np.flatnonzero(labels == special.FOLD)[0])
+    assert (labels[:fold] == special.DOUBLING).any()
+    assert tunings[fold] == pytest.approx(fall, rel=1e-9)
 
 
 def test_a_special_point_is_a_fixed_point_with_its_property():

@@ -126,6 +126,7 @@ HANDED_ON = {
 #: counts beside another; what is refused together with others, in `combinations`.
 FREE = """
 locus.limits locus.max_points locus.to continue_orbit.to tongues.values
+sensitivities.call sensitivities.parameters sensitivities.arguments
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
 dynamic_factor.rpm lyapunov_exponents.states
 order_map.tacho

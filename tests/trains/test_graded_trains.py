@@ -15,7 +15,6 @@ from mpmath import mpf
 
 import gearlib
 from gearlib import Body, GearPair, GearTrain, Mesh, Shaft
-from gearlib.analysis.tongues import undamped
 from tests.references.described_models import describe
 from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
@@ -195,10 +194,3 @@ def test_free_motions_other_than_the_rotation():
     loose = pairs(stiffness=1e-200)
     assert loose.free_motions.shape[1] == 3
     np.testing.assert_array_less(np.abs(loose.structure.lines @ loose.free_motions), 1e-15)
-
-
-def test_exact_growth_of_graded_trains_is_a_number():
-    """The free rotation and soft supports give no roots of negative numbers."""
-    for kind in KINDS:
-        train = graded_train(kind, 1).replace(gyroscopic=False, reference_frequency=None)
-        assert np.isfinite(undamped.growth(train, [0.7, 1.1])).all()

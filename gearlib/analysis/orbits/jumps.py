@@ -11,7 +11,6 @@ with a multiplier 1, det(dP/dz - I) = 0.
 import functools
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -47,12 +46,10 @@ _JUMP_RATIO = 1.3
 _SAME_MOTION = 0.05
 #: Change of a state in a period below which it is one of an orbit, static deflections.
 _SETTLED = 1e-3
-#: Mesh periods at each tuning where a motion falls at no fold, and those that are summarised, since
-#: its period may have doubled; the share of its largest displacement by which it falls, and
-#: bisections that place the fall.
-_FALL_PERIODS, _RECORDED_PERIODS, _LEAST_FALL, _MAX_BISECTIONS = 200, 16, 0.2, 24
 #: Relative tuning step behind a fold, where it shows to which motion the model jumps.
 _BEHIND_FOLD = 0.002
+#: Relative tuning step at which an orbit that is followed is next to a fold.
+_LEAST_STEP = 1e-5
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
 #: Secant steps to the onset, and their relative tolerance.
@@ -65,7 +62,7 @@ class MainResonance:
 
     onset: float = math.nan  #: contact is first lost, running up
     jump_up: float = math.nan  #: first fold from below: the motion jumps up, running up
-    jump_down: float = math.nan  #: the motion falls, running down: at a fold, or found by runs
+    jump_down: float = math.nan  #: fold at which the motion falls, running down
     peak: float = math.nan  #: largest displacement of the stable branch entered from above
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
@@ -93,8 +90,8 @@ def main_resonance(model, quantities=QUANTITIES):
     MainResonance
         The upper end of the range of contact loss may be followed downwards over several jumps to
         higher branches, which strike the far flank: ``jump_down`` is the fold from which the
-        motion falls or, where its period doubles before, the last tuning before it falls in runs;
-        peaks are those of the branch up to its first fold.
+        motion falls, whether or not its period doubles before; peaks are those of the branch up to
+        its first fold.
     """
     try:
         search = _Search(model)
@@ -193,49 +190,38 @@ class _Search:
         """The first fold running down, and the rows of the way to it."""
         if self.above is None:
             return None, self._rows_about_summit()
-        return self._first_fold(self.above, self.below)
-
-    def jump_down(self):
-        """Return the point at which the motion falls, running down, None without one."""
         try:
-            return self._fold_of_fall()
+            return self._first_fold(self.above, self.below)
         except NotFound:
             if self.model.size > 2:
                 raise
-            return self._fall_between_runs()
+            return self._followed_down(self.above)
 
-    def _fall_between_runs(self):
-        """Return the last point before the motion falls, where that is at no fold of its orbit.
+    def _followed_down(self, start):
+        """Return the same by Newton's method, where a motion leaves its branch before the fold."""
+        points, ratio = [start], 1.0 / _SWEEP_RATIO
+        while points[-1][-1] > _SWEEP_END * start[-1] and ratio < 1.0 - _LEAST_STEP:
+            last = points[-1]
+            tuning, guess = ratio * last[-1], last[:-1]
+            if len(points) > 1:
+                share = (tuning - last[-1]) / (last[-1] - points[-2][-1])
+                guess = guess + share * (guess - points[-2][:-1])
+            try:
+                state = self.map.orbit(tuning, guess)
+            except NotFound:
+                state = np.full(guess.shape, np.inf)
+            if np.abs(state - guess).max() < _SAME_MOTION:
+                points.append(np.append(state, tuning))
+                continue
+            ratio = math.sqrt(ratio)
+        fold = self.map.fold(np.array(points[-2:]))
+        if abs(fold[-1] - points[-1][-1]) > _BEHIND_FOLD * fold[-1]:
+            raise NotFound("the branch has no fold")
+        rows = np.array(points)
+        summaries = [self.map.summary(point[-1], point[:-1]) for point in rows]
+        return fold, (rows[:, -1], rows[:, :-1], np.array(summaries))
 
-        Its period may double before, or it ends in chaos: runs alone tell where it falls.
-        """
-        start: Any = self.above
-        count = math.ceil(-math.log(_SWEEP_END) / math.log(_SWEEP_RATIO))
-        tunings = np.geomspace(start[-1], _SWEEP_END * start[-1], count)
-        states, heights = self._heights(start[:-1], tunings)
-        falls = np.flatnonzero(heights[1:] < (1.0 - _LEAST_FALL) * heights[:-1])
-        if not falls.size:
-            raise NotFound("the motion does not fall")
-        i = int(falls[0])
-        state, tuning, end = states[i], tunings[i], tunings[i + 1]
-        limit = 0.5 * (heights[i] + heights[i + 1])
-        for _ in range(_MAX_BISECTIONS):
-            middle = 0.5 * (tuning + end)
-            later, height = self._heights(state, np.array([middle]))
-            if height[0] > limit:
-                state, tuning = later[0], middle
-            else:
-                end = middle
-        return np.append(state, tuning)
-
-    def _heights(self, state, tunings):
-        """Return states of a sweep and largest displacements over several periods."""
-        states, summaries = sweep_states(
-            self.model, state, tunings, _FALL_PERIODS, recorded=_RECORDED_PERIODS
-        )
-        return states, np.nan_to_num(summaries[:, 0, columns.X_MAX])
-
-    def _fold_of_fall(self):
+    def jump_down(self):
         """Return the fold at which the motion falls, running down, None without one."""
         fold = self._down[0]
         for _ in range(_MAX_CLIMBS):

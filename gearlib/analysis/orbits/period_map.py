@@ -133,11 +133,11 @@ class PeriodMap:
         return bool((np.abs(others) < _UNSTABLE).all())
 
 
-def sweep_states(model, state, tunings, periods, recorded=1):
+def sweep_states(model, state, tunings, periods):
     """Return the last states (k, n) and summaries (k, m, columns) of runs carried along tunings.
 
-    Summaries are of the last `recorded` periods. Of more than one degree of freedom states are
-    those of the orbit near the end of each run.
+    Summaries are of the last period. Of more than one degree of freedom states are those of the
+    orbit near the end of each run.
     """
     tunings = np.asarray(tunings, float)
     if model.size > 2:
@@ -150,7 +150,7 @@ def sweep_states(model, state, tunings, periods, recorded=1):
         np.empty((tunings.size, 2)),
         np.full((tunings.size, 2), -1),
     )
-    span = Span(periods, recorded, MAX_EVENTS)
+    span = Span(periods, 1, MAX_EVENTS)
     order = np.arange(tunings.size)
     module.run_many(model, tunings, order, start, True, span, rows, **options)
     return rows.ends, rows.summaries.reshape(tunings.size, 1, -1)
