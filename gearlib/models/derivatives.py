@@ -31,8 +31,8 @@ def settable(model):
         for name in (field.name for field in dataclasses.fields(owner)):
             value, parameter = getattr(owner, name), declared.get(name)
             units = parameters.cf_units(parameter.unit) if parameter else "1"
-            head = re.match(r"[^;,=]*", parameter.words if parameter else name)[0].strip()
-            words = head[:1].lower() + head[1:]
+            words = re.split(r"[;,=]", parameter.words if parameter else name)[0].strip()
+            words = words[:1].lower() + words[1:]
             if type(value) is float and math.isfinite(value):
                 described.setdefault(name, (units, words))
             elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
