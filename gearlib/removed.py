@@ -15,6 +15,8 @@ _REPLACEMENTS = {
         "compare_fits, fit --starts, fit --seed, fit.starts, fit.seed"
     ),
     "order_map takes single orders": "order_track",
+    "heyoka and scipy are methods of other packages": "cvode, diffrax",
+    "look at the signal": "channels.bits, channels.limits",
     "duty_point gives the dynamic factor at one speed": "dynamic_factor, relief_dynamics",
     "the target mesh_stiffness compares stiffnesses": "rectangle",
     "failures and work_precision compare methods": "jump_by_method",

@@ -36,8 +36,9 @@ def _sentence(error, schema):
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
         section = node_at(path[:-1], schema)
-        if key in REMOVED:
-            return sentence(key)
+        for name in (key, f"{path[0]}.{path[-1]}"):
+            if name in REMOVED:
+                return sentence(name)
         new = _RENAMED.get(section.get("title"), {}).get(path[-1])
         if new:
             return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
@@ -56,7 +57,7 @@ def _sentence(error, schema):
         key = _key(path)
     if kind == "missing":
         return f"{key} is missing: it must be {allowed(node_at(path, schema), schema)}"
-    if path[:1] == ["targets"] and str(value) in REMOVED:
+    if {"targets", "method", "methods"} & {*map(str, path)} and str(value) in REMOVED:
         return sentence(value)
     node = node_at(path, schema)
     hint = _hint(value, node)

@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gearlib import checks
 from gearlib.models.model import is_model
+from gearlib.removed import REMOVED, sentence
 
 if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
     from gearlib.integrators import exact, taylor_steps  # noqa: F401
@@ -137,6 +138,8 @@ def choose(pair, method, options):
         method = next((name for name in AUTOMATIC if METHODS[name].takes(pair)), None)
     # Where nothing is refused, no other method is loaded.
     if method not in tuple(METHODS) or refusal(pair, method):
+        if method in REMOVED:
+            raise ValueError(sentence(method))
         checks.one_of("method", method, tuple(METHODS))
         names = ", ".join(map(repr, _takers(pair)))
         raise ValueError(f"{refusal(pair, method)}; it must be one of {names}")
