@@ -87,13 +87,15 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         Naming the argument, its value and the allowed range.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
-    described = model.settable | {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
+    given = {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
+    known = model.settable | {n: (u, model.long_names.get(n, w)) for n, (u, w) in given.items()}
     data: dict = {}
     for name in (parameters,) if isinstance(parameters, str) else parameters:
-        below, parameter = described[checks.one_of("parameters", name, described)]
+        below, parameter = known[checks.one_of("parameters", name, known)]
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
-        run, scale = _runs(call, model, name, arguments), abs(value) or _natural(model, below)
+        run = _runs(call, model, name, arguments)
+        scale = abs(value) or (1.0 if below == "1" else _natural(model, below))
         for variable, array in run(value)[0].items():
             words = f"derivative of the {array.attrs.get('long_name', variable)} by {parameter}"
             units = array.attrs.get("units", "1") + ("" if below == "1" else f"/({below})")
@@ -142,8 +144,6 @@ def _derivative(run: Callable, variable: Any, words: str, value: float, scale: f
 
 def _natural(model: Any, units: str) -> float:
     """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
-    if model.static_deflection is None:
-        return 1.0
     force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
     scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
     powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)

@@ -76,7 +76,6 @@ EXPERIMENTS = {
             "tolerance_table": 1,
         },
         {"draw_tolerances": 1},
-        simulates=True,
         with_k1={
             "tolerance_shard": 2,
             "gather_tolerances": 1,
