@@ -30,9 +30,14 @@ class Propagator(Base):
 
     chunk, proves_periods = 2048, True
 
-    def __init__(self, model, tuning):
+    def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
-        self.mesh = mesh(ratios(model), tuning)
+        self.ratios = other.ratios if other else ratios(model)
+        self.mesh = mesh(self.ratios, tuning)
+
+    def at(self, tuning):
+        """Return the propagator of another tuning; see `Base.at`."""
+        return type(self)(self.model, tuning, self)
 
     def run(self, z, *arguments, first=0):
         """Run from z; see `Base.run`."""
