@@ -1,7 +1,6 @@
 """`sensitivities`: derivatives of anything that a call returns, by differences of exact runs."""
 
 import math
-import re
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -13,6 +12,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
+from gearlib.models.derivatives import natural_scale
 from gearlib.models.model import is_model
 
 WIDTHS = 3e-3 / 3.0 ** np.arange(9)  #: half widths of the differences, as shares of a scale
@@ -24,25 +24,31 @@ MAX_ERROR = 1e-6  #: share of the derivative above which its error is worth a wa
 def richardson(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array by a number: return the derivative and an estimate of its error.
 
-    Of all widths, shares of `scale`, the one where the Richardson value changes least serves the
-    whole array: chosen number by number, lucky differences would win. Differences are one-sided
-    where the function raises ValueError, left out where it returns None; NaN with fewer than four.
+    Of all widths, shares of `scale`, and up to three Richardson steps (Ridders, Advances in
+    Engineering Software 4 (1982) 75-76) those whose result changes least serve the whole array:
+    chosen number by number, lucky differences would win. Differences are one-sided where the
+    function raises ValueError, left out where it returns None; NaN with fewer than four.
     """
     middle = np.asarray(function(value), float)
     pairs = [(width, _difference(function, value, width, middle)) for width in scale * WIDTHS]
     pairs = [pair for pair in pairs if pair[1] is not None]
     if len(pairs) < 4:
         return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
-    plain = np.array([difference for _, difference in pairs])
-    better = (9.0 * plain[1:] - plain[:-1]) / 8.0
-    changes = np.abs(np.diff(better, axis=0)).reshape(len(better) - 1, -1).max(axis=1, initial=0.0)
-    # Truncation falls by 81 from width to width, rounding grows by 3: a small change may be luck.
-    best = int(np.nan_to_num(changes * 3.0 ** np.arange(len(changes)), nan=np.inf).argmin())
-    change = (np.append(changes, 0.0)[best : best + 2] / (1.0, 3.0)).max()
+    plain = table = np.array([difference for _, difference in pairs])
+    least, best, error = math.inf, table[0], math.inf
     size = np.abs(middle).max(initial=0.0)
+    for step in range(1, min(3, len(pairs) - 2) + 1):
+        table = (9.0**step * table[1:] - table[:-1]) / (9.0**step - 1.0)
+        changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
+        # Rounding grows by 3 from width to width: a small change at a small width may be luck.
+        scores = np.nan_to_num(changes * 3.0 ** (step + np.arange(len(changes))), nan=np.inf)
+        i = int(scores.argmin())
+        if scores[i] < least:
+            least, best = scores[i], table[i]
+            error = SAFETY * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
+            error += np.spacing(size) / pairs[i + step + 1][0]
     same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * size
-    error = 0.0 if same.all() else SAFETY * change + np.spacing(size) / pairs[best + 2][0]
-    return np.where(same, 0.0, better[best + 1]), np.full(middle.shape, error)
+    return np.where(same, 0.0, best), np.full(middle.shape, 0.0 if same.all() else error)
 
 
 def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
@@ -95,7 +101,7 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
         run = _runs(call, model, name, arguments)
-        scale = abs(value) or (1.0 if below == "1" else _natural(model, below))
+        scale = abs(value) or (1.0 if below == "1" else natural_scale(model, below))
         for variable, array in run(value)[0].items():
             words = f"derivative of the {array.attrs.get('long_name', variable)} by {parameter}"
             units = array.attrs.get("units", "1") + ("" if below == "1" else f"/({below})")
@@ -140,11 +146,3 @@ def _derivative(run: Callable, variable: Any, words: str, value: float, scale: f
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
         warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {words}", stacklevel=3)
     return derivative, error
-
-
-def _natural(model: Any, units: str) -> float:
-    """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
-    force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
-    scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
-    powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
-    return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)

@@ -80,6 +80,14 @@ def ratio_fields(pair, name, value):
     return {RATIOS[name]: value * (2.0 * pair.reduced_mass * pair.mean_eigenfrequency)}
 
 
+def natural_scale(model, units):
+    """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
+    force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
+    scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
+    powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
+    return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
+
+
 def unchecked(kind, **values):
     """Return a frozen dataclass of numbers that its checks do not know."""
     made = object.__new__(kind)
