@@ -3,7 +3,7 @@
 # make lint    the checks of style, formatting, imports and types only
 # make golden  renew the golden numbers of tests/golden, and what figures hold of them
 # make references  renew the references in 50 digits that tests take from tests/references
-# make peers   add to .venv the solvers of others that method= can call, where they install
+# make peers   add heyoka to .venv, a solver that method= can call, where it installs
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
 # make random-certificates  10,000 random orbits: what is proven of them, wrong candidates: minutes

@@ -6,7 +6,7 @@ module                responsibility
 ``variables``         names, units and descriptions of every variable
 ``duty_variables``    the same of duty points and order spectra
 ``fit_variables``     the same of fits
-``measured_names``      what may be measured
+``measured_names``    what may be measured
 ``layout_variables``  the same of where the gears of a train lie
 ``contact_states``    flank lines, phases of contact and their codes
 ``lost_contact``      whether contact is lost, by the share of time in contact

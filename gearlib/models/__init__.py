@@ -7,13 +7,15 @@ module                responsibility
 ``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
-``load_sharing_pair`  ` `LoadSharingPair`: pairs of teeth that touch one by one
+``load_sharing_pair`` `LoadSharingPair`: pairs of teeth that touch one by one
 ``six_degrees``       `SixDegreePair`: bearings, run-out, friction, moving backlash
 ``trains``            `GearTrain`: any number of meshes; planetary trains, the reducer
 ``geometry``          drawn gears and what a mesh takes of them; public as `gearlib.geometry`
 ``dead_zone``         `DeadZoneOscillator`: any oscillator between two elastic contacts
 ``acceleration``      what a changing speed asks of the meshes: inertia
-``derivatives``       by what models are differentiated; models a little off the real axis
+``parameter_values``  the numbers of a model that can be read and changed by name
+``pair_parameters``   what a `GearPair` is given
+``tolerated``         what of a pair and of drawn gears may scatter
 ``described_pair``    the smallest model that carries a pair, from plain values
 ``from_values``       from the text of a dataset back to its model
 ``with_pair``         what models that contain a `GearPair` offer of it

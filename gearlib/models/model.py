@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
-from gearlib.models import derivatives
+from gearlib.models import parameter_values
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
@@ -128,15 +128,15 @@ class Model:
     @property
     def settable(self):
         """Name -> (CF units, words) of the numbers that `with_values` changes."""
-        return derivatives.settable(self)
+        return parameter_values.settable(self)
 
     def value(self, name):
         """Return the value of one of `settable`."""
-        return derivatives.value(self, name)
+        return parameter_values.value(self, name)
 
     def with_values(self, changes):
         """Return the model with some of `settable` changed, and checked: name -> value."""
-        return derivatives.with_values(self, changes)
+        return parameter_values.with_values(self, changes)
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from gearlib import checks, parameters
-from gearlib.models import derivatives
+from gearlib.models import parameter_values
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.stiffness import mean_over_max
@@ -156,7 +156,7 @@ class GearPair(PairParameters, Model):
         # Here: tables of drawn gears have no motion and load no kernels.
         from gearlib.models.one_degree import OneDegreePair
 
-        return derivatives.unchecked(OneDegreePair, pair=self).equation
+        return parameter_values.unchecked(OneDegreePair, pair=self).equation
 
     @property
     def propagators(self):

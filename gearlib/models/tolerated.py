@@ -7,10 +7,10 @@ import math
 import re
 
 from gearlib import checks, parameters
-from gearlib.models.derivatives import RATIOS
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.parameter_values import RATIOS
 
 #: Keys of the plain kinds; what the first one means of the next two is their value where a model
 #: or drawing has it.

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.stats import qmc
 
 from gearlib import checks, parameters
-from gearlib.models.derivatives import ratio_fields, unchecked
 from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.harmonics import Harmonics
@@ -20,6 +19,7 @@ from gearlib.models.model import is_model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.parameter_values import ratio_fields, unchecked
 from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.tolerances import distributions

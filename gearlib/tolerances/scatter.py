@@ -59,7 +59,7 @@ def scatter(
     Parameters
     ----------
     model : Model, DrawnPair or callable
-        A model whose parameters scatter by the names of its `derivatives`; two drawn gears, see
+        A model whose parameters scatter by the names of its `settable`; two drawn gears, see
         `gearlib.tolerances.designs.DrawnPair`; or a function that returns a model and takes what
         scatters as keyword arguments.
     tolerances : mapping

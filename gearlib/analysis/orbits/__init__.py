@@ -15,6 +15,5 @@ module                   responsibility
 ``period_map``           orbits, folds and sweeps of a model by its period map
 ``jumps``                `main_resonance`: where contact is lost, both jumps, peaks
 ``peaks``                the largest extremum of a branch, next to its fold
-``orbit_sensitivities``  derivatives of orbits, multipliers and folds by parameters
 =======================  ==========================================================
 """

@@ -223,12 +223,6 @@ class GearTrain(TrainResults):
         return self.reference_mesh.mean_stiffness
 
     @cached_property
-    def linear_deflection(self):
-        """Coordinates of the linear train under its load, m, without free motions, shape (n,)."""
-        squares, shapes = self.linear_modes
-        return shapes @ ((shapes.T @ self.structure.load) / squares)
-
-    @cached_property
     def static_deflection(self):
         """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
 

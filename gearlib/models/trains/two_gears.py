@@ -5,10 +5,9 @@ z, a quarter turn on, those along y. The train has the scales of the pair, whate
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
-from gearlib.models.derivatives import unchecked
+from gearlib.models.parameter_values import unchecked
 from gearlib.models.trains import turning, waves
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import FLOATS, Numbers, structure
@@ -21,7 +20,7 @@ _OF_GEARS = ("deviation", "inverse_deviation", "friction", "pitch_phase", "movin
 
 
 class _Mesh(Mesh):
-    """A mesh of which equal levels are told apart too: a `GearPair` has derivatives by them."""
+    """A mesh of which equal levels are told apart too, as those of a `GearPair` are."""
 
     two_levels = True
 
@@ -74,11 +73,6 @@ class TwoGears(GearTrain):
     def assembled(self, numbers=FLOATS):
         """Return the `Structure` in a kind of numbers: rotations, then bearings."""
         return structure(self.by_name, self.meshes, (), numbers, rotations_first=True)
-
-    @cached_property
-    def structure(self):
-        """The `Structure` in floats."""
-        return self.assembled()
 
     def segments_of(self, first, count):
         """Return the `Segments` of one mesh period: the run-out changes nothing in them."""
