@@ -31,7 +31,7 @@ _RESONANCE_BOUNDS = (0.65, 1.5)
 #: first one.
 _SWEEP_RATIO, _SWEEP_END = 1.006, 0.25
 #: Mesh periods at each tuning of a sweep, and where a motion settles slowly or jumps.
-_SWEEP_PERIODS, _LONG_PERIODS = 60, 160
+_SWEEP_PERIODS, _LONG_PERIODS = 50, 160
 #: Steps that are swept before jumps are looked for.
 _SWEEP_STEPS = 24
 #: Pieces into which an interval with a jump is cut, and how often it is cut.
