@@ -1,7 +1,8 @@
 """The numbers of a train that can be read and changed one by one, by their names.
 
 A parameter of one element is called as the sentences of refusals call it, ``inertia of body sun``;
-that of a mesh without an element is that of all meshes, which share one value.
+that of a mesh without an element is that of all meshes, which share one value, and that of a
+support without an axis that of both.
 """
 
 import dataclasses
@@ -51,7 +52,7 @@ def settable(train):
     """Return name -> (CF units, words) of the finite numbers of a train's elements.
 
     ``load`` stands for all torques in proportion, the name of a mesh's field alone for that of all
-    meshes where they share one value.
+    meshes, the name of a support's field alone for that of both axes, where they share one value.
     """
     described = {"load": ("N", "load, all torques in proportion")}
     for name, (units, words) in FIELDS["mesh"].items():
@@ -63,7 +64,8 @@ def settable(train):
                 axes = _elastic(element, name)
                 if axes is None:
                     continue
-                if name != "offset":
+                values = {getattr(element, name)["xy".index(axis)] for axis in axes}
+                if name != "offset" and len(values) < 2:
                     described[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
                 for axis in axes:
                     about = units, f"{words} of {kind} {label}, {axis}"
@@ -95,7 +97,7 @@ def value(train, name):
     whole = getattr(elements(train)[kind][label], field)
     if not isinstance(whole, tuple):
         return whole
-    # If both axes are meant, take the first elastic one.
+    # Both axes are only meant where the elastic ones share one value.
     return whole[axis[0]] if axis else next(entry for entry in whole if math.isfinite(entry))
 
 
