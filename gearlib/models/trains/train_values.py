@@ -93,12 +93,9 @@ def value(train, name):
     """Return the value of one of `settable`."""
     if name == "load":
         return train.load
-    (kind, label, field, *axis), *_ = _places(train, name)
+    (kind, label, field, axes), *_ = _places(train, name)
     whole = getattr(elements(train)[kind][label], field)
-    if not isinstance(whole, tuple):
-        return whole
-    # Both axes are only meant where the elastic ones share one value.
-    return whole[axis[0]] if axis else next(entry for entry in whole if math.isfinite(entry))
+    return whole["xy".index(axes[0])] if axes else whole
 
 
 def with_values(train, changes):
@@ -110,15 +107,12 @@ def with_values(train, changes):
                 torque = body.torque * (new / train.load)
                 fields.setdefault(("body", body.name), {})["torque"] = torque
             continue
-        for kind, label, field, *axis in _places(train, name):
+        for kind, label, field, axes in _places(train, name):
             element = fields.setdefault((kind, label), {})
-            old = element.get(field, getattr(elements(train)[kind][label], field))
-            if isinstance(old, tuple):
-                meant = [i for i in range(len(old)) if i in axis or not axis]
-                element[field] = tuple(
-                    new if i in meant and math.isfinite(entry) else entry
-                    for i, entry in enumerate(old)
-                )
+            if axes:
+                old = element.get(field, getattr(elements(train)[kind][label], field))
+                pairs = zip("xy", old, strict=True)
+                element[field] = tuple(new if axis in axes else entry for axis, entry in pairs)
             else:
                 element[field] = new
     changed = {
@@ -134,13 +128,13 @@ def with_values(train, changes):
 
 
 def _places(train, name):
-    """Return the (kind, label, field[, axis]) of a parameter of elements, or of all meshes."""
+    """Return the (kind, label, field, axes) of a parameter of elements, or of all meshes."""
     if name in FIELDS["mesh"]:
-        return [("mesh", label, name) for label in train.mesh_names]
+        return [("mesh", label, name, "") for label in train.mesh_names]
     field, element = name.split(" of ", 1)
     kind, label = element.split(" ", 1)
-    axes = ()
-    if label not in elements(train)[kind]:
-        label, axis = label.rsplit(", ", 1)
-        axes = ("xy".index(axis),)
-    return [(kind, label, field, *axes)]
+    named = elements(train)[kind]
+    if label in named:
+        return [(kind, label, field, _elastic(named[label], field))]
+    label, axis = label.rsplit(", ", 1)
+    return [(kind, label, field, axis)]
