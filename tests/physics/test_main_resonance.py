@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
-from gearlib.analysis.orbits.linear_orbits import linear_orbits
+from gearlib.analysis.orbits.linear_orbits import linear_orbit_of
 from gearlib.data.lost_contact import ROUNDING
 from gearlib.kernels import orbit as columns
 from gearlib.tolerances.quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
@@ -199,7 +199,7 @@ def test_quantities_that_a_model_does_not_have_are_refused():
 
 @pytest.mark.parametrize("model", [GEARS, gears(5e8, material=4.5e3), pins(5e-6)])
 def test_the_linear_orbit_is_that_of_a_motion_in_contact(model):
-    (state,), ((high, low),) = linear_orbits(model, [0.5])
+    state, (high, low) = linear_orbit_of(model)(0.5)
     orbit = gearlib.periodic_orbit(model, 0.5, period=model.repeats)
     reduce, _ = model.reduction()
     assert reduce @ (np.array(orbit.state) - state) == pytest.approx(0.0, abs=1e-12)

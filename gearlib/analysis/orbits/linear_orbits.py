@@ -13,18 +13,12 @@ _PIECE = 0.1
 _DRIVE = 2  # contact code + 1
 
 
-def linear_orbits(model, tunings):
-    """Return states (k, n), largest and least displacement over the flank line, (k, 2).
-
-    Of several meshes the least of all, and that plus the height of the highest.
-    """
-    orbit = linear_orbit_of(model)
-    states, extrema = zip(*map(orbit, map(float, tunings)), strict=True)
-    return np.array(states), np.array(extrema)
-
-
 def linear_orbit_of(model):
-    """Return the function of a tuning that returns one row of `linear_orbits`."""
+    """Return the function of a tuning that returns (state, (highest, least)).
+
+    These are the largest and the least displacement over the flank line: of several meshes the
+    least of all, and that plus the height of the highest.
+    """
     return functools.partial(_of_system, model) if model.size > 2 else _of_pair(model)
 
 
