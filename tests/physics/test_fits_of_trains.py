@@ -1,5 +1,8 @@
 """Fits of trains to load sharing and mesh orders, all synthetic."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -125,10 +128,17 @@ def test_settable_parameters_keep_their_names():
     # Two axes that share no value have no name together.
     train = planetary().with_values({"support_damping of body sun, y": 7.0})
     assert "support_damping of body sun" not in train.settable
-    for name in train.settable:
-        value = train.value(name)
-        other = train.with_values({name: value})
-        assert other.value(name) == value and other == train, name
+    # Of a support that is rigid along x, y alone is meant.
+    guided = gearlib.split_power_reducer(TRUTH)
+    stiff = {"support_stiffness": (math.inf, 1e8), "support_damping": (0.0, 500.0)}
+    body = replace(guided.bodies[0], mass=3.0, **stiff)
+    guided = guided.replace(bodies=(body, *guided.bodies[1:]))
+    assert guided.value(f"support_damping of body {body.name}") == 500.0
+    for model in (train, guided):
+        for name in model.settable:
+            value = model.value(name)
+            other = model.with_values({name: value})
+            assert other.value(name) == value and other == model, name
     two = train.with_values({"support_stiffness of body sun": 2e8, "error of mesh sun 2": 1e-6})
     assert two.by_name["sun"].support_stiffness == (2e8, 2e8)
     assert two.value("error of mesh sun 2") == 1e-6 and two.value("error of mesh sun 1") == 0.0
