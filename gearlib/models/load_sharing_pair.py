@@ -2,13 +2,14 @@
 
     m x'' + k (x' - e') + sum_i F_i(x, tau) = F,
 
-the forces of the pairs as of `gearlib.models.geometry.load_sharing`, but of any displacement x:
-pairs that touch share Q F_i = x - g_i, the others have none. e(tau) is the least gap, where the
-flanks touch without load; x - e is the relative displacement of the flanks that `OneDegreePair`
-calls y. The coast side touches at x = -backlash; there all pairs in mesh carry, without gaps.
+with the forces of `gearlib.models.geometry.load_sharing` at any displacement x: pairs that touch
+share Q F_i = x - g_i, the others have none. e(tau) is the least gap, where the flanks touch without
+load; x - e is the relative displacement of the flanks that `OneDegreePair` calls y. The coast side
+touches at x = -backlash; there all pairs on their path of contact carry, without gaps.
 
 Gaps and compliances are straight lines between phases, the ends of the path, the starts of the
-reliefs and the points of tables, so linear reliefs of pairs of constant stiffness are exact.
+reliefs and the points of tables, so linear reliefs of pairs of constant stiffness are exact. Where
+corners of tips touch or the slices of a helical face come and go the lines are shorter.
 """
 
 import math
@@ -20,7 +21,13 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
-from gearlib.models.geometry.load_sharing import checked_errors, pairs_at, tooth_pairs
+from gearlib.models.geometry.load_sharing import (
+    ToothPairs,
+    checked_errors,
+    pairs_at,
+    tooth_pairs,
+    zone_of_contact,
+)
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.relief import PathTable
 from gearlib.models.harmonics import Harmonics
@@ -37,6 +44,10 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 _CONVERGED = 1.18
 #: Cuts closer than this share of a base pitch are one.
 _SAME_PLACE = 1e-12
+#: Lines between the phases at which a pair begins to touch and is on its path with all its width.
+_LINES_OF_A_ZONE = 32
+#: Shortest of these lines, in base pitches.
+_SHORTEST_LINE = 1.0 / 128.0
 
 
 class _Drawing(Instance):
@@ -48,8 +59,9 @@ class _Drawing(Instance):
 class LoadSharingPair(WithPair):
     """A gear pair whose load is shared by pairs of teeth with tip relief and errors; immutable.
 
-    Stiffness, coupling, deviation and pitch_errors are as of
-    `gearlib.geometry.Mesh.transmission_error`.
+    Stiffness, coupling, deviation and pitch_errors are those of
+    `gearlib.geometry.Mesh.transmission_error`. Helical gears are cut into slices, whose forces are
+    linearized at the displacement under the load.
 
     Raises
     ------
@@ -62,7 +74,7 @@ class LoadSharingPair(WithPair):
         Instance((GearPair,)),
         "Mass, load, damping, backlash and scales; the stiffness is that of the drawing",
     ]
-    drawing: Annotated[Mesh, _Drawing((Mesh,)), "Spur gears with their tip reliefs"]
+    drawing: Annotated[Mesh, _Drawing((Mesh,)), "Both gears with their tip reliefs"]
     phases: Annotated[
         int,
         Integer(8, 100_000),
@@ -74,6 +86,7 @@ class LoadSharingPair(WithPair):
     ] = 1.0
     deviation: PathTable | None = None
     pitch_errors: tuple | None = None
+    corner_contact: bool = True
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "tooth_pairs"}
@@ -86,7 +99,7 @@ class LoadSharingPair(WithPair):
         check(self)
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
-        self._pairs(np.zeros(1), np.zeros(1))
+        self._pairs(np.zeros(1))
 
     @classmethod
     def from_geometry(
@@ -98,6 +111,7 @@ class LoadSharingPair(WithPair):
         coupling=1.0,
         deviation=None,
         pitch_errors=None,
+        corner_contact=True,
         **options,
     ):
         """Return the pair of two drawn gears, its scales from the same mesh stiffness.
@@ -105,8 +119,8 @@ class LoadSharingPair(WithPair):
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-        phases, coupling, deviation, pitch_errors
-            As of the class.
+        phases, coupling, deviation, pitch_errors, corner_contact
+            Fields of the class.
         stiffness : {"energy", "iso"}, default "energy"
             A table needs a `pair` of one's own.
         **options
@@ -122,6 +136,7 @@ class LoadSharingPair(WithPair):
             coupling=coupling,
             deviation=deviation,
             pitch_errors=pitch_errors,
+            corner_contact=corner_contact,
         )
 
     def at_load(self, *, phases=128, harmonics=24):
@@ -164,10 +179,31 @@ class LoadSharingPair(WithPair):
     @property
     def _options(self):
         names = ("stiffness", "coupling", "deviation", "pitch_errors")
-        return {name: getattr(self, name) for name in names}
+        own = {name: getattr(self, name) for name in names}
+        return own | {"load": self.load, "corners": self.corner_contact}
 
-    def _pairs(self, pitches, begun, inside=None):
-        return pairs_at(self.drawing, pitches, begun, inside, **self._options)
+    def _pairs(self, pitches, middle=None, inside=None):
+        return pairs_at(self.drawing, pitches, middle, inside, **self._options)
+
+    def tooth_forces(self, phase, displacement):
+        """Return the forces that pairs of teeth carry on the drive side.
+
+        Parameters
+        ----------
+        phase : array_like, shape (m,)
+            Mesh phase, rad.
+        displacement : array_like, shape (m,)
+            As `gearlib.simulate` returns it, in static deflections.
+
+        Returns
+        -------
+        numpy.ndarray, shape (m, k)
+            N; the first pair is the last that came into mesh.
+        """
+        shift = (self.drawing.contact_ratio % 1.0) / 2.0
+        pairs = self._pairs(np.asarray(phase, float) / math.tau + shift)
+        at = np.asarray(displacement, float) * self.static_deflection
+        return pairs.forces_at(at).force[0]
 
     @property
     def repeats(self):
@@ -177,6 +213,10 @@ class LoadSharingPair(WithPair):
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
         return self.pair.damped()
+
+    @property
+    def _zone(self):
+        return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
     def _cuts(self):
         """Return base pitches, from 0 to 1, between which all is a straight line."""
@@ -189,8 +229,19 @@ class LoadSharingPair(WithPair):
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
                 at += [position for position in table.position if start < position < end]
-        own = (np.array(at) - start) / mesh.base_pitch % 1.0
-        cuts = np.sort(np.concatenate([own, np.arange(self.phases) / self.phases]))
+        at = [(np.array(at) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
+        half, zone = mesh.overlap_ratio / 2.0, self._zone
+        if half or any(zone):
+            # A helical pair comes to touch as far from its tip as the reliefs reach.
+            reach = half
+            for relief in (mesh.pinion.tip_relief, mesh.wheel.tip_relief):
+                if half and relief is not None:
+                    reach = max(reach, half + relief.length / mesh.base_pitch)
+            for sign, place, beyond in ((-1.0, 0.0, zone[0]), (1.0, mesh.contact_ratio, zone[1])):
+                step = max((beyond + 2.0 * half) / _LINES_OF_A_ZONE, _SHORTEST_LINE)
+                count = math.ceil((beyond + half + reach) / step)
+                at.append(place + sign * np.linspace(-reach, beyond + half, count + 1))
+        cuts = np.sort(np.concatenate(at) % 1.0)
         cuts = cuts[np.diff(cuts, prepend=-1.0) > _SAME_PLACE]
         return np.append(cuts[cuts < 1.0 - _SAME_PLACE], 1.0)
 
@@ -208,27 +259,26 @@ class LoadSharingPair(WithPair):
         first = int(np.searchsorted(pitches, shift - _SAME_PLACE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
         left, right = pitches[:-1], pitches[1:]
-        begun = np.floor((left + right) / 2.0)
-        middle = self._pairs((left + right) / 2.0, begun)
-        ends = [self._pairs(at, begun, middle.inside) for at in (left, right)]
+        between = (left + right) / 2.0
+        inside, on_path, ends = self._segments(left, between, right)
+        begun = np.floor(between + self._zone[0] + mesh.overlap_ratio / 2.0)
         lengths = math.tau * (right - left)
-        lines = [self._laws(end) for end in ends]
+        lines = [self._laws(end, on_path) for end in ends]
         force, overlap = (
             np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
             for a, b in zip(*lines, strict=True)
         )
         # In the order of the columns of `gearlib.kernels.tooth_pairs.tooth_pairs_system`.
         force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
-        least = [np.where(middle.inside, end.gap, math.inf).min(-1) for end in ends]
-        bits = 2 ** np.arange(middle.inside.shape[1])
+        least = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
+        members = inside @ 2 ** np.arange(inside.shape[1])
         starts = math.tau * (pitches - shift)
         firsts = np.searchsorted(starts, math.tau * np.arange(repeats + 1) - 1e-9)
-        inside = middle.inside @ bits
         system = ToothPairSystem(
             starts=starts,
             first_segment=firsts,
-            renewed=(inside != np.roll(inside, 1)) | (begun != np.roll(begun, 1)),
-            inside=inside,
+            renewed=(members != np.roll(members, 1)) | (begun != np.roll(begun, 1)),
+            inside=members,
             force=force,
             overlap=overlap,
             slip=(least[1] - least[0]) / lengths / self.static_deflection,
@@ -241,13 +291,40 @@ class LoadSharingPair(WithPair):
         )
         return system, max(line[0][..., 0].max() for line in lines)
 
-    def _laws(self, pairs):
+    def _segments(self, left, between, right):
+        """Return which pairs may touch in segments, which are on their path, pairs at both ends."""
+        mesh, inside = self.drawing, None
+        if mesh.overlap_ratio == 0.0:
+            middle = self._pairs(between)
+            inside = middle.inside
+            on_path = middle.position == np.clip(middle.position, *mesh.path)
+        pairs = self._pairs(
+            np.concatenate([left, right]),
+            np.concatenate([between] * 2),
+            inside if inside is None else np.concatenate([inside] * 2),
+        )
+        halves = slice(left.size), slice(left.size, None)
+        if inside is None:
+            inside = pairs.inside[halves[0]] | pairs.inside[halves[1]]
+            on_path = inside
+        values = {
+            name: getattr(pairs, name) for name in ("pitches", "position", "compliance", "gap")
+        }
+        ends = [
+            ToothPairs(inside=inside, **{name: value[half] for name, value in values.items()})
+            for half in halves
+        ]
+        return inside, inside & on_path, ends
+
+    def _laws(self, pairs, on_path):
         """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""
         m, k = pairs.gap.shape
         force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
         for s in range(2**k):
             own = [i for i in range(k) if s >> i & 1]
             there = pairs.inside[:, own].all(-1)
+            if not there.any():
+                continue
             rise, back = pairs.carried_by(own)
             both = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
             force[there, s] = both[there]
@@ -256,7 +333,7 @@ class LoadSharingPair(WithPair):
             overlap[:, s, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
             beside = pairs.gap - (yielding @ back[..., None])[..., 0]
             overlap[:, s, :, 1] = beside / self.static_deflection
-            whole = there & (pairs.inside.sum(-1) == len(own))
+            whole = on_path[:, own].all(-1) & (on_path.sum(-1) == len(own))
             force[whole, -1, 0] = both[whole, 0]
         if self.backlash < math.inf:
             force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]

@@ -9,9 +9,14 @@ Without common bodies Q is diagonal and a pair carries c_i (x - g_i)+. Q is posi
 one set of touching pairs fulfils all conditions at each phase and load: all sets are solved at
 once, and the one that holds is taken. There is no iteration.
 
-A pair touches between both ends of the path of contact only: contact of the tip's edge before or
-behind them is left out. Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q as of
-`gearlib.models.geometry.energy`.
+Without corner contact a pair touches between both ends of the path of contact only. With it the
+corner of a tip also touches the mating flank before the start and behind the end, with the gap of
+`corner_gap` and the compliance of the end of the path, so that no force jumps.
+
+The pairs of a helical gear are averages over transverse slices of the face, each a spur gear that
+is in mesh a little later than the last, linearized at the displacement under a load.
+
+Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.models.geometry.energy`.
 """
 
 import itertools
@@ -22,11 +27,22 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.geometry.energy import PairCompliance, matrix
+from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.iso import iso_stiffness
 from gearlib.models.geometry.relief import PathTable
 
 #: Places closer than this share of a base pitch are one.
 _SAME_PLACE = 1e-12
+#: Slices of a helical face.
+_SLICES = 32
+#: Largest number of pairs of teeth in mesh at once.
+_MAX_PAIRS = 10
+#: Largest gap of a corner that may touch, over the deflection of one pair under the load.
+_REACH = 6.0
+#: Longest way on which a corner may touch, in base pitches.
+_LONGEST_APPROACH = 0.45
+#: Iterations of Newton's method that find the displacement of a helical mesh, and its tolerance.
+_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-13
 
 
 @dataclass(frozen=True)
@@ -36,7 +52,7 @@ class Sharing:
     error: np.ndarray  #: x, m, shape (l, m)
     force: np.ndarray  #: of each pair, N, shape (l, m, k)
     touching: np.ndarray  #: bool, shape (l, m, k)
-    stiffness: np.ndarray  #: dF/dx, N/m, shape (l, m)
+    stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (l, m, k)
 
 
 @dataclass(frozen=True)
@@ -57,29 +73,48 @@ class ToothPairs:
     def share(self, loads):
         """Return the `Sharing` under loads >= 0 in N, shape (l,)."""
         loads = np.asarray(loads, float)[:, None]
-        m, k = self.gap.shape
-        shape = (loads.size, m)
-        error, stiffness, force = np.zeros(shape), np.zeros(shape), np.zeros((*shape, k))
-        touching, worst = np.zeros((*shape, k), bool), np.full(shape, math.inf)
-        own = np.einsum("mii->mi", self.compliance)
-        for size in range(1, k + 1):
+        sets = self._sets(1)
+        return self._equilibrium(
+            (loads.size, len(self.gap)),
+            ((p, rise, back, (loads + back.sum(-1)) / rise.sum(-1)) for p, rise, back in sets),
+        )
+
+    def forces_at(self, displacement):
+        """Return the `Sharing` at displacements in m, shape (m,), as that of one load."""
+        return self._equilibrium(
+            (1, len(self.gap)),
+            ((*members, displacement[None]) for members in self._sets(0)),
+        )
+
+    def _sets(self, least):
+        """Yield each set of at least so many pairs that may touch, and `carried_by` of it."""
+        k = self.gap.shape[1]
+        for size in range(least, k + 1):
             for pairs in map(list, itertools.combinations(range(k), size)):
-                rise, back = self.carried_by(pairs)
-                x = (loads + back.sum(-1)) / rise.sum(-1)
-                forces = np.zeros((*shape, k))
-                forces[..., pairs] = rise * x[..., None] - back
-                # By how much a pair that touches would have to pull, one that does not overlaps.
-                wrong = x[..., None] - self.gap - _image(self.compliance, forces)
-                wrong[..., pairs] = -(own * forces)[..., pairs]
-                most = np.where(self.inside, wrong, -math.inf).max(-1)
-                better = (most < worst) & self.inside[:, pairs].all(-1)
-                worst = np.where(better, most, worst)
-                error, stiffness = (
-                    np.where(better, new, old)
-                    for new, old in ((x, error), (rise.sum(-1), stiffness))
-                )
-                force[better] = forces[better]
-                touching[better] = np.isin(np.arange(k), pairs)
+                if self.inside[:, pairs].all(-1).any():
+                    yield pairs, *self.carried_by(pairs)
+
+    def _equilibrium(self, shape, candidates):
+        """Return the `Sharing` of the candidate set that fulfils all conditions of contact."""
+        k = self.gap.shape[1]
+        error, worst = np.zeros(shape), np.full(shape, math.inf)
+        force, stiffness = np.zeros((*shape, k)), np.zeros((*shape, k))
+        touching = np.zeros((*shape, k), bool)
+        own = np.einsum("mii->mi", self.compliance)
+        for pairs, rise, back, x in candidates:
+            forces = np.zeros((*shape, k))
+            forces[..., pairs] = rise * x[..., None] - back
+            # By how much a pair that touches would have to pull, one that does not overlaps.
+            wrong = x[..., None] - self.gap - _image(self.compliance, forces)
+            wrong[..., pairs] = -(own * forces)[..., pairs]
+            most = np.where(self.inside, wrong, -math.inf).max(-1)
+            better = (most < worst) & self.inside[:, pairs].all(-1)
+            worst = np.where(better, most, worst)
+            error = np.where(better, x, error)
+            slopes = np.zeros((*shape, k))
+            slopes[..., pairs] = rise
+            force[better], stiffness[better] = forces[better], slopes[better]
+            touching[better] = np.isin(np.arange(k), pairs)
         return Sharing(error, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, sharing):
@@ -100,55 +135,153 @@ def _image(compliance, forces):
 
 
 def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
-    """Return the `ToothPairs` at equal phases; arguments as of `Mesh.transmission_error`."""
+    """Return the `ToothPairs` at equal phases; further arguments are those of `pairs_at`."""
     phases = checks.integer("phases", phases, 8, 100_000)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
-    begun = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
+    first = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
     pitch_errors = checked_errors(mesh, pitch_errors)
-    pitches = begun + np.arange(pitch_errors.size * phases) / phases
-    return pairs_at(mesh, pitches, np.floor(pitches), pitch_errors=pitch_errors, **options)
+    pitches = first + np.arange(pitch_errors.size * phases) / phases
+    return pairs_at(mesh, pitches, pitch_errors=pitch_errors, **options)
 
 
 def pairs_at(
     mesh,
     pitches,
-    begun,
+    middle=None,
     inside=None,
     *,
+    load=None,
+    corners=False,
     stiffness="energy",
     coupling=1.0,
     deviation=None,
     pitch_errors=None,
 ):
-    """Return the `ToothPairs` of a spur mesh; options as of `Mesh.transmission_error`.
+    """Return the `ToothPairs` of a mesh; helical gears need a load, in N.
 
-    `pitches`, shape (m,), are base pitches since the first pair came into mesh, `begun` how
-    many of them count as whole: the number of the last pair. `inside` as of `ToothPairs`, shape
-    (m, k), where it is to be decided elsewhere.
+    `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
+    contact. The pairs in mesh are those at `middle`, by default at `pitches` themselves, where
+    `inside`, shape (m, k), may say so beforehand. `corners` tells whether corners of tips touch.
     """
-    if mesh.overlap_ratio > 0.0:
+    if deviation is not None and not isinstance(deviation, PathTable):
+        raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
+    errors, overlap = checked_errors(mesh, pitch_errors), mesh.overlap_ratio
+    if overlap > 0.0 and load is None:
         raise ValueError(
             f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
             "along the path of contact is that of spur gears"
         )
-    if deviation is not None and not isinstance(deviation, PathTable):
-        raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
-    slots = np.arange(math.floor(mesh.contact_ratio) + 1)
-    since = (pitches - begun)[:, None] + slots
-    if inside is None:
-        inside = since < mesh.contact_ratio
-    position = mesh.path[0] + np.minimum(since, mesh.contact_ratio) * mesh.base_pitch
-    # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
-    place = np.column_stack([np.round(since[:, 0] / _SAME_PLACE), inside])
-    _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
-    own = _compliance(mesh, position[first], inside[first], stiffness, coupling)
-    compliance = own[each.reshape(-1)]
-    gap = relief_gap(mesh, position)
-    if deviation is not None:
-        gap = gap + deviation.at(position)
-    errors = checked_errors(mesh, pitch_errors)
+    before, behind = zone_of_contact(mesh, corners, load, errors)
+    begun = np.floor((pitches if middle is None else middle) + before + overlap / 2.0)
+    count = math.floor(mesh.contact_ratio + before + behind + overlap) + 1
+    checks.require(
+        count <= _MAX_PAIRS,
+        "total contact ratio",
+        mesh.total_contact_ratio,
+        f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh",
+    )
+    slots = np.arange(count)
     number = begun.astype(int)[:, None] - slots
-    return ToothPairs(pitches, position, inside, compliance, gap + errors[number % errors.size])
+    pieces = _SLICES if overlap > 0.0 else 1
+    places = overlap * ((np.arange(pieces) + 0.5) / pieces - 0.5)
+    since = ((pitches - begun)[:, None] + places)[..., None] + slots  # (m, slices, k)
+    there = (since >= -before) & (since < mesh.contact_ratio + behind)
+    slices, there = since.reshape(-1, count), there.reshape(-1, count)
+    if overlap == 0.0 and inside is not None:
+        there = inside
+    position = mesh.path[0] + slices * mesh.base_pitch
+    on_path = np.clip(position, *mesh.path)
+    # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
+    place = np.column_stack([np.round(slices[:, 0] / _SAME_PLACE), there])
+    _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    own = _compliance(mesh, on_path[first], there[first], stiffness, coupling, corners)
+    gap = relief_gap(mesh, on_path) + np.repeat(errors[number % errors.size], pieces, axis=0)
+    if deviation is not None:
+        gap = gap + deviation.at(on_path)
+    if corners:
+        gap = gap + corner_gap(mesh, position)
+    position = position if corners else on_path
+    pairs = ToothPairs(np.repeat(pitches, pieces), position, there, own[each.reshape(-1)], gap)
+    return pairs if overlap == 0.0 else _over_face(pairs, pitches, load, inside)
+
+
+def _over_face(slices: ToothPairs, pitches, load: float, inside) -> ToothPairs:
+    """Return the pairs whose forces are the means over the slices, linearized under a load."""
+    (m,), k = pitches.shape, slices.gap.shape[1]
+
+    def mean(values):
+        return values.reshape(m, -1, k).mean(axis=1)
+
+    def carried(x):
+        sharing = slices.forces_at(np.repeat(x, len(slices.gap) // m))
+        return mean(sharing.force[0]), mean(sharing.stiffness[0])
+
+    # The force is convex in the displacement: Newton's steps fall from the right of the root.
+    softest = np.einsum("mii->mi", slices.compliance).max()
+    x = np.full(m, load * softest + np.where(slices.inside, slices.gap, 0.0).max())
+    for _ in range(_NEWTON_STEPS):
+        force, stiffness = carried(x)
+        step = (force.sum(-1) - load) / stiffness.sum(-1)
+        x = x - step
+        if np.abs(step).max() <= _NEWTON_TOLERANCE * np.abs(x).max():
+            break
+    force, stiffness = carried(x)
+    # A pair about to touch has no stiffness yet; this trace of it keeps the compliance finite.
+    firm = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
+    return ToothPairs(
+        pitches,
+        mean(slices.position),
+        force > 0.0 if inside is None else inside,
+        np.eye(k) / firm[..., None],
+        x[:, None] - force / firm,
+    )
+
+
+def zone_of_contact(mesh, corners, load, errors):
+    """Return by how many base pitches pairs may touch before and behind the path of contact.
+
+    Corners touch where their gap is below `_REACH` times the deflection of one pair under the load.
+    """
+    if not corners:
+        return 0.0, 0.0
+    limit = _REACH * load / (iso_stiffness(mesh).single * 1e9 * mesh.width) + np.ptp(errors)
+    beyond = np.linspace(0.0, _LONGEST_APPROACH, 201)
+    start, end = mesh.path
+    gaps = (
+        corner_gap(mesh, place)
+        for place in (start - beyond * mesh.base_pitch, end + beyond * mesh.base_pitch)
+    )
+    # The gap grows with the square of the distance.
+    return tuple(float(np.interp(math.sqrt(limit), np.sqrt(gap), beyond)) for gap in gaps)
+
+
+def corner_gap(mesh, position):
+    """Return the gap of tip corners beyond both ends of the path of contact, m; 0 between them.
+
+    Before the start the corner of the wheel's tip approaches the flank of the pinion, behind the
+    end that of the pinion leaves the flank of the wheel. A position is where the pair would touch
+    if its involutes went on, the gap along the line of action.
+    """
+    start, end = mesh.path
+    entering = _gap_to_corner(mesh, mesh.pinion, mesh.wheel, np.minimum(position, start))
+    leaving = _gap_to_corner(mesh, mesh.wheel, mesh.pinion, np.maximum(position, end))
+    return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
+
+
+def _gap_to_corner(mesh, flank, corner, position):
+    """Return the gap between a gear's flank and the tip corner of the other, m."""
+    sign, angle, base = mesh.wheel.sign, mesh.working_pressure_angle, flank.base_diameter / 2.0
+    turned = (position - mesh.pitch_point) / base  # rotation from contact at the pitch point
+    centre = mesh.centre_distance * (1 if sign == 1 else -flank.sign)
+    if flank is mesh.wheel:
+        turned = -sign * turned
+    tip = corner.tip_diameter / 2.0
+    tip_angle = math.acos(corner.base_diameter / corner.tip_diameter)
+    psi = -sign * turned * flank.teeth / corner.teeth + inv(angle) - inv(tip_angle)
+    x, y = centre - sign * tip * np.cos(psi), -sign * tip * np.sin(psi)
+    flank_angle = np.arccos(base / np.hypot(x, y))
+    involute = np.tan(flank_angle) - flank_angle
+    return flank.sign * base * (np.arctan2(y, x) - (turned + inv(angle) - involute))
 
 
 def checked_errors(mesh, values=None):
@@ -170,7 +303,7 @@ def relief_gap(mesh, position):
     return gap
 
 
-def _compliance(mesh, position, inside, stiffness, coupling):
+def _compliance(mesh, position, inside, stiffness, coupling, corners):
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
@@ -186,5 +319,8 @@ def _compliance(mesh, position, inside, stiffness, coupling):
     checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / (iso_stiffness(mesh).single * 1e9 * mesh.width)
-    body = (single * coupling / (1.0 + 3.0 * inside.sum(-1)))[:, None, None]
+    # With corners more pairs are inside; a body that changed with their number would be a jump.
+    together = math.floor(mesh.contact_ratio) + 1 if corners else inside.sum(-1)
+    count = np.broadcast_to(together, len(position))[:, None, None]
+    body = single * coupling / (1.0 + 3.0 * count)
     return (single - body) * identity + body

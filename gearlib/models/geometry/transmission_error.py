@@ -42,7 +42,7 @@ def transmission_error(mesh, torque, phases=256, **options):
         "transmission_error": (grid, found.error),
         "load_share": ((*grid, "tooth_pair"), share),
         "pairs_in_contact": (grid, found.touching.sum(-1)),
-        "mesh_stiffness": (grid, found.stiffness),
+        "mesh_stiffness": (grid, found.stiffness.sum(-1)),
         "path_position": (
             ("phase", "tooth_pair"),
             np.where(pairs.inside, pairs.position, math.nan),
