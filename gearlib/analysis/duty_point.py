@@ -1,7 +1,7 @@
 """`duty_point`: what two gears or a train do at one torque and speed, in units of machines.
 
-A run is followed until its orbit repeats, and recorded over whole revolutions of the gear whose
-teeth count and whole orbits.
+A motion is followed until it repeats, as long again, and recorded over one orbit. A motion that
+does not repeat is recorded over whole revolutions of the gear whose teeth count.
 """
 
 import math
@@ -12,18 +12,20 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_spectrum import orders, transmission_error
 from gearlib.data.result import result
-from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
+from gearlib.models.load_sharing_pair import LoadSharingPair, tooth_pairs_of
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
-#: Runs are tried over so many mesh periods, one after the other, until the orbit repeats.
-_PERIODS = (400, 2000, 10_000)
-#: Of a motion that does not repeat.
-_REVOLUTIONS = 10
-#: The whole record has at most so many mesh periods.
-_LONGEST = 2000
+#: Mesh periods that are run first; each further run is as long as all before it.
+_FIRST_PERIODS = 4
+#: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: half a second.
+_MAX_PERIODS, _MAX_STEPS = 10_000, 400_000
+#: Revolutions that are recorded of a motion that does not repeat, and most mesh periods of these.
+_REVOLUTIONS, _MAX_RECORD = 10, 2000
+#: Tuning below which pairs of teeth move as they do at it: inertia adds less than 1 % to the load.
+SLOWEST_TUNING = 5e-4
 
 
 def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options):
@@ -32,8 +34,9 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     Parameters
     ----------
     gears : gearlib.geometry.Mesh or model
-        Two drawn gears, or what `gearlib.simulate` takes, of which gears turn. Drawn gears with tip
-        relief or pitch errors are a `LoadSharingPair`, others a `GearPair`.
+        Two drawn gears, which move as a `LoadSharingPair`, or what `gearlib.simulate` takes, of
+        which gears turn. Forces of a rectangular stiffness, as that of a `GearPair`, jump where
+        pairs of teeth enter, at any speed: their largest value is no K_v.
     speed : float
         In rpm, of the pinion (of the gear whose teeth count); finite, > 0.
     torque : float, optional
@@ -41,7 +44,9 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     initial_state : tuple of float
         As of `gearlib.simulate`.
     **options
-        Of drawn gears, damping_ratio and so on, as of `gearlib.GearPair.from_geometry`.
+        Of drawn gears: damping_ratio and the other arguments of `gearlib.GearPair.from_geometry`.
+        The stiffness of a pair of teeth is by default "energy", or "iso" where a bore is too large
+        for the energy method; of its options it takes the coupling.
 
     Returns
     -------
@@ -69,9 +74,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
             )
         model = gears
     else:
-        model = of_drawing(
-            checks.drawn_mesh(gears, "gears", " or a model"), torque=torque, **options
-        )
+        checks.drawn_mesh(gears, "gears", " or a model")
+        model = tooth_pairs_of(gears, torque=torque, **options)
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
             relieved = [gear.tip_relief for gear in (gears.pinion, gears.wheel)]
@@ -84,7 +88,11 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
     tuning = check_speed(model, "speed", speed)
-    data |= of_run(settled_run(model, tuning, initial_state), model)
+    slow = isinstance(model, LoadSharingPair) and tuning < SLOWEST_TUNING
+    data |= of_run(settled_run(model, SLOWEST_TUNING if slow else tuning, initial_state), model)
+    if slow:
+        hertz = data["mesh_frequency_hertz"] * tuning / SLOWEST_TUNING
+        data |= {"tuning": tuning, "speed": float(speed), "mesh_frequency_hertz": hertz}
     coords = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     coords |= data.pop("coords")
     return result(
@@ -93,29 +101,36 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
 
 
 def settled_run(model, tuning, initial_state=(0.0, 0.0)):
-    """Return a run of `simulate` over whole revolutions, at the end of one that has settled."""
-    teeth = round(model.periods_per_revolution)
-    for periods in _PERIODS:
-        run = simulate(
-            model, tuning, periods=periods, initial_state=initial_state, samples_per_period=8
-        )
-        if int(run.status):
-            raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")
-        if int(run.period):
-            break
-    orbit = int(run.period)
-    record = math.lcm(teeth, orbit) if orbit else _REVOLUTIONS * teeth
-    if record > _LONGEST:
-        record = orbit or teeth * max(1, _LONGEST // teeth)
-    # Once more, so that what is recorded lies behind what has been seen to repeat.
-    return simulate(
-        model,
-        tuning,
-        periods=periods + record,
-        record_periods=record,
-        initial_state=initial_state,
-        samples_per_period=128,
+    """Return a run of `simulate` over one orbit, or over whole revolutions if there is none."""
+    limit, state, length, run = _most_periods(model, tuning), initial_state, 0, None
+    step = model.repeats * math.ceil(_FIRST_PERIODS / model.repeats)
+    while run is None or not int(run.period) and length + step <= limit:
+        run = _checked_run(model, tuning, step, state, samples_per_period=8)
+        state, length = tuple(run.final_state.values), length + step
+        step = length
+    orbit, teeth = int(run.period), round(model.periods_per_revolution)
+    record = orbit or teeth * max(1, min(_REVOLUTIONS, min(limit, _MAX_RECORD) // teeth))
+    # As long again, so that what is recorded has settled to rounding.
+    periods = record + (length if orbit else 0)
+    return _checked_run(
+        model, tuning, periods, state, record_periods=record, samples_per_period=128
     )
+
+
+def _most_periods(model, tuning: float) -> int:
+    """Return how many mesh periods a motion is followed at most."""
+    if not isinstance(model, LoadSharingPair):
+        return _MAX_PERIODS
+    system = model.system(tuning)
+    steps = max(len(system.force) / model.repeats, math.tau / system.longest)
+    return min(_MAX_PERIODS, int(_MAX_STEPS / steps))
+
+
+def _checked_run(model, tuning, periods, state, **options):
+    run = simulate(model, tuning, periods=periods, initial_state=state, **options)
+    if int(run.status):
+        raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")
+    return run
 
 
 def of_run(run, model):

@@ -22,6 +22,8 @@ DEFAULT_CONFIG = "config.yaml"
 _ONLY_DAMPING = "damping"
 
 
+#: Commands that move pairs of teeth with relief or errors; the others take the rectangle.
+_OF_ONE_SPEED = ("simulate", "orbit", "trust")
 #: For a train that is not made of a gear pair.
 _STAND_IN = {
     "gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1},
@@ -230,9 +232,12 @@ def _model(mapping, gears, name, model):
     pair = GearPair(**gears.model_dump())
     if not name and model != "train":
         raise click.UsageError("gears is missing: the file describes a train only (--model train)")
-    relieved = _relieved(mapping, pair)
+    drawn = "gears" in mapping
     if model == "one_degree":
         output.name_gears(name)
+        relieved = drawn and _relieved(mapping, pair)
+        if drawn and not relieved:
+            output.words(pair.force_note)
         return relieved or pair
     # Only here: a pair does not pay for trains.
     from gearlib import SixDegreePair
@@ -243,13 +248,6 @@ def _model(mapping, gears, name, model):
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
-    kind = settings.train.kind
-    if relieved is not None and (model == "six_degrees" or kind in OF_PAIRS):
-        asked = f"train.kind = {kind!r}" if model == "train" else f"model = {model!r}"
-        raise click.UsageError(
-            f"{asked} is not allowed: its meshes carry no tip relief or errors of teeth, which "
-            "these gears have; it must be the model 'one_degree'"
-        )
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
@@ -257,13 +255,9 @@ def _model(mapping, gears, name, model):
 
 
 def _relieved(mapping, pair):
-    """Return the model of drawn gears whose flanks are no involutes, None of all others."""
-    if "gears" not in mapping:
-        return None
-    from gearlib.models.described_pair import described
-
+    """Return the pairs of teeth of drawn gears with relief or errors, at one speed; else None."""
     drawing = load(mapping, "the configuration").gears
-    if not drawing.relief():
+    if not drawing.relief() or click.get_current_context().info_name not in _OF_ONE_SPEED:
         return None
     for name, value in drawing.pair().items():
         if getattr(pair, name) != value:
@@ -271,7 +265,15 @@ def _relieved(mapping, pair):
                 f"{name} = {getattr(pair, name)!r} is not allowed: it must be {value!r}, that of "
                 "the drawing, whose gears have tip relief or errors"
             )
-    return described(pair.as_dict() | drawing.relieved())
+    from gearlib.models.load_sharing_pair import tooth_pairs_of
+
+    model = tooth_pairs_of(
+        drawing.mesh(),
+        torque=drawing.driving_torque(),
+        stiffness=drawing.stiffness or "iso",
+        options=drawing.stiffness_options,
+    )
+    return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
 
 
 def choose_damping(settings, name):

@@ -132,8 +132,7 @@ class _Common(Section):
         """Return targets that nobody names and whose section says what is no default."""
         default = type(self.tolerances).model_fields["parameters"].default
         said = self.tolerances.parameters != default or self.tolerances.correlations
-        # Where flanks are no involutes the section may be meant for a command.
-        return ["tolerances"] if said and not self.relieved() else []
+        return ["tolerances"] if said else []
 
     def wanted(self):
         """Return the targets; where none are named, those that can be about these gears."""
@@ -225,14 +224,6 @@ class _Common(Section):
     def pair_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for one damping, by its name."""
         return self.damped_parameters(self.dampings[damping])
-
-    def model_parameters(self, damping):
-        """Return the argument of `gearlib.models.described_pair.described` for one damping."""
-        return self.pair_parameters(damping) | self.relieved()
-
-    def relieved(self):
-        """Return what that argument has beside the gear pair: the drawing of relieved teeth."""
-        return self.gears.relieved() if self.gears else {}
 
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""

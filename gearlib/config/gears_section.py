@@ -118,22 +118,7 @@ class Gears(MethodSection, DrawnPair):
     @model_validator(mode="after")
     def _check(self):
         self.pair()
-        self._check_relief()
         return self
-
-    def _check_relief(self):
-        """Refuse relief of gears whose pairs of teeth do not touch one by one."""
-        if self.relief():
-            from gearlib.models.geometry.drawn_parameters import of_tooth_pairs
-
-            names, find = self.stiffness_options or (), self.mesh().transmission_error
-            torque = self.driving_torque()
-
-            def derive():
-                given = of_tooth_pairs(self.stiffness or "iso", self.stiffness_options)
-                return find(torque, phases=8, **given)
-
-            drawing.derived("gears", derive, names)
 
     def mesh(self):
         """Return the `gearlib.geometry.Mesh`; gears that cannot be are refused by their keys."""
@@ -148,10 +133,6 @@ class Gears(MethodSection, DrawnPair):
         from gearlib.models.geometry.drawn_parameters import torque_of
 
         return drawing.rounded(torque_of(self.torque, self.power, self.speed))
-
-    def relieved(self):
-        """Return what `gearlib.models.described_pair.described` takes of relief, as a dict."""
-        return {"drawing": self.described()} if self.relief() else {}
 
     def described(self):
         """Return the drawing, its stiffness and torque as the library takes them, as a dict."""

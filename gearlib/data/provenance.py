@@ -46,6 +46,7 @@ def attributes(title, pair, *, method, **parameters):
         "references": pair.references,
         "gear_pair" if pair.mesh else "model": _parameters_of(pair),
         "parameters": canonical_json(parameters),
+        **({"comment": pair.force_note} if pair.force_note else {}),
     }
 
 

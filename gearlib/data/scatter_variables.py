@@ -36,7 +36,7 @@ QUANTITIES = {
     "peak": ("m", "largest displacement of the main resonance, up to its first fold"),
     "peak_dynamic_factor": (
         "1",
-        "largest K_v of the main resonance, up to its first fold",
+        "largest mesh force over load of the main resonance, up to its first fold",
     ),
     "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
     "force": ("N", "largest mesh force at the duty point"),

@@ -16,7 +16,6 @@ module                responsibility
 ``parameter_values``  the numbers of a model that can be read and changed by name
 ``pair_parameters``   what a `GearPair` is given
 ``tolerated``         what of a pair and of drawn gears may scatter
-``described_pair``    the smallest model that carries a pair, from plain values
 ``from_values``       from the text of a dataset back to its model
 ``with_pair``         what models that contain a `GearPair` offer of it
 ``oscillator``        the equation that all models of one degree share

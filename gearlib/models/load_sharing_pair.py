@@ -21,6 +21,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
+from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
     ToothPairs,
     checked_errors,
@@ -350,3 +351,21 @@ class LoadSharingPair(WithPair):
         """Return the parameters as plain values, in the order of the fields."""
         own = {name: value for name, value in asdict(self).items() if name != "pair"}
         return {**self.pair.as_dict(), **own}
+
+
+def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):
+    """Return the `LoadSharingPair` of drawn gears.
+
+    The stiffness is by default that of the energy method, or of ISO 6336 where a bore is too large
+    for it. Of its options pairs of teeth take the coupling; `load` are the other arguments of
+    `LoadSharingPair.from_geometry`.
+    """
+    if stiffness is None:
+        try:
+            PairCompliance(mesh)
+            stiffness = "energy"
+        except ValueError:
+            stiffness = "iso"
+    if stiffness == "energy" and "coupling" in (options or {}):
+        load["coupling"] = options["coupling"]
+    return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **load)

@@ -64,6 +64,8 @@ class Model:
     long_names: dict = {}
     #: What titles of datasets call the model.
     title_noun: str = "a gear mesh"
+    #: What is to be said of its forces beside results, or "".
+    force_note: str = ""
     #: The source of the model.
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
     #: name of a field -> its value by default, from the model

@@ -71,6 +71,11 @@ class OneDegreePair(WithPair):
         check(self)
 
     @property
+    def force_note(self):
+        """Return the sentence on forces of its pair where the profile is rectangular."""
+        return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
+
+    @property
     def parameters(self):
         """As of `Model.parameters`: the numbers that it adds to the pair."""
         return named(type(self))

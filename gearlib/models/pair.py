@@ -27,7 +27,7 @@ from gearlib import checks, parameters
 from gearlib.models import parameter_values
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.models.stiffness import mean_over_max
+from gearlib.models.stiffness import force_note, mean_over_max
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
@@ -56,6 +56,11 @@ class GearPair(PairParameters, Model):
         "backlash_damping_ratio",
         "backlash_ratio",
     )
+
+    @property
+    def force_note(self):
+        """Return the sentence that its forces jump, "" where the stiffness is constant."""
+        return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     def __post_init__(self):
         parameters.check(self)

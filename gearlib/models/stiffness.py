@@ -17,6 +17,17 @@ def mean_over_max(contact_ratio, stiffness_ratio):
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
 
+def force_note(stiffness_ratio):
+    """Return the sentence that forces of a rectangular stiffness are no dynamic factors."""
+    if stiffness_ratio == 1.0:
+        return ""
+    return (
+        f"The mesh force of a rectangular stiffness jumps by 1/kappa = {1.0 / stiffness_ratio:.4g} "
+        "where a pair of teeth enters, at every speed: its largest value is not a K_v. Tip relief "
+        "and pitch errors are left out."
+    )
+
+
 def levels(contact_ratio, stiffness_ratio):
     """Return (C_max / C_s, C_min / C_s)."""
     high = 1.0 / mean_over_max(contact_ratio, stiffness_ratio)

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from gearlib.models.described_pair import described
+from gearlib.models.pair import GearPair
 from gearlib.rig.measured import read_measured
 from gearlib.runs.simulation import simulate
 
@@ -34,7 +34,7 @@ def compute(path, pairs, run):
     """
     rig = read_measured(path)
     names = [name for name in SCALES if name in rig]
-    models = {name: described(arguments) for name, arguments in pairs.items()}
+    models = {name: GearPair(**arguments) for name, arguments in pairs.items()}
     groups = _courses(rig)
     shape = len(groups), len(names)
     over = {"course": len(groups), "observable": len(names), "damping": len(models)}

@@ -5,7 +5,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from gearlib.analysis.order_maps import order_map
-from gearlib.models.described_pair import described
+from gearlib.models.pair import GearPair
 from gearlib.rig.measured import read_measured
 from gearlib.rig.measured_courses import SCALES
 from gearlib.runs.run_up import run_up
@@ -30,7 +30,7 @@ def compute(path, pairs):
     """
     rig = read_measured(path)
     names = [name for name in SCALES if name in rig]
-    models = {name: described(arguments) for name, arguments in pairs.items()}
+    models = {name: GearPair(**arguments) for name, arguments in pairs.items()}
     teeth = int(next(iter(models.values())).teeth)
     tracks = [_track(rig.isel(sample=own), names, models, teeth) for own in _run_ups(rig)]
     most = max((speed.size for speed, *_ in tracks), default=0)

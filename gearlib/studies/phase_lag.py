@@ -13,7 +13,7 @@ import xarray as xr
 
 from gearlib.analysis import lyapunov
 from gearlib.data.variables import describe
-from gearlib.models.described_pair import described
+from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
 
@@ -43,7 +43,7 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     rounding decides on which orbit a motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period}
-    models = [described(pair | {"material_damping": k}) for k in dampings]
+    models = [GearPair(**pair | {"material_damping": k}) for k in dampings]
     shown = [simulate(model, tuning, **run) for model in models]
     first = [[harmonic_lags(simulate(m, nu, **run), 1)[0] for nu in tunings] for m in models]
     rest = (0.0, 0.0)

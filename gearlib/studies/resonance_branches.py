@@ -14,7 +14,7 @@ from gearlib.analysis.orbits.loci import locus
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data.variables import describe
-from gearlib.models.described_pair import described
+from gearlib.models.pair import GearPair
 
 #: States from which orbits are looked for at the ends: near the static deflection, then from rest.
 _GUESSES = ((1.0, 0.0), None)
@@ -24,12 +24,12 @@ _ACROSS = 1e-9
 
 def of_damping(pair, settings, damping):
     """Return the branches of the pair of these parameters, labelled with a name."""
-    return describe(compute(described(pair), **settings).assign_coords(damping=damping))
+    return describe(compute(GearPair(**pair), **settings).assign_coords(damping=damping))
 
 
 def loci_of(pair, branches, start, stop, lowest, highest):
     """Return the loci of the pair of these parameters; others as of `compute_loci`."""
-    return compute_loci(described(pair), branches, start, stop, lowest, highest)
+    return compute_loci(GearPair(**pair), branches, start, stop, lowest, highest)
 
 
 def compute(pair, start, stop, **settings):

@@ -10,7 +10,7 @@ import xarray as xr
 
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.result import result
-from gearlib.models.described_pair import described
+from gearlib.models.pair import GearPair
 from gearlib.runs.run_up import run_up
 
 #: Points of a curve, and columns of an order map, in each direction.
@@ -30,7 +30,7 @@ def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
     deflections), NaN where a run has fewer revolutions than points. The map is that of the dynamic
     force, as of `gearlib.order_map`, blocks next to each other joined by their powers.
     """
-    model = described(pair)
+    model = GearPair(**pair)
     ends = [float(model.speed(nu)) for nu in (start, stop)]
     shape = len(revolutions), len(DIRECTIONS), _POINTS
     columns = {name: np.full(shape, np.nan) for name in ("tuning", "largest", "least")}

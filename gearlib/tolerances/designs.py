@@ -12,9 +12,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from gearlib import checks, parameters
-from gearlib.models.described_pair import of_drawing
 from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.relief import PathTable
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.model import is_model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -33,6 +34,8 @@ _BLOCK = 1024
 STARTS = 2
 #: Damping in contact, of which there is one.
 _DAMPINGS = {"damping_ratio", "material_damping", "logarithmic_decrement"}
+#: Positions on the path of contact at which a wave of the flanks is tabulated.
+_POSITIONS = 129
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
 
@@ -95,7 +98,26 @@ class DrawnPair:
         return getattr(getattr(self.mesh, part) if part else self.mesh, field)
 
     def __call__(self, changes):
-        """Return the model of the gears with parts of the drawing changed."""
+        """Return the `GearPair` of the gears with parts of the drawing changed."""
+        mesh, options, (cosine, sine) = self._changed(changes)
+        options["stiffness"] = options.get("stiffness") or "iso"
+        pair = GearPair.from_geometry(mesh, **options)
+        if not cosine and not sine and not OF_FLANKS.keys() & changes.keys():
+            return pair
+        return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
+
+    def at_duty(self, changes):
+        """Return the `LoadSharingPair` of the same gears, for their duty point."""
+        mesh, options, (cosine, sine) = self._changed(changes)
+        if cosine or sine:
+            position = np.linspace(*mesh.path, _POSITIONS)
+            phase = [mesh.phase_of(place) for place in position]
+            gap = -(cosine * np.cos(phase) + sine * np.sin(phase))
+            options["deviation"] = PathTable(tuple(position), tuple(gap))
+        return tooth_pairs_of(mesh, **options)
+
+    def _changed(self, changes):
+        """Return the mesh, the options of the load, and the wave of the flanks."""
         gears = {"pinion": {}, "wheel": {}}
         own: dict = {"backlash": self.mesh.backlash if self.backlash == "drawing" else None}
         own["centre_distance"] = self.mesh.centre_distance
@@ -103,17 +125,12 @@ class DrawnPair:
         if _DAMPINGS & {*changes}:
             options = {name: x for name, x in options.items() if name not in _DAMPINGS}
         wave = [changes.get(name, 0.0) for name in OF_FLANKS]
-        waved = bool(OF_FLANKS.keys() & changes.keys())
         changes = {name: value for name, value in changes.items() if name not in OF_FLANKS}
         for name, value in changes.items():
             part, _, field = name.rpartition(".")
             (gears[part] if part else options if name in OF_LOAD else own)[field] = value
         both = {part: _gear(getattr(self.mesh, part), new) for part, new in gears.items()}
-        model = of_drawing(Mesh(**both, **own), **options)
-        if not waved:
-            return model
-        checks.require(_plain(model), "deviation_cosine", wave[0], "left out beside tip relief")
-        return OneDegreePair(pair=model, deviation=Harmonics((wave[0],), (wave[1],)))
+        return Mesh(**both, **own), options, wave
 
 
 def _gear(gear, changes):
@@ -224,6 +241,17 @@ class Designs:
             words = "a model such as GearPair, of each sample"
             raise checks.refusal("the value of the function", found, words)
         return found
+
+    def at_duty(self, values):
+        """Return the model of one row of values for its duty point."""
+        source = self.source
+        if not isinstance(source, DrawnPair):
+            return self.model(values)
+        return source.at_duty(dict(zip(self.names, map(float, values), strict=True)))
+
+    def nominal_at_duty(self):
+        """Return the nominal model for its duty point."""
+        return self.at_duty(self.tolerances.centres)
 
     def pairs(self, values):
         """Return (pairs, models, refusals) of rows of values.

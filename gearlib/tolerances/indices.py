@@ -69,7 +69,9 @@ def sobol_indices(
             "independent parameters"
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    search = DesignQuantities(designs.nominal, quantities, speed=speed)
+    search = DesignQuantities(
+        designs.nominal, quantities, speed=speed, at_duty=designs.nominal_at_duty
+    )
     k = len(designs.names)
     both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = both[:, :k], both[:, k:]

@@ -1,6 +1,7 @@
 """Quantities of many designs: jumps, onset, peak, duty point; each design is one search."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,8 @@ class DesignQuantities:
         Names of `QUANTITIES`.
     speed : float, optional
         Speed of the duty point, rpm.
+    at_duty : callable, optional
+        Returns the nominal design for its duty point, where that is another model.
 
     Attributes
     ----------
@@ -50,29 +53,35 @@ class DesignQuantities:
         Naming the argument, its value and the allowed range.
     """
 
-    def __init__(self, model, quantities, *, speed=None):
+    def __init__(self, model, quantities, *, speed=None, at_duty=None):
         self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
         duty = _DUTY & set(self.quantities)
-        _check_model(model, duty, set(self.quantities) - duty, speed)
+        _check_model(model, set(self.quantities) - duty)
         self.speed = speed
         self._orbit: Any = None
         if duty:
-            tuning = check_speed(model, "speed", speed)
-            self._orbit = periodic_orbit(model, tuning, period=model.repeats)
+            own = at_duty() if at_duty else model
+            _check_duty(own, duty, speed)
+            tuning = check_speed(own, "speed", speed)
+            self._orbit = periodic_orbit(own, tuning, period=own.repeats)
         self._resonant = [_SPEEDS.get(name, name) for name in self.quantities if name not in duty]
-        self.nominal = self(model)[0]
+        self.nominal = self(model, at_duty)[0]
 
-    def __call__(self, model):
-        """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found."""
+    def __call__(self, model, at_duty=None):
+        """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found.
+
+        `at_duty` returns the model of its duty point, by default the same.
+        """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
         resonance: Any = None
         if self._resonant:
             resonance = main_resonance(model, self._resonant)
-        summary = self._duty_summary(model) if self._orbit is not None else None
+        duty = at_duty() if at_duty and self._orbit is not None else model
+        summary = None if self._orbit is None else self._duty_summary(duty)
         for i, name in enumerate(self.quantities):
             if name in _DUTY:
-                values[i] = _of_summary(name, model, summary, self._orbit.period)
+                values[i] = _of_summary(name, duty, summary, self._orbit.period)
             else:
                 values[i] = _of_resonance(name, model, resonance)
             if np.isfinite(values[i]):
@@ -95,13 +104,9 @@ class DesignQuantities:
         return None
 
 
-def _check_model(model, duty, of_resonance, speed):
-    """Refuse quantities that a model does not have."""
-    if model.speed is None:
-        raise ValueError(
-            f"model = {type(model).__name__} is not allowed: nothing turns in this model"
-        )
-    if duty and speed is None:
+def _check_duty(model, duty, speed):
+    """Refuse quantities of the duty point that a model does not have."""
+    if speed is None:
         raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
     if duty & SHARES and not model.mesh_names:
         name = min(duty & SHARES)
@@ -110,6 +115,14 @@ def _check_model(model, duty, of_resonance, speed):
         raise ValueError(
             "quantities = 'transmission_error' is not allowed for a model with deviations of "
             "the flanks: its displacement is that of the flanks"
+        )
+
+
+def _check_model(model, of_resonance):
+    """Refuse quantities of the resonance that a model does not have."""
+    if model.speed is None:
+        raise ValueError(
+            f"model = {type(model).__name__} is not allowed: nothing turns in this model"
         )
     one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
     if of_resonance and not one_degree and model.equation is not None:
@@ -171,6 +184,6 @@ def of_designs(search, designs, values, done=lambda count: None):
         refusals += texts
         for i, model in enumerate(models, first):
             if model is not None:
-                found[i], codes[i] = search(model)
+                found[i], codes[i] = search(model, partial(designs.at_duty, values[i]))
         done(len(models))
     return found, codes, refusals

@@ -154,7 +154,9 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
             coords |= {"direction": list(runs.directions), over: runs.rates}
             said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
         if quantities:
-            search = DesignQuantities(designs.nominal, quantities, speed=asked.speed)
+            search = DesignQuantities(
+                designs.nominal, quantities, speed=asked.speed, at_duty=designs.nominal_at_duty
+            )
             found = of_designs(search, designs, values, newly)
             data |= _of_quantities(search, found)
             refusals = refusals or found[2]

@@ -10,7 +10,7 @@ from gearlib.tolerances.scatter import shard as shard_of
 def model_of(pair, drawing=None):
     """Return what scatters: a `GearPair` by its parameters, or its drawing.
 
-    `drawing`: as of `gearlib.models.described_pair.described`; dampings are those of the pair.
+    `drawing`: what `Gears.described` returns; dampings are those of the pair.
     """
     model = GearPair(**pair)
     if drawing is None:

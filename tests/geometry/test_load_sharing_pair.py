@@ -1,5 +1,6 @@
 """Pairs of teeth that touch one by one: closed forms, scipy event by event, limits, refusals."""
 
+import cmath
 import dataclasses
 import math
 
@@ -8,14 +9,23 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
-from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, simulate
+from gearlib import (
+    GearPair,
+    Harmonics,
+    LoadSharingPair,
+    OneDegreePair,
+    duty_point,
+    simulate,
+)
+from gearlib.analysis.duty_point import SLOWEST_TUNING
 from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
-from gearlib.models.geometry.load_sharing import pairs_at
+from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
+ON_PATH = {"corner_contact": False}  #: the nominal path of contact alone has closed forms
 FAR = 5e-3  #: m of backlash, which no motion crosses
 C = 3e8  #: N/m, of a pair of teeth where it is constant
 
@@ -28,7 +38,7 @@ def constant(mesh, **changes):
     """Return a model whose pairs of teeth have a constant stiffness, without a shared body."""
     pair = GearPair.from_geometry(mesh, **OPTIONS)
     return LoadSharingPair(
-        pair=pair, drawing=mesh, stiffness=PathTable((0.0,), (C,)), phases=8, **changes
+        pair=pair, drawing=mesh, stiffness=PathTable((0.0,), (C,)), phases=8, **ON_PATH, **changes
     )
 
 
@@ -53,7 +63,7 @@ def test_reliefs_begin_at_a_cut_of_the_phase(teeth):
 )
 def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
     """The closed forms of `GearPair`, both flanks included."""
-    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **OPTIONS)
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **ON_PATH, **OPTIONS)
     run = {"periods": 60, "record_periods": 2, "samples_per_period": 64}
     ours, theirs = simulate(model, 0.9, **run), simulate(model.pair, 0.9, **run)
     assert theirs.bounces > 0.0 or theirs.displacement_min > 0.0
@@ -79,7 +89,8 @@ def test_a_deviation_of_all_pairs_is_that_of_one_degree():
     shift = (mesh.contact_ratio - 1.0) / 2.0
     phase = math.tau * ((position - start) / mesh.base_pitch - shift)
     table = PathTable(tuple(position), tuple(size * np.sin(order * phase)))
-    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", deviation=table, **OPTIONS)
+    more = {"deviation": table} | ON_PATH | OPTIONS
+    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **more)
     other = OneDegreePair(pair=model.pair, deviation=Harmonics((), (0.0, 0.0, -size)))
     run = {"periods": 100, "record_periods": 1, "samples_per_period": 64}
     for tuning in (0.25, 0.6, 0.9):
@@ -90,25 +101,27 @@ def test_a_deviation_of_all_pairs_is_that_of_one_degree():
     assert (theirs.bounces > 0.0) and abs(gap).max() > 0.1
 
 
-def test_pairs_that_share_a_body_against_scipy():
+@pytest.mark.parametrize("corners", [False, True])
+def test_pairs_that_share_a_body_against_scipy(corners):
     """Forces by non-negative least squares at every evaluation, in steps within the segments."""
-    mesh = optimum_relief(with_backlash(fzg_c(), FAR), TORQUE / 2.0, length="long", stiffness="iso")
-    model = LoadSharingPair.from_geometry(mesh, stiffness="iso", phases=8, **OPTIONS)
+    torque = TORQUE / (8.0 if corners else 2.0)
+    mesh = optimum_relief(with_backlash(fzg_c(), FAR), torque, length="long", stiffness="iso")
+    more = {"stiffness": "iso", "phases": 8, "corner_contact": corners}
+    model = LoadSharingPair.from_geometry(mesh, **more, **OPTIONS)
     tuning, starts = 0.8, model.tables[0].starts
     shift = (mesh.contact_ratio - 1.0) / 2.0
 
-    def pairs(tau, number):
-        at = np.array([tau / math.tau + shift])
-        return pairs_at(mesh, at, np.array([number]), stiffness="iso")
+    def pairs(tau, middle):
+        at = np.array([tau, middle]) / math.tau + shift
+        return pairs_at(mesh, *at[:, None], stiffness="iso", corners=corners, load=model.load)
 
     # By the model's own time, on which the tuning is linear.
     state = np.array([-0.5, 1.5 * tuning])
     for left, right in zip(starts, starts[1:], strict=False):
         middle = (left + right) / 2.0
-        number = math.floor(middle / math.tau + shift)
-        there = pairs(middle, number).inside[0]
-        root = np.linalg.cholesky(pairs(middle, number).compliance[0][np.ix_(there, there)])
-        ends = [pairs(tau, number).gap[0, there] / model.static_deflection for tau in (left, right)]
+        there = pairs(middle, middle).inside[0]
+        root = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(there, there)])
+        ends = [pairs(tau, middle).gap[0, there] / model.static_deflection for tau in (left, right)]
         slip = (ends[1].min() - ends[0].min()) / (right - left)
 
         def rhs(tau, z, left=left, right=right, root=root, ends=ends, slip=slip):
@@ -132,7 +145,7 @@ def test_pairs_that_share_a_body_against_scipy():
 def test_slow_motion_follows_the_static_transmission_error(options):
     mesh = optimum_relief(fzg_c(), TORQUE / 2.0, length="long")
     model = LoadSharingPair.from_geometry(
-        mesh, torque=TORQUE, damping_ratio=0.7, phases=256, **options
+        mesh, torque=TORQUE, damping_ratio=0.7, phases=256, **ON_PATH, **options
     )
     static = mesh.transmission_error(TORQUE, **options)
     tuning, periods = 0.003, model.repeats
@@ -149,6 +162,73 @@ def test_slow_motion_follows_the_static_transmission_error(options):
     # Damping and inertia lag behind by 2 beta nu x', some 1e-3; jumps of pitch errors are ramps.
     off = np.abs(run.displacement.values - expected)
     assert off.mean() < 3e-3 and np.quantile(off, 0.97) < 2e-2
+
+
+def spur(helix_angle=0.0, relief=None, width=32e-3):
+    common = {"module": 4e-3, "width": width, "helix_angle": helix_angle, "tip_relief": relief}
+    gears = SpurGear(teeth=19, shift=0.3, **common), SpurGear(teeth=47, **common)
+    return Mesh(*gears, backlash=120e-6)
+
+
+RELIEF = TipRelief(amount=15e-6, length=2e-3)
+SLOW = {
+    "spur": (spur(), 210.0),
+    "relieved": (spur(relief=RELIEF), 210.0),
+    "ring gear": (ring(outer_diameter=0.44), TORQUE),
+    "high contact ratio": (high(), TORQUE),
+    "little helix": (spur(helix_angle=0.02, relief=RELIEF), 210.0),
+    "helical": (spur(helix_angle=0.3), 400.0),
+    "wide": (spur(helix_angle=0.35, width=80e-3), 400.0),
+}
+
+
+def test_corners_close_as_printed_in_closed_form():
+    mesh = spur()
+    before = np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.10, 0.15])
+    gap = corner_gap(mesh, mesh.path[0] - before * mesh.base_pitch)
+    expected = [0.31, 1.23, 2.79, 7.79, 20.15, 31.70, 72.52]
+    np.testing.assert_allclose(1e6 * gap, expected, atol=0.006)
+
+
+@pytest.mark.parametrize("mesh", [fzg_c(), ring(outer_diameter=0.44)])
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_corner_leaves_the_flank_by_the_gap(mesh, end):
+    """Both bodies turn on from the end of the path; points of the plane are complex numbers."""
+    sign, alpha = mesh.wheel.sign, mesh.working_pressure_angle
+    radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
+    centres, rates = (0.0, sign * mesh.centre_distance), (1.0, -sign * radii[0] / radii[1])
+
+    def contact(position):
+        return (radii[0] + 1j * position) * cmath.exp(-1j * alpha)
+
+    flank, tip = end, 1 - end
+    away = (2 * end - 1) * 0.04 * mesh.base_pitch
+    turned = cmath.exp(1j * rates[tip] * away / radii[0])
+    corner = (contact(mesh.path[end]) - centres[tip]) * turned + centres[tip] - centres[flank]
+    # The point of the flank that is as far from its axis, where it is now.
+    roll = math.sqrt(abs(corner) ** 2 - radii[flank] ** 2)
+    place = sign * (mesh.wheel_roll_length(0.0) - roll) if end else roll
+    back = cmath.exp(1j * rates[flank] * (mesh.path[end] + away - place) / radii[0])
+    angle = cmath.phase(corner / ((contact(place) - centres[flank]) * back))
+    gap = float(corner_gap(mesh, np.array(mesh.path[end] + away)))
+    assert gap == pytest.approx(abs(angle) * radii[flank], rel=1e-9) and gap > 1e-7
+
+
+@pytest.mark.parametrize("stiffness", ["iso", "energy"])
+@pytest.mark.parametrize("name", SLOW)
+def test_slow_teeth_carry_their_static_share(name, stiffness):
+    """The dynamic factor is 1, and the force of each pair that of the equilibrium."""
+    mesh, torque = SLOW[name]
+    options = {"torque": torque, "damping_ratio": 0.05, "stiffness": stiffness}
+    point = duty_point(mesh, 1.0, **options)
+    assert point.dynamic_factor == pytest.approx(1.0, abs=0.01) and point.settled == 1
+    model = LoadSharingPair.from_geometry(mesh, **options)
+    run = simulate(model, SLOWEST_TUNING, periods=3, samples_per_period=300)
+    static = tooth_pairs(mesh, 300, load=model.load, corners=True, stiffness=stiffness)
+    expected = static.share([model.load]).force[0]
+    np.testing.assert_allclose(expected.sum(-1), model.load, rtol=1e-9)
+    forces = model.tooth_forces(run.phase, run.displacement)
+    np.testing.assert_allclose(forces, expected, atol=0.01 * model.load)
 
 
 @pytest.mark.parametrize("tuning", [0.5, 0.93])
@@ -170,7 +250,7 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
 def test_at_small_error_the_stiffness_at_the_load_suffices():
     mesh = with_backlash(fzg_c(), FAR)
     mesh = optimum_relief(mesh, TORQUE / 20.0, length="long")
-    model = LoadSharingPair.from_geometry(mesh, phases=256, **OPTIONS)
+    model = LoadSharingPair.from_geometry(mesh, phases=256, **ON_PATH, **OPTIONS)
     other = model.at_load(phases=256, harmonics=40)
     # Both have the static error of the drawing: at rest under the load, y = F / C.
     static = mesh.transmission_error([0.0, TORQUE]).transmission_error.values

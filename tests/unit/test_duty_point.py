@@ -38,8 +38,8 @@ def command(tmp_path, *arguments, relief=False):
 
 def test_it_is_the_settled_run_in_units_of_machines():
     found = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
-    pair = GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
-    run = simulate(pair, speed=6000.0, periods=3000)
+    pair = LoadSharingPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
+    run = simulate(pair, speed=6000.0, periods=1000)
     assert found.mesh_frequency_hertz == pytest.approx(6000.0 / 60.0 * 23, rel=1e-12)
     assert found.static_force == pytest.approx(85.0 / (MESH.pinion.base_diameter / 2), rel=1e-12)
     assert found.dynamic_factor == pytest.approx(float(run.dynamic_force_max), rel=1e-9)
@@ -69,7 +69,7 @@ def test_relief_is_carried_by_pairs_of_teeth():
     both = duty_point(pairs.at_load(), 3000.0)
     assert found.error_peak_to_peak == pytest.approx(both.error_peak_to_peak.item(), rel=0.05)
     assert found.mesh_order_error[0] == pytest.approx(both.mesh_order_error[0].item(), rel=0.05)
-    bare = duty_point(MESH, 3000.0, torque=85.0, damping_ratio=0.1, stiffness="energy")
+    bare = duty_point(MESH, 3000.0, torque=85.0, damping_ratio=0.1)
     assert abs(found.dynamic_factor / bare.dynamic_factor - 1.0) > 0.02
 
 

@@ -18,7 +18,6 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
-    carried,
     each,
     grid_of,
     model_of,
@@ -112,7 +111,6 @@ LABELS = Study(
         files=("labels/{damping}.nc",),
     ),
     results=of_dampings("labels/{damping}.nc"),
-    refusal=carried,
 )
 
 BRANCHES = Study(
@@ -133,7 +131,7 @@ BRANCHES = Study(
         "loci",
         "resonance_branches:loci_of",
         lambda c: {
-            "pair": c.model_parameters(c.branches.loci.damping),
+            "pair": c.pair_parameters(c.branches.loci.damping),
             **c.branches.model_dump(include={"start", "stop"}),
             **c.branches.loci.model_dump(include={"lowest", "highest"}),
         },
@@ -153,7 +151,6 @@ BRANCHES = Study(
         grazings contact is no longer lost, or the far flank no longer reached; where two lines
         of folds meet, hysteresis ends.""",
     ),
-    refusal=carried,
 )
 
 CERTIFICATES = Study(

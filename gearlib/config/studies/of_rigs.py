@@ -24,8 +24,8 @@ def courses(c):
 
 
 def orders(c):
-    """Return the files of those that have run-ups; a model of pairs of teeth has none."""
-    sets = {} if c.relieved() else measured_description.sets(c.measured)
+    """Return the files of those that have run-ups."""
+    sets = measured_description.sets(c.measured)
     return [f"measured/orders/{name}.nc" for name, (_, s) in sets.items() if s.has_run_ups()]
 
 

@@ -6,10 +6,10 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
+    about_forces,
     each,
     grid_of,
     listed,
-    rectangular,
 )
 from gearlib.config.tolerances_section import Tolerances
 
@@ -30,8 +30,6 @@ def _values(c):
 
 def _refusal(c):
     """Return why the gears cannot scatter as the section says, or ""."""
-    if words := rectangular(c):
-        return words
     if c.tolerances.of_drawing() and c.gears is None:
         name = c.tolerances.parameters[0].parameter
         return (
@@ -133,7 +131,7 @@ TOLERANCES_STUDY = Study(
             f"""Above: half of {c.tolerances.samples} designs lies above the line, and all but
         a twentieth at either end within the band; a band for each way in which the speed was
         reached, never a mean of two motions. Below: the share of the designs that lose contact,
-        and of those with two motions. What scatters: {_scattering(c)}."""
+        and of those with two motions. What scatters: {_scattering(c)}. {about_forces(c)}"""
         ),
         second=(
             "tolerance_quantities",

@@ -13,7 +13,6 @@ from gearlib.config.studies.study import (
     Table,
     grid_of,
     listed,
-    rectangular,
     without,
 )
 from gearlib.config.train_section import OF_PAIRS, TrainSweep
@@ -46,8 +45,6 @@ def _given(section):
 
 def _without_teeth(c):
     """Say why the reducer of the configuration cannot be made of its gears."""
-    if words := rectangular(c):
-        return words
     if c.train.kind != "split_power_reducer":
         return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
     for key in _given(c.train.split_power_reducer):
@@ -63,8 +60,6 @@ def _without_teeth(c):
 def _train_without_teeth(c):
     """Say why the train of the configuration cannot be made of its gears."""
     of_pairs = c.train.kind in OF_PAIRS
-    if of_pairs and (words := rectangular(c)):
-        return words
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
     return ""

@@ -15,12 +15,11 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
-    carried,
+    about_forces,
     grid_of,
     listed,
     model_of,
     of_dampings,
-    rectangular,
     run_length,
     sampled_run,
 )
@@ -81,6 +80,7 @@ def _resonance_caption(c):
     ]
     if not gear_names.is_paper(c):
         parts.append("Below: the largest mesh force, over the load and in kN.")
+    parts.append(about_forces(c))
     if "branches" in targets:
         parts.append(
             """Thin lines below: orbits of one mesh period, and of two where they branch off, solid
@@ -91,7 +91,7 @@ def _resonance_caption(c):
             """The strip at the edge classifies the motion from rest, by runs of several kinds and
             its largest Lyapunov exponent."""
         )
-    if "parametric_resonance" in targets and not rectangular(c):
+    if "parametric_resonance" in targets:
         parts.append(
             """Bands: instability tongues, tunings at which the motion without contact loss is
             unstable at that damping."""
@@ -122,7 +122,7 @@ def cases_of(c):
 def _without_scenes(c):
     """Return what is wrong where scenes of other gears than the paper's are asked for: none are."""
     needed = "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
-    return needed if c.gears and not c.scenes else rectangular(c)
+    return needed if c.gears and not c.scenes else ""
 
 
 PHASE_LAG = Study(
@@ -134,7 +134,7 @@ PHASE_LAG = Study(
         "phase_lag:compute",
         lambda c: {
             **c.phase_lag.model_dump(include={"tuning", "harmonics", "periods"}),
-            "pair": c.gear_pair.model_dump() | c.relieved(),
+            "pair": c.gear_pair.model_dump(),
             "dampings": c.phase_lag.material_dampings,
             "tunings": grid_of(c.phase_lag),
             "samples_per_period": c.run.samples_per_period,
@@ -152,7 +152,6 @@ PHASE_LAG = Study(
         gaps: no orbit of one mesh period, or chaos before the motion settles."""
         ),
     ),
-    refusal=carried,
 )
 
 RESONANCE = Study(
@@ -193,7 +192,6 @@ RESONANCE = Study(
         _resonance_caption,
         _of_resonance,
     ),
-    refusal=carried,
 )
 
 RUN_UPS = Study(
@@ -205,7 +203,7 @@ RUN_UPS = Study(
         "run_ups:compute",
         lambda c: {
             **c.run_ups.model_dump(include={"start", "stop", "damping", "revolutions"}),
-            "pair": c.model_parameters(c.run_ups.damping),
+            "pair": c.pair_parameters(c.run_ups.damping),
             "mesh_orders": c.run_ups.orders,
         },
     ),
@@ -225,7 +223,7 @@ RUN_UPS = Study(
         the folds; a run-up jumps behind them, the further the faster. Below: the order map of the
         mesh force of the slowest one, Fourier integrals over whole revolutions; z: teeth. Smallest
         model: one degree of freedom with two levels of stiffness, whose run-ups are closed
-        forms."""
+        forms. {about_forces(c)}"""
         ),
     ),
 )
@@ -268,7 +266,6 @@ PHASE_PLANES = Study(
         ),
         _colours,
     ),
-    refusal=carried,
 )
 
 SCENES = Study(

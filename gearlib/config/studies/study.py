@@ -13,6 +13,7 @@ from typing import NamedTuple
 from gearlib import tunings
 from gearlib.config import gear_names
 from gearlib.config.trials import PEERS
+from gearlib.models.stiffness import force_note
 
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
@@ -84,28 +85,14 @@ class Drawing(NamedTuple):
         return first | ({self.second[0]: self.second[1:]} if self.second else {})
 
 
-def rectangular(c):
-    """Return that the gears must have no relief, of studies of rectangular stiffness, or ""."""
-    key = c.gears.relief() if c.gears else ""
-    return key and (
-        f"gears.{key} is not allowed: it must be left out, the rectangular mesh stiffness "
-        "carries no tip relief or errors of teeth"
-    )
-
-
-def carried(c):
-    """Return that nothing is refused, of studies by `model_of`, or of other gears."""
-    return ""
-
-
 class Study:
     """One study: target ``name`` of the workflow, and section of the configuration or None.
 
     `part` is that of the report, `rules` are Jobs, Tables and Drawings; `results` are further files
     that the target asks for, `needs` whether a configuration has anything to study, `unasked`
     whether it is computed where none names targets, `gears` the name of those that it is about,
-    `refusal` why it cannot take the gears of a configuration, in a sentence, or "": by default that
-    they have tip relief or errors of teeth. All but `unasked` are functions of the configuration.
+    `refusal` why it cannot take the gears of a configuration, in a sentence, or "". All but
+    `unasked` are functions of the configuration.
     """
 
     def __init__(
@@ -118,7 +105,7 @@ class Study:
         needs=lambda c: True,
         unasked=True,
         gears=gear_names.of_pair,
-        refusal=rectangular,
+        refusal=lambda c: "",
     ):
         self.name, self.section, self.part = name, section, part
         self.jobs = [one for one in rules if isinstance(one, Job)]
@@ -126,6 +113,11 @@ class Study:
         self.drawings = [one for one in rules if isinstance(one, Drawing)]
         self.results, self.needs, self.unasked = results, needs, unasked
         self.gears, self.refusal = gears, refusal
+
+
+def about_forces(c):
+    """Return the sentence on the forces of drawn gears, "" of others."""
+    return force_note(c.gear_pair.stiffness_ratio) if c.gears else ""
 
 
 def for_targets(words, *names):
@@ -182,7 +174,7 @@ def models_of(c):
 
 def model_of(c):
     """Return the function of wildcards that gives the parameters of the model of a job."""
-    return lambda wildcards: c.model_parameters(wildcards.damping)
+    return lambda wildcards: c.pair_parameters(wildcards.damping)
 
 
 def each(pattern, names):

@@ -94,18 +94,6 @@ def rectangle(mesh, method, **options):
     return tuple(mesh.stiffness(method, **options).ratios().values())
 
 
-def of_tooth_pairs(stiffness, options):
-    """Return the options of a stiffness, "iso" or "energy", as single pairs of teeth take them."""
-    options = checks.options(options)
-    for name in options:
-        if (stiffness, name) != ("energy", "coupling"):
-            raise ValueError(
-                f"{name} is not allowed: it must be left out, tip relief and errors of teeth take "
-                "the coupling of the energy method only"
-            )
-    return {"stiffness": stiffness, **options}
-
-
 def torque_of(torque, power, speed):
     """Return the torque of the pinion, N m, given itself or by power in W and speed in rpm."""
     if (torque is None) == (power is None) or (power is not None and speed is None):

@@ -263,17 +263,20 @@ def corner_gap(mesh, position):
     if its involutes went on, the gap along the line of action.
     """
     start, end = mesh.path
-    entering = _gap_to_corner(mesh, mesh.pinion, mesh.wheel, np.minimum(position, start))
-    leaving = _gap_to_corner(mesh, mesh.wheel, mesh.pinion, np.maximum(position, end))
+    entering = _gap_to_corner(mesh, "pinion", np.minimum(position, start))
+    leaving = _gap_to_corner(mesh, "wheel", np.maximum(position, end))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
-def _gap_to_corner(mesh, flank, corner, position):
-    """Return the gap between a gear's flank and the tip corner of the other, m."""
+def _gap_to_corner(mesh, name: str, position):
+    """Return the gap between the flank of the pinion or wheel and the other's tip corner, m."""
+    flank, corner = mesh.pinion, mesh.wheel
+    if name == "wheel":
+        flank, corner = corner, flank
     sign, angle, base = mesh.wheel.sign, mesh.working_pressure_angle, flank.base_diameter / 2.0
     turned = (position - mesh.pitch_point) / base  # rotation from contact at the pitch point
     centre = mesh.centre_distance * (1 if sign == 1 else -flank.sign)
-    if flank is mesh.wheel:
+    if name == "wheel":
         turned = -sign * turned
     tip = corner.tip_diameter / 2.0
     tip_angle = math.acos(corner.base_diameter / corner.tip_diameter)

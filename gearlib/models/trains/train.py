@@ -9,6 +9,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data.numbers_given import floats
+from gearlib.models.stiffness import force_note
 from gearlib.models.trains import assembly, natural_modes, statics, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -66,6 +67,11 @@ class GearTrain(TrainResults):
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
         "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
     )
+
+    @property
+    def force_note(self):
+        """Return the sentence on forces of the mesh whose stiffness changes most."""
+        return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
     def __post_init__(self):
         check(self)
