@@ -331,7 +331,7 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
     mesh, load = drawing.mesh(), drawing.load()
     rows = gear_table.compute(mesh, damping=damping, options=options, **load)
     if drawing.speed is not None and drawing_options.damped(mapping):
-        own = {"stiffness": drawing.stiffness or "iso", "options": drawing.stiffness_options}
+        own = {"stiffness": drawing.stiffness, "options": drawing.stiffness_options}
         with progress.clock("following the motion until it settles"):
             rows += gear_table.duty_rows(mesh, damping=damping, **load, **own)
     output.name_gears(gear_names.of_drawing(drawing), shown=form == "text")

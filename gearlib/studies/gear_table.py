@@ -44,15 +44,19 @@ def compute(mesh, *, damping=None, options=None, **load):
     return [*_of_gears(mesh), *_of_mesh(mesh, pairs["iso"]), *_of_stiffness(pairs)]
 
 
-def duty_rows(mesh, speed, *, damping=None, **load):
-    """Return the rows of the duty point at a speed in rpm; other arguments as of `compute`."""
+def duty_rows(mesh, speed, *, damping=None, stiffness=None, options=None, **load):
+    """Return the rows of the duty point at a speed in rpm.
+
+    stiffness, options: those of `gearlib.duty_point`; other arguments are those of `compute`.
+    """
     # Here: the table without it does not load the kernels.
     from gearlib.analysis.duty_point import duty_point
 
     load["torque"] = torque_of(load.pop("torque", None), load.pop("power", None), speed)
-    pair = GearPair.from_geometry(mesh, **load).replace(**(damping or {}))
-    names = ("damping_ratio", "backlash_damping_ratio")
-    found = duty_point(mesh, speed, **load, **{name: getattr(pair, name) for name in names})
+    pair = GearPair.from_geometry(mesh, stiffness=stiffness or "iso", options=options, **load)
+    pair = pair.replace(**(damping or {}))
+    load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
+    found = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
     lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0)}
     for name, variable in found.data_vars.items():
         unit, scale = lengths.get(variable.units, (variable.units, 1.0))

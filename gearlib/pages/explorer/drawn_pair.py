@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import config
 from gearlib.config.gears_section import TWENTY, Gears
 from gearlib.geometry import Mesh, TipRelief
-from gearlib.models.load_sharing_pair import LoadSharingPair
+from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.pair import GearPair
 from gearlib.pages.explorer.explored import Explored, Slider, saved, slider_of
 from gearlib.pages.explorer.view import PAIR, look
@@ -17,7 +17,7 @@ from gearlib.pages.explorer.view import PAIR, look
 #: of the literature on backlash, under 106 N per mm of width.
 START = TWENTY | {"backlash": 100e-6, "torque": 300.0}
 #: Keys of a drawing that the sliders replace.
-_REPLACED = "centre_distance", "torque", "power", "speed", "stiffness", "stiffness_options"
+_REPLACED = "centre_distance", "torque", "power", "speed"
 #: Keys of a gear that a setting decides on.
 _SET = "tip_relief", "pitch_errors"
 #: Loads of the Harris map beside the chosen one, over that at the start.
@@ -33,12 +33,8 @@ _LOWEST, _HIGHEST = 0.2, 2.2
 LENGTHS = {"short": 0.5, "long": 1.0}
 #: Where the drawing has relief: its lengths and shapes, amounts in their proportion.
 OWN = "as drawn"
-#: What moves, and speeds of its characteristic; of pairs of teeth each takes twenty times longer.
-POINTS = {"rectangle": 500, "teeth": 60}
-_MODELS = {
-    "rectangular stiffness, no relief": "rectangle",
-    "pairs of teeth one by one, with relief": "teeth",
-}
+#: Speeds of the characteristic.
+POINTS = 500
 
 
 class Drawing(Explored):
@@ -69,12 +65,7 @@ class Drawing(Explored):
         errors = bool(pinion.pitch_errors or wheel.pitch_errors)
         amount = max(reliefs, default=0.0)
         lengths = [OWN, *LENGTHS] if amount else [*LENGTHS]
-        # Only pairs of teeth move with relief and pitch errors.
-        models = dict(reversed(_MODELS.items()) if amount or errors else _MODELS.items())
-        self.choices = {
-            "length": ("length of the reliefs", lengths),
-            "model": ("what moves", models),
-        }
+        self.choices = {"length": ("length of the reliefs", lengths)}
         if errors:
             self.choices["errors"] = "pitch errors", {OWN: True, "none": False}
         self.heading = (
@@ -85,6 +76,10 @@ class Drawing(Explored):
             self.heading += ": an example, since the configuration draws none"
         has = ["tip relief"] * bool(amount) + ["pitch errors"] * errors
         self.heading += f", {' and '.join(has)} as drawn" if has else ""
+        self.heading += (
+            ". The motion at the speed is that of pairs of teeth, the characteristic that of the "
+            "rectangular stiffness."
+        )
         module, shifts = 1e3 * pinion.module, (-1.0, 1.5, 0.01)
         self.sliders = {
             "module": Slider(
@@ -148,15 +143,25 @@ class Drawing(Explored):
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
-    def pair(self, setting, kind=GearPair):
-        """Return the `GearPair`, or another kind of pair, that the sliders stand for."""
-        return kind.from_geometry(
-            self.mesh(setting),
-            torque=setting.torque,
-            damping_ratio=setting.damping,
-            backlash_damping_ratio=self.backlash_damping,
-            stiffness="energy",
+    def _load(self, setting):
+        return {
+            "torque": setting.torque,
+            "damping_ratio": setting.damping,
+            "backlash_damping_ratio": self.backlash_damping,
+            "options": self.section.get("stiffness_options"),
+        }
+
+    def pair(self, setting):
+        """Return the `GearPair` that the sliders stand for."""
+        stiffness = self.section.get("stiffness") or "iso"
+        return GearPair.from_geometry(
+            self.mesh(setting), stiffness=stiffness, **self._load(setting)
         )
+
+    def teeth(self, setting):
+        """Return the `LoadSharingPair` that the sliders stand for."""
+        stiffness = self.section.get("stiffness")
+        return tooth_pairs_of(self.mesh(setting), stiffness=stiffness, **self._load(setting))
 
     def look(self, setting):
         """Return the view of a setting; ValueError if there cannot be such gears."""
@@ -164,16 +169,16 @@ class Drawing(Explored):
         # After so many mesh periods the same teeth meet again.
         count = len(mesh.pitch_errors)
         phases = max(_FEWEST, min(_PHASES, _ALL_PHASES // count))
-        error = mesh.transmission_error([*self.loads, setting.torque], phases=phases)
-        model = pair if setting.model == "rectangle" else self.pair(setting, LoadSharingPair)
-        grid = pair.tuning_at(np.linspace(*self.speeds, POINTS[setting.model]))
-        tuning = pair.tuning_at(setting.speed)
-        count = count if setting.model == "teeth" else 1
+        teeth = self.teeth(setting)
+        torques, stiffness = [*self.loads, setting.torque], teeth.stiffness
+        error = mesh.transmission_error(torques, phases=phases, stiffness=stiffness)
+        grid = pair.tuning_at(np.linspace(*self.speeds, POINTS))
         more = max(0, min(count, _RECORDED) - PAIR.recorded)
         lengths = PAIR._replace(
             **{key: getattr(PAIR, key) + more for key in ("periods", "recorded", "settle")}
         )
-        return look(model, tuning, grid, lengths, mesh=mesh, pair=pair, error=error)
+        tuning = teeth.tuning_at(setting.speed)
+        return look(pair, tuning, grid, lengths, moving=teeth, mesh=mesh, pair=pair, error=error)
 
     def configuration(self, setting):
         """Return the text of a config.yaml of these gears.
@@ -193,7 +198,7 @@ class Drawing(Explored):
                 gears[name]["tip_relief"] = said | rounded
             if gear.pitch_errors:
                 gears[name]["pitch_errors"] = list(gear.pitch_errors)
-        gears |= {"backlash": setting.backlash, "torque": setting.torque, "stiffness": "energy"}
+        gears |= {"backlash": setting.backlash, "torque": setting.torque}
         ratios = {
             "damping_ratio": setting.damping,
             "backlash_damping_ratio": self.backlash_damping,

@@ -33,7 +33,7 @@ class Motion(Curves):
         self.show("roots", seen.multipliers.real, seen.multipliers.imag)
         if seen.orders is not None:
             self.stems("orders", seen.orders)
-        self.marker.location = tuning * unit
+        self.marker.location = float(seen.run.speed) if self.over_speed else tuning
         roots = ", ".join(f"{abs(m):.4g}" for m in seen.multipliers)
         found = f" Floquet multipliers in magnitude: {roots}." if roots else ""
         speed = "" if self.over_speed else f"{rpm * tuning:.0f} rpm. "

@@ -33,7 +33,7 @@ PAIR = Lengths(70, 10, 300, 256)
 class View:
     """What is seen at one setting."""
 
-    model: Any
+    model: Any  #: that moves at the setting
     up: xr.Dataset  #: of a sweep up
     down: xr.Dataset
     run: xr.Dataset  #: of `gearlib.simulate` at the setting
@@ -45,10 +45,13 @@ class View:
     error: xr.Dataset | None = None  #: of `Mesh.transmission_error` at several loads
 
 
-def look(model, tuning, grid, lengths=PAIR, **drawn):
-    """Return the `View` at one tuning, the characteristic on a grid, shape (n,)."""
+def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
+    """Return the `View` at one tuning, the characteristic on a grid, shape (n,).
 
-    def curve(direction):
+    `moving` is the model at that tuning, by default that of the characteristic.
+    """
+
+    def curve(direction, model=model):
         settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
         found = sweep(model, grid, direction=direction, threads=1, **settings)
         return without_growth(found, model.extent)
@@ -56,6 +59,7 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
         up, down = pool.map(curve, ("up", "down"))
+    model = moving or model
     run = simulate(
         model,
         tuning,
