@@ -10,22 +10,18 @@ from typing import Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_spectrum import orders, transmission_error
+from gearlib.analysis.order_spectrum import spectrum, transmission_error
 from gearlib.data.result import result
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
-from gearlib.models.load_sharing_pair import LoadSharingPair, tooth_pairs_of
+from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
-#: Mesh periods that are run first; each further run is as long as all before it.
-_FIRST_PERIODS = 4
-#: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: half a second.
-_MAX_PERIODS, _MAX_STEPS = 10_000, 400_000
+#: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: some 0.3 s.
+_MAX_PERIODS, _MAX_STEPS = 10_000, 300_000
 #: Revolutions that are recorded of a motion that does not repeat, and most mesh periods of these.
 _REVOLUTIONS, _MAX_RECORD = 10, 2000
-#: Tuning below which pairs of teeth move as they do at it: inertia adds less than 1 % to the load.
-SLOWEST_TUNING = 5e-4
 
 
 def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options):
@@ -88,10 +84,10 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
     tuning = check_speed(model, "speed", speed)
-    slow = isinstance(model, LoadSharingPair) and tuning < SLOWEST_TUNING
-    data |= of_run(settled_run(model, SLOWEST_TUNING if slow else tuning, initial_state), model)
-    if slow:
-        hertz = data["mesh_frequency_hertz"] * tuning / SLOWEST_TUNING
+    slowest = model.slowest_tuning
+    data |= of_run(settled_run(model, max(tuning, slowest), initial_state), model)
+    if tuning < slowest:
+        hertz = data["mesh_frequency_hertz"] * tuning / slowest
         data |= {"tuning": tuning, "speed": float(speed), "mesh_frequency_hertz": hertz}
     coords = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     coords |= data.pop("coords")
@@ -102,28 +98,24 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
 
 def settled_run(model, tuning, initial_state=(0.0, 0.0)):
     """Return a run of `simulate` over one orbit, or over whole revolutions if there is none."""
-    limit, state, length, run = _most_periods(model, tuning), initial_state, 0, None
-    step = model.repeats * math.ceil(_FIRST_PERIODS / model.repeats)
-    while run is None or not int(run.period) and length + step <= limit:
+    limit = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
+    repeats = model.repeats
+    state, length, orbit = initial_state, 0, 0
+    step = 2 * repeats
+    while not orbit and length + step <= limit:
         run = _checked_run(model, tuning, step, state, samples_per_period=8)
-        state, length = tuple(run.final_state.values), length + step
+        state, length, orbit = tuple(run.final_state.values), length + step, int(run.period)
         step = length
-    orbit, teeth = int(run.period), round(model.periods_per_revolution)
-    record = orbit or teeth * max(1, min(_REVOLUTIONS, min(limit, _MAX_RECORD) // teeth))
-    # As long again, so that what is recorded has settled to rounding.
-    periods = record + (length if orbit else 0)
+    if orbit:
+        # As long again, so that what is recorded has settled to rounding.
+        record, before = orbit, length if repeats == 1 else repeats
+    else:
+        teeth = round(model.periods_per_revolution)
+        record = teeth * max(1, min(_REVOLUTIONS, min(limit, _MAX_RECORD) // teeth))
+        before = 0 if length else 2
     return _checked_run(
-        model, tuning, periods, state, record_periods=record, samples_per_period=128
+        model, tuning, before + record, state, record_periods=record, samples_per_period=128
     )
-
-
-def _most_periods(model, tuning: float) -> int:
-    """Return how many mesh periods a motion is followed at most."""
-    if not isinstance(model, LoadSharingPair):
-        return _MAX_PERIODS
-    system = model.system(tuning)
-    steps = max(len(system.force) / model.repeats, math.tau / system.longest)
-    return min(_MAX_PERIODS, int(_MAX_STEPS / steps))
 
 
 def _checked_run(model, tuning, periods, state, **options):
@@ -135,9 +127,7 @@ def _checked_run(model, tuning, periods, state, **options):
 
 def of_run(run, model):
     """Return `in_units` of a run over whole revolutions, its first mesh orders, coordinates."""
-    spectrum = orders(run)
-    # Multiples of the mesh frequency; the others come of errors that turn with a shaft.
-    first = spectrum.isel(order=(spectrum.mesh_order % 1 == 0) & (spectrum.mesh_order > 0))
+    first = spectrum(run, mesh_orders=True).isel(order=slice(1, None))
     over = ("mesh_order", *run.displacement.dims[1:])
     data = in_units(run, model)
     data |= {"settled": np.int8(int(run.period) > 0), "period": run.period.values}

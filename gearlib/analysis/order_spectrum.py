@@ -45,6 +45,11 @@ def orders(run, *, count=None):
     if not names <= set(getattr(run, "variables", ())):
         shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
         raise checks.refusal("run", shown, "a dataset of gearlib.simulate, of gears that turn")
+    return spectrum(run, count)
+
+
+def spectrum(run, count=None, mesh_orders=False):
+    """Return what `orders` does, or of the multiples of the mesh frequency only."""
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
     asked = json.loads(run.attrs["parameters"])
@@ -59,18 +64,20 @@ def orders(run, *, count=None):
         )
     most = max(samples // periods // 4, 1)
     count = checks.integer("count", min(10, most) if count is None else count, 1, most)
-    harmonics = np.arange(count * periods + 1)
+    fractions = 1 if mesh_orders else periods
+    harmonics = np.arange(count * fractions + 1) / fractions
     scales = float(run.force_scale), float(run.static_deflection)
     x, force = transmission_error(run), run.dynamic_force.values
     jumps = jump_phases(as_run_up(run), teeth)
     repeats, smooth = orbit and periods % orbit == 0, np.empty(0)
     found, errors = [], []
     for values, own in ((force * scales[0], jumps), (x * scales[1], smooth)):
-        sums, change = _sums(run.phase.values, values, own, periods, harmonics.size, repeats)
+        grid = 1.0 / fractions, harmonics.size
+        sums, change = _sums(run.phase.values, values, own, periods, grid, repeats)
         found.append(sums)
         errors.append(change)
     # A period that begins later turns the phases only: they count from the mesh phase 0.
-    turn = np.exp(-1j * harmonics / periods * float(run.phase[0]))
+    turn = np.exp(-1j * harmonics * float(run.phase[0]))
     turn = turn.reshape(-1, *[1] * (x.ndim - 1))
     dims = ("order", *run.displacement.dims[1:])
     data = {}
@@ -79,12 +86,12 @@ def orders(run, *, count=None):
         data[f"{name}_amplitude"] = dims, peak * np.abs(one)
         data[f"{name}_phase"] = dims, np.angle(one * turn)
         data[f"{name}_amplitude_error"] = dims, peak * error
-    data["mesh_order"] = "order", harmonics / periods
+    data["mesh_order"] = "order", harmonics
     data["mean_square_force"] = dims[1:], (force**2).mean(axis=0) * scales[0] ** 2
     data["mean_square_error"] = dims[1:], (x**2).mean(axis=0) * scales[1] ** 2
     for name in ("tuning", "speed", "mesh_frequency", "period"):
         data[name] = run[name].values
-    coords = {"order": harmonics * teeth / periods}
+    coords = {"order": harmonics * teeth}
     coords |= {name: run[name].values for name in dims[1:]}
     found = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     found["order"].attrs["long_name"] = "order, waves per revolution of the gear whose teeth count"
@@ -108,8 +115,11 @@ def transmission_error(run):
     return x - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
 
 
-def _sums(phase, values, jumps, periods, count, repeats):
-    """Return (Fourier coefficients of a record, their changes with half of the samples)."""
+def _sums(phase, values, jumps, periods, grid: tuple[float, int], repeats):
+    """Return (Fourier coefficients of a record, their changes with half of the samples).
+
+    grid: step of the mesh orders and their number.
+    """
     phase, span = phase - phase[0], math.tau * periods
 
     def coefficients(step):
@@ -118,7 +128,7 @@ def _sums(phase, values, jumps, periods, count, repeats):
             # An orbit goes on behind the record, and before it, as in it.
             at = np.concatenate([at[-STENCIL:] - span, at, at[:STENCIL] + span])
             own = np.concatenate([own[-STENCIL:], own, own[:STENCIL]])
-        found, squares, _ = summed(at, own, 1, span, 1.0 / periods, count, jumps)
+        found, squares, _ = summed(at, own, 1, span, *grid, jumps)
         return found[0], squares
 
     found, squares = coefficients(1)

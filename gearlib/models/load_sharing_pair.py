@@ -36,13 +36,15 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Tabulated
 from gearlib.models.with_pair import WithPair
-from gearlib.parameters import Instance, Integer, Number, check, documented
+from gearlib.parameters import TRUTH, Instance, Integer, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.models.propagators import tooth_pairs  # noqa: F401
 
 #: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
 _CONVERGED = 1.18
+#: Tuning at which inertia adds less than 1 % to the load.
+_SLOWEST = 2e-4
 #: Cuts closer than this share of a base pitch are one.
 _SAME_PLACE = 1e-12
 #: Lines between the phases at which a pair begins to touch and is on its path with all its width.
@@ -87,7 +89,9 @@ class LoadSharingPair(WithPair):
     ] = 1.0
     deviation: PathTable | None = None
     pitch_errors: tuple | None = None
-    corner_contact: bool = True
+    corner_contact: Annotated[
+        bool, TRUTH, "Whether corners of tips touch before and behind the path of contact"
+    ] = True
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "tooth_pairs"}
@@ -339,6 +343,16 @@ class LoadSharingPair(WithPair):
         if self.backlash < math.inf:
             force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
         return force, overlap
+
+    def steps_per_period(self, tuning):
+        """Return how many steps a mesh period takes at least."""
+        system = self.system(tuning)
+        return max(len(system.force) / self.repeats, math.tau / system.longest)
+
+    @property
+    def slowest_tuning(self):
+        """Tuning below which the duty point is that at it; higher where pitch errors repeat."""
+        return _SLOWEST * (1.0 if self.repeats == 1 else 10.0)
 
     def system(self, tuning):
         """Return the `ToothPairSystem` at one tuning."""

@@ -64,8 +64,10 @@ class Model:
     long_names: dict = {}
     #: What titles of datasets call the model.
     title_noun: str = "a gear mesh"
+    #: Tuning below which the duty point is computed at it, where inertia hardly counts.
+    slowest_tuning: Any = 0.0
     #: What is to be said of its forces beside results, or "".
-    force_note: str = ""
+    force_note: Any = ""
     #: The source of the model.
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
     #: name of a field -> its value by default, from the model
@@ -85,6 +87,10 @@ class Model:
         """Return the class of propagators of a method, by default the first of `propagators`."""
         name = self.propagators[method or next(iter(self.propagators))]
         return import_module(f"gearlib.models.propagators.{name}").Propagator
+
+    def steps_per_period(self, tuning):
+        """Return how many steps a mesh period takes at least; 1 of closed forms."""
+        return 1.0
 
     def propagator(self, tuning, method=None, **options):
         """Return what takes states through mesh periods at one tuning, a `propagators.base.Base`.

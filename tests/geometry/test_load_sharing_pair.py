@@ -17,7 +17,6 @@ from gearlib import (
     duty_point,
     simulate,
 )
-from gearlib.analysis.duty_point import SLOWEST_TUNING
 from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
@@ -223,7 +222,7 @@ def test_slow_teeth_carry_their_static_share(name, stiffness):
     point = duty_point(mesh, 1.0, **options)
     assert point.dynamic_factor == pytest.approx(1.0, abs=0.01) and point.settled == 1
     model = LoadSharingPair.from_geometry(mesh, **options)
-    run = simulate(model, SLOWEST_TUNING, periods=3, samples_per_period=300)
+    run = simulate(model, model.slowest_tuning, periods=3, samples_per_period=300)
     static = tooth_pairs(mesh, 300, load=model.load, corners=True, stiffness=stiffness)
     expected = static.share([model.load]).force[0]
     np.testing.assert_allclose(expected.sum(-1), model.load, rtol=1e-9)

@@ -1,20 +1,16 @@
 """Whose gears: own ones reach every study that can take them, and all say which they show."""
 
 import json
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
 
-from gearlib import LoadSharingPair, sweep
 from gearlib.cli import main
 from gearlib.config import OF_ANY_TRAIN, ConfigError, chosen, gear_names, load
 from gearlib.config.laying import laid_over
 from gearlib.config.studies import STUDIES
 from gearlib.config.studies.study import text_of
-from gearlib.studies import resonance_windows
 from tests.workflow.project import ROOT
 
 OWN = yaml.safe_load("""
@@ -157,54 +153,13 @@ def relieved(**more):
     return own
 
 
-def test_relief_reaches_a_target_or_is_refused():
-    c, at = load(relieved()), SimpleNamespace(damping="light", window="0.5-0.6", tuning="0.5")
-    motions = {"phase_lag", "resonance", "phase_planes", "labels", "branches"}
-    assert set(c.wanted()) == motions | {"harris_map", "mesh_stiffness"}
-    for name in motions:
-        given = [value for job in STUDIES[name].jobs for value in job.params(c).values()]
-        given = [value(at) if callable(value) else value for value in given]
-        assert "'tip_relief': {'amount': 8e-06" in repr(given), name
-        assert STUDIES[name].gears(c) == f"{NAME}, tip relief"
-    for name in STUDIES.keys() - c.wanted():
-        words = STUDIES[name].refusal(c)
-        words = words if name != "scenes" else STUDIES["models"].refusal(c)
-        # Or the same gears without relief are refused as well.
-        without = STUDIES[name].refusal(load(OWN))
-        assert words.startswith("gears.pinion.tip_relief is not allowed") or words == without != ""
-        assert "\n" not in words
+def test_targets_take_the_rectangle_of_relieved_gears_and_say_so():
+    c, bare = load(relieved()), load(OWN)
+    assert set(c.wanted()) == set(bare.wanted()) >= {"resonance", "basins", "tolerances"}
+    assert c.pair_parameters("light") == bare.pair_parameters("light")
+    assert STUDIES["resonance"].gears(c) == f"{NAME}, tip relief"
+    for name in ("resonance", "run_ups", "tolerances"):
+        caption = text_of(STUDIES[name].drawings[0].caption, c)
+        assert f"jumps by 1/kappa = {1.0 / c.gear_pair.stiffness_ratio:.4g}" in caption
+        assert "not a K_v" in caption
     assert "without tip relief" in text_of(STUDIES["mesh_stiffness"].drawings[0].caption, c)
-    # A train without pairs of these gears needs none of them.
-    assert not STUDIES["train_sweep"].refusal(load(relieved() | PLANETS))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"stiffness_options": {"application_factor": 1.2}}, "gears.stiffness_options.applic"),
-        ({"stiffness": "energy", "stiffness_options": {"samples": 8}}, "gears.stiffness_options.s"),
-        ({"pinion": {**OWN["gears"]["pinion"], "helix_angle": "10 deg"}}, "gears.helix_angle = "),
-    ],
-)
-def test_relief_that_no_model_carries_is_refused(change, words):
-    with pytest.raises(ConfigError) as refused:
-        load(relieved(**change))
-    assert str(refused.value).startswith(words) and "\n" not in str(refused.value)
-
-
-def test_relief_moves_the_resonance_of_the_workflow():
-    damping = {"light": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.0}}
-    c = load(relieved(stiffness="energy") | {"dampings": damping})
-    run = {"periods": 200, "record_periods": 23, "initial_state": (1.0, 0.0)}
-    job = {"window": (1.2, 1.4), "step": 0.1, "damping": "light", "direction": "cold"}
-    own, bare = (
-        resonance_windows.compute(pair, **job, run=run, threads=1).dynamic_force_max.values
-        for pair in (c.model_parameters("light"), c.pair_parameters("light"))
-    )
-    assert (own / bare - 1.0).min() > 0.08
-    pairs = LoadSharingPair.from_geometry(c.gears.mesh(), torque=85.0, damping_ratio=0.06)
-    smaller = pairs.at_load()
-    tunings = np.array([1.2, 1.3, 1.4]) * pairs.mean_eigenfrequency / smaller.mean_eigenfrequency
-    # Beyond resonance the force swings by a third of the load, for which this stiffness is exact.
-    other = sweep(smaller, tunings, **run).dynamic_force_max.values
-    np.testing.assert_allclose(own, other, rtol=0.01)

@@ -22,6 +22,7 @@ Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.model
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,56 +66,55 @@ class ToothPairs:
     compliance: np.ndarray  #: Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: g, m, shape (m, k)
 
-    def carried_by(self, pairs):
+    def carried_by(self, pairs, rows=slice(None)):
         """Return (a, b) of a set of pairs that touch, shape (m, p): their forces are a x - b."""
-        inverse = np.linalg.inv(self.compliance[:, pairs][:, :, pairs])
-        return inverse.sum(-1), (inverse @ self.gap[:, pairs, None])[..., 0]
+        inverse = np.linalg.inv(self.compliance[rows][:, pairs][:, :, pairs])
+        return inverse.sum(-1), (inverse @ self.gap[rows][:, pairs, None])[..., 0]
 
     def share(self, loads):
         """Return the `Sharing` under loads >= 0 in N, shape (l,)."""
         loads = np.asarray(loads, float)[:, None]
-        sets = self._sets(1)
-        return self._equilibrium(
-            (loads.size, len(self.gap)),
-            ((p, rise, back, (loads + back.sum(-1)) / rise.sum(-1)) for p, rise, back in sets),
-        )
+
+        def displacement(rows, rise, back):
+            return (loads + back.sum(-1)) / rise.sum(-1)
+
+        return self._equilibrium(len(loads), 1, displacement)
 
     def forces_at(self, displacement):
         """Return the `Sharing` at displacements in m, shape (m,), as that of one load."""
-        return self._equilibrium(
-            (1, len(self.gap)),
-            ((*members, displacement[None]) for members in self._sets(0)),
-        )
+        return self._equilibrium(1, 0, lambda rows, rise, back: displacement[None, rows])
 
-    def _sets(self, least):
-        """Yield each set of at least so many pairs that may touch, and `carried_by` of it."""
-        k = self.gap.shape[1]
-        for size in range(least, k + 1):
-            for pairs in map(list, itertools.combinations(range(k), size)):
-                if self.inside[:, pairs].all(-1).any():
-                    yield pairs, *self.carried_by(pairs)
+    def _equilibrium(self, count: int, least: int, displacement) -> Sharing:
+        """Return the `Sharing` of the sets of at least so many pairs that meet all conditions.
 
-    def _equilibrium(self, shape, candidates):
-        """Return the `Sharing` of the candidate set that fulfils all conditions of contact."""
-        k = self.gap.shape[1]
-        error, worst = np.zeros(shape), np.full(shape, math.inf)
-        force, stiffness = np.zeros((*shape, k)), np.zeros((*shape, k))
-        touching = np.zeros((*shape, k), bool)
+        `displacement` gives that of phases, by their numbers and `carried_by` of a set.
+        """
+        m, k = self.gap.shape
+        error, worst = np.zeros((count, m)), np.full((count, m), math.inf)
+        force, stiffness = np.zeros((count, m, k)), np.zeros((count, m, k))
+        touching = np.zeros((count, m, k), bool)
         own = np.einsum("mii->mi", self.compliance)
-        for pairs, rise, back, x in candidates:
-            forces = np.zeros((*shape, k))
+        sizes = range(least, k + 1)
+        for pairs in (list(one) for n in sizes for one in itertools.combinations(range(k), n)):
+            rows = np.flatnonzero(self.inside[:, pairs].all(-1))
+            if not rows.size:
+                continue
+            rise, back = self.carried_by(pairs, rows)
+            x = displacement(rows, rise, back)
+            forces = np.zeros((count, rows.size, k))
             forces[..., pairs] = rise * x[..., None] - back
             # By how much a pair that touches would have to pull, one that does not overlaps.
-            wrong = x[..., None] - self.gap - _image(self.compliance, forces)
-            wrong[..., pairs] = -(own * forces)[..., pairs]
-            most = np.where(self.inside, wrong, -math.inf).max(-1)
-            better = (most < worst) & self.inside[:, pairs].all(-1)
-            worst = np.where(better, most, worst)
-            error = np.where(better, x, error)
-            slopes = np.zeros((*shape, k))
-            slopes[..., pairs] = rise
-            force[better], stiffness[better] = forces[better], slopes[better]
-            touching[better] = np.isin(np.arange(k), pairs)
+            wrong = x[..., None] - self.gap[rows] - _image(self.compliance[rows], forces)
+            wrong[..., pairs] = -(own[rows] * forces)[..., pairs]
+            most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
+            better = most < worst[:, rows]
+            load, phase = np.nonzero(better)
+            at = load, rows[phase]
+            worst[at], error[at], force[at] = most[better], x[better], forces[better]
+            touching[at] = np.isin(np.arange(k), pairs)
+            slopes = np.zeros((rows.size, k))
+            slopes[:, pairs] = rise
+            stiffness[at] = slopes[phase]
         return Sharing(error, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, sharing):
@@ -144,28 +144,29 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
     return pairs_at(mesh, pitches, pitch_errors=pitch_errors, **options)
 
 
-def pairs_at(
-    mesh,
-    pitches,
-    middle=None,
-    inside=None,
-    *,
-    load=None,
-    corners=False,
-    stiffness="energy",
-    coupling=1.0,
-    deviation=None,
-    pitch_errors=None,
-):
-    """Return the `ToothPairs` of a mesh; helical gears need a load, in N.
+class Options(NamedTuple):
+    """Options of pairs of teeth; the first four are those of `Mesh.transmission_error`."""
+
+    stiffness: Any = "energy"
+    coupling: float = 1.0
+    deviation: PathTable | None = None
+    pitch_errors: Any = None
+    corners: bool = False  #: whether corners of tips touch beyond the path of contact
+    load: float | None = None  #: N, that of corners and of helical gears
+
+
+def pairs_at(mesh, pitches, middle=None, inside=None, **options):
+    """Return the `ToothPairs` of a mesh; further arguments are `Options`.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
     contact. The pairs in mesh are those at `middle`, by default at `pitches` themselves, where
-    `inside`, shape (m, k), may say so beforehand. `corners` tells whether corners of tips touch.
+    `inside`, shape (m, k), may say so beforehand.
     """
+    given = Options(**options)
+    deviation, corners, load = given.deviation, given.corners, given.load
     if deviation is not None and not isinstance(deviation, PathTable):
         raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
-    errors, overlap = checked_errors(mesh, pitch_errors), mesh.overlap_ratio
+    errors, overlap = checked_errors(mesh, given.pitch_errors), mesh.overlap_ratio
     if overlap > 0.0 and load is None:
         raise ValueError(
             f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
@@ -194,7 +195,7 @@ def pairs_at(
     # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
     place = np.column_stack([np.round(slices[:, 0] / _SAME_PLACE), there])
     _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
-    own = _compliance(mesh, on_path[first], there[first], stiffness, coupling, corners)
+    own = _compliance(mesh, on_path[first], there[first], given)
     gap = relief_gap(mesh, on_path) + np.repeat(errors[number % errors.size], pieces, axis=0)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -222,10 +223,9 @@ def _over_face(slices: ToothPairs, pitches, load: float, inside) -> ToothPairs:
     for _ in range(_NEWTON_STEPS):
         force, stiffness = carried(x)
         step = (force.sum(-1) - load) / stiffness.sum(-1)
-        x = x - step
         if np.abs(step).max() <= _NEWTON_TOLERANCE * np.abs(x).max():
             break
-    force, stiffness = carried(x)
+        x = x - step
     # A pair about to touch has no stiffness yet; this trace of it keeps the compliance finite.
     firm = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
     return ToothPairs(
@@ -306,8 +306,10 @@ def relief_gap(mesh, position):
     return gap
 
 
-def _compliance(mesh, position, inside, stiffness, coupling, corners):
-    coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
+def _compliance(mesh, position, inside, given: Options):
+    """Return the compliances Q of pairs at positions on the path, shape (m, k, k)."""
+    stiffness = given.stiffness
+    coupling = checks.number("coupling", given.coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         values = stiffness.at(position)
@@ -323,7 +325,7 @@ def _compliance(mesh, position, inside, stiffness, coupling, corners):
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / (iso_stiffness(mesh).single * 1e9 * mesh.width)
     # With corners more pairs are inside; a body that changed with their number would be a jump.
-    together = math.floor(mesh.contact_ratio) + 1 if corners else inside.sum(-1)
+    together = math.floor(mesh.contact_ratio) + 1 if given.corners else inside.sum(-1)
     count = np.broadcast_to(together, len(position))[:, None, None]
     body = single * coupling / (1.0 + 3.0 * count)
     return (single - body) * identity + body
