@@ -221,6 +221,8 @@ def _draw_forces(axes, curves, looks):
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
     axes.set_xlabel(style.TUNING)
     axes.set_ylabel("mesh force over load")
+    note = "rectangular stiffness: the force jumps by 1/κ at every speed, it is not a $K_v$"
+    axes.set_title(note, fontsize="small")
     scale = axes.secondary_yaxis("right", functions=_scaling(float(curves.force_scale) / 1e3))
     scale.set_ylabel("mesh force (kN)")
 
