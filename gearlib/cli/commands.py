@@ -73,6 +73,7 @@ def main():
     help="Samples per period.",
 )
 @click.option("--method", help="A name of gearlib.methods().")
+@click.option("--until-settled", is_flag=True, help="Go on after these periods to tell its period.")
 @output.options("phase")
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""

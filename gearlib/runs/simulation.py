@@ -31,6 +31,7 @@ def simulate(
     method=None,
     options=None,
     max_events=MAX_EVENTS,
+    until_settled=False,
 ):
     """Run a gear pair at one tuning and record the end of the run.
 
@@ -65,6 +66,9 @@ def simulate(
         Options of the method, see `gearlib.methods`.
     max_events : int
         Most phases of contact and flights in one mesh period before the run gives up.
+    until_settled : bool, default False
+        Whether to go on behind the record while the motion has not settled, for up to twenty times
+        the periods or 5000 more, to tell its period; the record stays.
 
     Returns
     -------
@@ -75,9 +79,8 @@ def simulate(
         event_from, event_to, event_velocity, all crossings of flank lines in the recorded
         periods. Scalars: final_state (component), the orbit summary described at
         `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
-        and status. Where the motion has not settled at the end, it is followed on, for up to
-        twenty times its periods or 5000 more, to tell its period; ``followed`` says how long. When
-        status is not 0, the run could not go on: all results are NaN and
+        and status. ``period`` is 0 while the motion has not settled; ``followed`` says after how
+        many mesh periods that was told. When status is not 0, the run could not go on: all results are NaN and
         ``status.attrs["message"]`` says what to do.
 
     Raises
@@ -91,7 +94,8 @@ def simulate(
     """
     tuning = tuning_of(pair, tuning, speed)
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
-    ran = _run(pair, tuning, asked, samples_per_period, follow=True)
+    checks.one_of("until_settled", until_settled, (False, True))
+    ran = _run(pair, tuning, asked, samples_per_period, True, until_settled)
     recorded = asked.span.recorded
     first = (asked.span.periods - recorded) * samples_per_period
     data = {
@@ -138,8 +142,8 @@ def run(pair, tuning, samples_per_period, **asked):
     return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
 
 
-def _run(pair, tuning, asked, samples_per_period, follow=False):
-    """Run, and with `follow` go on behind the run until the period of the motion is proven."""
+def _run(pair, tuning, asked, samples_per_period, prove=False, until_settled=False):
+    """Run, prove the period of the motion if asked, and go on behind the run until it is proven."""
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = asked.span.recorded
     words = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
@@ -149,7 +153,7 @@ def _run(pair, tuning, asked, samples_per_period, follow=False):
     samples, _, table = record
     arguments = record.over(asked.span)
     propagator = None
-    if follow and asked.method in integrators.AUTOMATIC:
+    if prove and asked.method in integrators.AUTOMATIC:
         propagator = pair.propagator(tuning, asked.method, **asked.options)
     if propagator is None:
         done = asked.module.run(pair, tuning, asked.state, *arguments, **asked.options)
@@ -165,8 +169,8 @@ def _run(pair, tuning, asked, samples_per_period, follow=False):
             array[...] = math.nan
         found = 0
     gone = asked.span.periods
-    if follow and propagator is not None and code == status.OK:
-        period, gone = followed(propagator, z, gone, period, asked.span.limit)
+    if propagator is not None and code == status.OK:
+        period, gone = followed(propagator, z, gone, period, asked.span.limit, until_settled)
     return Run(samples, events[:found], table, end, period, code, evaluations, asked.method, gone)
 
 

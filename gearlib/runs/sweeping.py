@@ -81,7 +81,7 @@ def sweep(
         C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
         mesh periods, up to 16, after which the orbit repeats on which the motion has settled: its
         Floquet multipliers draw what is left of the transient onto it, clear of any grazing. 0
-        where that is not shown, `simulate` goes on until it is; with run-out period may also be
+        where that is not shown, `simulate` goes on until it is, if asked; with run-out period may also be
         1 to 16 times the mesh periods after which that repeats. Methods for comparison compare
         states, to 1e-6 of the orbit's height. final_state (tuning, component);
         status, with NaN in all other variables where it is not 0; the scales to SI.

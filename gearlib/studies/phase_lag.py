@@ -42,7 +42,7 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     Lags are NaN where the orbit does not repeat in one period; they and the displacement where
     rounding decides on which orbit a motion ends.
     """
-    run = {"periods": periods, "samples_per_period": samples_per_period}
+    run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
     models = [GearPair(**pair | {"material_damping": k}) for k in dampings]
     shown = [simulate(model, tuning, **run) for model in models]
     first = [[harmonic_lags(simulate(m, nu, **run), 1)[0] for nu in tunings] for m in models]

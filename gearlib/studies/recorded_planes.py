@@ -7,4 +7,5 @@ from gearlib.runs.simulation import simulate
 
 def compute(pair, tuning, run, damping):
     """Return the recorded run, labelled with the name of its damping."""
-    return describe(simulate(GearPair(**pair), tuning, **run).assign_coords(damping=damping))
+    found = simulate(GearPair(**pair), tuning, until_settled=True, **run)
+    return describe(found.assign_coords(damping=damping))

@@ -23,7 +23,8 @@ def runs(model, tuning, run, settings):
         return simulate(model, tuning, **run | other | {"initial_state": tuple(map(float, state))})
 
     state = np.asarray(run["initial_state"], float)
-    asked, near = begun(state), begun(beside(state), samples_per_period=1)
+    asked = begun(state, until_settled=True)
+    near = begun(beside(state), samples_per_period=1)
     away = max(abs(float(asked[name] - near[name])) for name in _EXTREMA)
     if away < KEPT:
         return asked, [asked]

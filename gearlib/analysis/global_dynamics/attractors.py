@@ -120,8 +120,12 @@ def _at(strobe, state, seen):
             )
         except NoOrbit:
             continue
-        if np.abs(orbit.multipliers).max() < 1.0 - _LEAST_DECAY:
+        largest = np.abs(orbit.multipliers).max()
+        if largest < 1.0 - _LEAST_DECAY:
             return attractor_of(strobe, orbit)
+        if largest <= 1.0 + _LEAST_DECAY:
+            # As without damping in contact: it draws nothing on, nor do its neighbours.
+            return None
     return None
 
 

@@ -35,6 +35,8 @@ _TERMS = 36
 #: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
 #: ones, as of flights against damping, whose forced motion is far off, between the others.
 _SLOW, _SLOW_REAL = (1e-3, 3e-2), (0.3, 3.0)
+#: Decay of a single slow mode whose forced motion is not far off.
+_LEAST_CREEP = 1e-5
 #: Bases that are kept at most.
 _MOST = 64
 #: Static deflections beyond which the rounding of a basis, which every change of contact adds once
@@ -278,7 +280,9 @@ def _split(a):
     else:
         slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
         chosen = (sizes < slow) | (real & (sizes < damped))
-    if not chosen.any():
+    # A single mode that creeps, as of a mesh with much damping, is a mode like the others.
+    creeps = chosen.sum() == 1 and real[chosen].all() and sizes[chosen].min() > _LEAST_CREEP
+    if creeps or not chosen.any():
         return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
     if chosen.all():
         return np.zeros(0), np.zeros(0), np.zeros((n, 0)), np.eye(n), a

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels import orbit
+from gearlib.kernels import exponential, orbit
 from gearlib.kernels.codes import OK
 from gearlib.kernels.copies import enlarged
 from gearlib.kernels.several_meshes.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
@@ -19,6 +19,20 @@ from gearlib.models.propagators.modal_frame import Frame, add
 _STRETCH = 512
 #: Bytes of tables beyond which they end with their propagators, and are not kept by models.
 _KEPT = 2**25
+#: Rate of the fastest motion, over that of the mesh, beyond which a mesh period takes too long.
+_MAX_RATE = 20_000.0
+
+
+def _check_rates(model, system):
+    """Refuse bearings or shafts so stiff or so damped that a mesh period takes minutes."""
+    waves = np.abs(system.harmonics * system.tuning).max(initial=1.0)
+    rate = exponential.REACH / system.longest
+    if model.size > 2 and rate > _MAX_RATE * waves:
+        raise ValueError(
+            "support_stiffness, shaft_stiffness or damping of this model is not allowed in a run: "
+            f"its fastest motion is {rate:.2g} times as fast as that of the mesh, it must be at "
+            f"most {_MAX_RATE:,.0f} times; what is so stiff must be rigid (infinity)"
+        )
 
 
 class Propagator(Base):
@@ -35,6 +49,7 @@ class Propagator(Base):
         self.long = model.repeats > _STRETCH and hasattr(model, "segments_of")
         #: Of a long run-out with the first segments only: `whole` has all.
         self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
+        _check_rates(model, system)
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.free), len(self.grid.length)
         self.frame = other.frame if other and not self.turning else self.frame_of()

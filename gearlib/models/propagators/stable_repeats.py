@@ -96,8 +96,8 @@ def _keeps_clear(propagator, events, summary):
     return min(near) > _CLEAR and speeds.min(initial=math.inf) > _QUICK
 
 
-def followed(propagator, z, periods, period, limit):
-    """Follow a motion until it has settled; return (period, mesh periods behind it).
+def followed(propagator, z, periods, period, limit, until_settled):
+    """Prove the period of a motion, if asked later on; return (period, mesh periods behind it).
 
     Parameters
     ----------
@@ -106,15 +106,19 @@ def followed(propagator, z, periods, period, limit):
         Where it is after so many `periods`; changed in place.
     period : int
         What the run so far says of it, as of `Base.run`.
+    until_settled : bool
+        Whether to go on while it has not settled.
 
     Returns
     -------
     period : int
         0: it has not settled, or rounding decides where: a motion beside it has gone elsewhere.
     periods : int
-        Twenty times those of the start, or 5000 more, at most.
+        Those of the start, or until settled twenty times as many or 5000 more, at most.
     """
-    model, most = propagator.model, min(_TIMES * periods, periods + _MOST)
+    model, most = propagator.model, periods
+    if until_settled:
+        most = min(_TIMES * periods, periods + _MOST)
     samples, events, summary = model.empty_record(events=0)
     twin, apart = z * (1.0 + _BESIDE), False
     while True:

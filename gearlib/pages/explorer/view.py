@@ -66,6 +66,7 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
         periods=lengths.settle,
         record_periods=lengths.recorded,
         samples_per_period=lengths.samples,
+        until_settled=True,
     )
     followed = (
         f" Followed for {lengths.settle} mesh periods, at each speed of the characteristic for "

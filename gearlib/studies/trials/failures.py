@@ -210,6 +210,7 @@ def run(problem, method, options, periods, max_events=MAX_EVENTS):
         method=method,
         options=options,
         max_events=max_events,
+        until_settled=True,
     )
     return outcome_of(result, problem.model)
 
