@@ -13,7 +13,7 @@ corners of tips touch or the slices of a helical face come and go the lines are 
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +23,6 @@ from gearlib import checks
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
-    ToothPairs,
     checked_errors,
     pairs_at,
     tooth_pairs,
@@ -308,18 +307,10 @@ class LoadSharingPair(WithPair):
             np.concatenate([between] * 2),
             inside if inside is None else np.concatenate([inside] * 2),
         )
-        halves = slice(left.size), slice(left.size, None)
+        ends = [pairs.at_phases(half) for half in (slice(left.size), slice(left.size, None))]
         if inside is None:
-            inside = pairs.inside[halves[0]] | pairs.inside[halves[1]]
-            on_path = inside
-        values = {
-            name: getattr(pairs, name) for name in ("pitches", "position", "compliance", "gap")
-        }
-        ends = [
-            ToothPairs(inside=inside, **{name: value[half] for name, value in values.items()})
-            for half in halves
-        ]
-        return inside, inside & on_path, ends
+            inside = on_path = ends[0].inside | ends[1].inside
+        return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
 
     def _laws(self, pairs, on_path):
         """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""

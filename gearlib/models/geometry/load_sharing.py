@@ -21,7 +21,7 @@ Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.model
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,6 +65,10 @@ class ToothPairs:
     inside: np.ndarray  #: bool, whether between its ends, shape (m, k)
     compliance: np.ndarray  #: Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: g, m, shape (m, k)
+
+    def at_phases(self, rows):
+        """Return the pairs at some of the phases."""
+        return ToothPairs(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def carried_by(self, pairs, rows=slice(None)):
         """Return (a, b) of a set of pairs that touch, shape (m, p): their forces are a x - b."""
