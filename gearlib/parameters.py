@@ -75,6 +75,14 @@ class Number:
         return checks.number(name, value, self.words + hint, self.accepts)
 
 
+class MotionDamping(Number):
+    """A damping that may be None: unknown, which is enough at rest and refused in motion."""
+
+    def check(self, name, value):
+        """Return a value as float, or None as it is, else raise ValueError."""
+        return None if value is None else super().check(name, value)
+
+
 class Integer:
     """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
 
@@ -178,9 +186,6 @@ class Instance:
         if not isinstance(value, self.classes):
             raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
         return value
-
-
-#: Its name of before, until `six_degrees` says the new one.
 
 
 class Parameter:
@@ -394,7 +399,12 @@ ContactRatio = Annotated[
     float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
 ]
 Backlash = Annotated[float, BACKLASH, "Backlash; infinite without a second flank", "s_k"]
-MaterialDamping = Annotated[float, DAMPING, "Damping of the material in contact", "k_1"]
+MaterialDamping = Annotated[
+    float,
+    MotionDamping("N s/m", DAMPING.example, least=0),
+    "Damping of the material in contact",
+    "k_1",
+]
 BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
 PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
 

@@ -238,6 +238,13 @@ class _Common(Section):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
         return self.gear_pair.model_dump() | damping.model_dump()
 
+    def six_degree_parameters(self):
+        """Return the keyword arguments of `gearlib.SixDegreePair` beside the pair."""
+        found = self.six_degrees.model_dump()
+        if self.gears:
+            found["teeth"] = [self.gears.pinion.teeth, self.gears.wheel.teeth]
+        return found
+
     def train_parameters(self, damping):
         """Return the keyword arguments of `gearlib.models.trains.described_train.described`.
 

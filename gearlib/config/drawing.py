@@ -20,10 +20,33 @@ def mesh_of(key, section):
     """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears_section.DrawnPair`."""
     from gearlib.models.geometry.mesh import Mesh
 
+    check_ring(f"{key}.wheel", section.wheel.internal, section.wheel, section.pinion)
     pinion = gear_of(f"{key}.pinion", section.pinion)
     wheel = gear_of(f"{key}.wheel", section.wheel, like=section.pinion)
     with naming(key, **_both(key)):
         return Mesh(pinion, wheel, section.centre_distance, section.backlash)
+
+
+def check_ring(place, internal, ring, pinion):
+    """Refuse a ring gear, named by `place`, with no more teeth than the gear inside."""
+    if internal and ring.teeth <= pinion.teeth:
+        raise ValueError(
+            f"{place}.teeth = {ring.teeth} is not allowed: it must be an integer >= "
+            f"{pinion.teeth + 1}, a ring gear has more teeth than the gear inside, {pinion.teeth}"
+        )
+
+
+def six_degrees(mesh):
+    """Return what the section `six_degrees` has of a drawing, without friction and run-out."""
+    from gearlib.models.geometry.drawn_parameters import bodies
+
+    of_gears = {
+        key: [rounded(one) for one in value] if isinstance(value, list) else rounded(value)
+        for key, value in bodies(mesh).items()
+        if key != "teeth"
+    }
+    zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
+    return of_gears | zeros
 
 
 def derived(key, derive, names=(), **options):

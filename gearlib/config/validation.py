@@ -3,6 +3,7 @@
 The allowed range is read from the JSON schema, so that message, schema and check agree.
 """
 
+import difflib
 import re
 
 from gearlib.parameters import likely
@@ -15,6 +16,10 @@ _BOUNDS = {
     "maximum": "<= {}",
 }
 _LONGEST_VALUE = 60
+#: Most sections named for a misplaced key, and most keys listed of a section.
+MAX_PLACES, MAX_KEYS = 3, 20
+#: A key and the number that it is said to have.
+_ASSIGNED = re.compile(r"([A-Za-z][\w.+\[\]-]*) = (-?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|inf)\b)")
 #: Title of a section -> its keys of former versions, and what they are called now.
 _RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_damping"}}
 
@@ -35,17 +40,7 @@ def _sentence(error, schema):
         twice = show(error["ctx"]["value"])
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
-        section = node_at(path[:-1], schema)
-        for name in (key, f"{path[0]}.{path[-1]}"):
-            if name in REMOVED:
-                return sentence(name)
-        new = _RENAMED.get(section.get("title"), {}).get(path[-1])
-        if new:
-            return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
-        return (
-            f"{key} = {show(value)} is not a known key: {_key(path[:-1])} must be "
-            f"{allowed(section, schema)}"
-        )
+        return unknown_key(path, value, schema)
     if error["loc"][-1:] == ("[key]",):
         pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
@@ -62,6 +57,65 @@ def _sentence(error, schema):
     node = node_at(path, schema)
     hint = _hint(value, node)
     return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
+
+
+def unknown_key(path, value, schema):
+    """Return the sentence that refuses a key, by its path, which its section does not have."""
+    section, key = node_at(path[:-1], schema), _key(path)
+    for name in (key, f"{path[0]}.{path[-1]}"):
+        if name in REMOVED:
+            return sentence(name)
+    new = _RENAMED.get(section.get("title"), {}).get(path[-1])
+    if new:
+        return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
+    return f"{key} = {show(value)} is not a known key: {_where(path, section, schema)}"
+
+
+def _where(path, section, schema):
+    """Return where an unknown key belongs, else which key was likely meant, else what is known."""
+    name, place = str(path[-1]), _key(path[:-1])
+    if places := sorted(_sections_with(name, schema), key=lambda section: section.count(".")):
+        return f"{name} belongs in {' or '.join(places[:MAX_PLACES])}"
+    if meant := difflib.get_close_matches(name, section.get("properties", []), 1):
+        return f"did you mean {meant[0]}?"
+    if len(section.get("properties", [])) > MAX_KEYS:
+        return f"{place} has no key of a similar name; `gearlib schema` lists them"
+    return f"{place} must be {allowed(section, schema)}"
+
+
+def _sections_with(name, schema, node=None, place=""):
+    """Yield the sections that have a key of a name."""
+    node = resolve(node or schema, schema)
+    if name in node.get("properties", {}):
+        yield place or "the configuration itself, beside its sections"
+    for key, inner in node.get("properties", {}).items():
+        yield from _sections_with(name, schema, inner, f"{place}.{key}" if place else key)
+    for inner in node.get("patternProperties", {}).values():
+        yield from _sections_with(name, schema, inner, f"{place}.<name>")
+    if "items" in node:
+        yield from _sections_with(name, schema, node["items"], f"{place}[i]")
+
+
+def as_typed(sentence, mapping):
+    """Return a sentence with the texts of a mapping in place of the numbers that they became."""
+
+    def typed(match):
+        value = _value_at(mapping, match[1])
+        return f"{match[1]} = {show(value)}" if isinstance(value, (str, int, float)) else match[0]
+
+    text = _ASSIGNED.sub(typed, sentence)
+    # Whoever gave a unit meant that one.
+    return re.sub(r"(= '[^']*[A-Za-zµ°]' .*); did you mean [^?]*\?", r"\1", text)
+
+
+def _value_at(node, key):
+    """Return the value of a key such as run_ups.revolutions[0], None if there is none."""
+    for part in re.findall(r"[^.\[\]]+", key):
+        if isinstance(node, (list, tuple)) and part.isdigit() and int(part) < len(node):
+            node = node[int(part)]
+        else:
+            node = node.get(part) if isinstance(node, dict) else None
+    return node
 
 
 def _hint(value, node):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from gearlib import tunings
 from gearlib.config import gear_names
+from gearlib.config.gear_pair_section import BEARINGS
 from gearlib.config.trials import PEERS
 
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
@@ -91,6 +92,17 @@ def rectangular(c):
         f"gears.{key} is not allowed: it must be left out, the rectangular mesh stiffness "
         "carries no tip relief or errors of teeth"
     )
+
+
+def bearings(c):
+    """Return the sentence that asks for the bearings of drawn gears on six degrees, or ""."""
+    return BEARINGS if c.six_degrees.bearing_stiffness is None else ""
+
+
+def bearings_of_scenes(c):
+    """Return the same, if any scene may be carried by six degrees of freedom."""
+    models = {model for scene in c.scenes.values() for model in c.candidates(scene)}
+    return bearings(c) if models - {"one_degree"} else ""
 
 
 def carried(c):

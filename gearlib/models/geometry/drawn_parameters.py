@@ -6,16 +6,27 @@ from gearlib import checks
 from gearlib.models.geometry.iso import iso_rectangle
 from gearlib.models.stiffness import mean_over_max
 
+#: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
+MAX_DEFLECTION = 0.1
+
 
 def pair_parameters(mesh, *, torque=None, power=None, speed=None, **options):
     """Return the parameters of a `GearPair` as a dict; see `GearPair.from_geometry`."""
+    stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
     torque = torque_of(torque, power, speed)
-    return {
-        **mesh_parameters(mesh, torque=torque, **options),
+    found = {
+        **mesh_parameters(mesh, torque=torque, stated=stated, **options),
         "reduced_mass": mesh.reduced_mass,
         "load": mesh.load(torque),
         "teeth": mesh.pinion.teeth,
     }
+    if speed is not None:
+        mean = found["max_stiffness"] * mean_over_max(
+            found["contact_ratio"], found["stiffness_ratio"]
+        )
+        resonance = math.sqrt(mean / mesh.reduced_mass) * 60.0 / (math.tau * mesh.pinion.teeth)
+        checks.speed("speed", speed, resonance)
+    return found
 
 
 def mesh_parameters(
@@ -28,8 +39,12 @@ def mesh_parameters(
     backlash_damping_ratio=0.0,
     stiffness="iso",
     options=None,
+    stated=None,
 ):
-    """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`."""
+    """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`.
+
+    `stated` is what the user gave for the torque: name, value, unit.
+    """
     ratios = rectangle(mesh, stiffness, torque=torque, **checks.options(options))
     high, kappa, epsilon = ratios
     mean = high * mean_over_max(epsilon, kappa)
@@ -43,20 +58,43 @@ def mesh_parameters(
         raise ValueError(
             f"{' and '.join(given)} are not allowed together: it must be one of them at most"
         )
-    damping = 0.0
+    if torque is not None:
+        _check_deflection(mesh, torque, mean, *(stated or ("torque", torque, "N m")))
+    damping = None
     for name, value in given.items():
-        damping = checks.finite_nonnegative(name, value)
-        if name != "material_damping":
-            damping = coefficient(damping, mean, mesh.reduced_mass, name == "logarithmic_decrement")
-    oil = checks.finite_nonnegative("backlash_damping_ratio", backlash_damping_ratio)
+        damping = drawn_damping(name, value, mean, mesh.reduced_mass)
+    oil = "backlash_damping_ratio", backlash_damping_ratio
     return {
         "max_stiffness": high,
         "stiffness_ratio": kappa,
         "contact_ratio": epsilon,
         "backlash": mesh.line_backlash,
         "material_damping": damping,
-        "backlash_damping": coefficient(oil, mean, mesh.reduced_mass) if oil else 0.0,
+        "backlash_damping": drawn_damping(*oil, mean, mesh.reduced_mass),
     }
+
+
+def _check_deflection(mesh, torque, stiffness, name, value, unit):
+    """Refuse a load under which the teeth deflect by more than `MAX_DEFLECTION` modules."""
+    share = abs(mesh.load(torque)) / stiffness / (MAX_DEFLECTION * mesh.pinion.module)
+    if share > 1.0:
+        most = f"at most {abs(value) / share:.4g} {unit}"
+        words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
+        raise checks.refusal(name, value, words)
+
+
+def drawn_damping(name, value, stiffness, mass):
+    """Return the coefficient, N s/m, of a damping by its name; its damping ratio is below 1."""
+    critical = coefficient(1.0, stiffness, mass)
+    if name in ("material_damping", "backlash_damping"):
+        words = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
+        return checks.number(name, value, words, lambda v: 0.0 <= v < critical)
+    decrement = name == "logarithmic_decrement"
+    words = "a finite number >= 0" + ("" if decrement else " and < 1")
+    most = math.inf if decrement else 1.0
+    return coefficient(
+        checks.number(name, value, words, lambda v: 0.0 <= v < most), stiffness, mass, decrement
+    )
 
 
 def train_parameters(mesh, **options):
@@ -106,13 +144,26 @@ def of_tooth_pairs(stiffness, options):
     return {"stiffness": stiffness, **options}
 
 
+def bodies(mesh):
+    """Return what a `SixDegreePair` takes of a drawing as a dict; see its `from_geometry`."""
+    gears = mesh.pinion, mesh.wheel
+    return {
+        "base_radii": [gear.base_diameter / 2.0 for gear in gears],
+        "inertias": [gear.inertia for gear in gears],
+        "masses": [gear.mass for gear in gears],
+        "teeth": [gear.teeth for gear in gears],
+        "pitch_phase": mesh.pitch_phase,
+    }
+
+
 def torque_of(torque, power, speed):
     """Return the torque of the pinion, N m, given itself or by power in W and speed in rpm."""
-    if (torque is None) == (power is None) or (power is not None and speed is None):
-        raise ValueError(
-            f"torque = {torque!r} with power = {power!r} and speed = {speed!r} is not allowed: it "
-            "must be either torque, or power and speed"
-        )
+    if torque is not None and power is not None:
+        raise ValueError("torque and power are not allowed together: it must be one of them")
+    if torque is None and power is None:
+        raise ValueError("torque is missing: it must be given in N m, or power and speed")
+    if power is not None and speed is None:
+        raise ValueError("speed is missing: it must be given in rpm, where power is given")
     if power is None:
         if speed is not None:
             checks.finite_positive("speed", speed)
