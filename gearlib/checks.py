@@ -50,7 +50,7 @@ def finite_nonnegative(name, value):
 def speed(name, value, resonance):
     """Return a speed in rpm as float if its tuning is allowed; `resonance` is the speed at 1."""
     least, most = MIN_SPEED_TUNING * resonance, MAX_SPEED_TUNING * resonance
-    allowed = f"a finite number from {least:.3g} to {most:.3g} rpm, a tuning of at most 100"
+    allowed = f"a finite number > 0, from {least:.3g} to {most:.3g} rpm, a tuning of at most 100"
     return number(name, value, allowed, lambda v: least <= v <= most)
 
 

@@ -261,8 +261,6 @@ def _model(mapping, gears, name, model, moves=False):
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
-    if model == "six_degrees" and settings.six_degrees.bearing_stiffness is None:
-        raise click.UsageError(f"{BEARINGS}; --bearing-stiffness is that of all four")
     if model == "train" and moves and (words := undamped(settings)):
         raise click.UsageError(words)
     kind = settings.train.kind
@@ -272,6 +270,8 @@ def _model(mapping, gears, name, model, moves=False):
             f"{asked} is not allowed: its meshes carry no tip relief or errors of teeth, which "
             "these gears have; it must be the model 'one_degree'"
         )
+    if model == "six_degrees" and settings.six_degrees.bearing_stiffness is None:
+        raise click.UsageError(f"{BEARINGS}; --bearing-stiffness is that of all four")
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))

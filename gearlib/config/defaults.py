@@ -46,7 +46,8 @@ _WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
 
-#: What describes the bodies of the gears: one without the others would not fit the reduced mass.
+#: What describes the bodies of the gears: one without the others would not fit the reduced mass,
+#: and bearings of other bodies would not fit these.
 _BODIES = ("base_radii", "inertias", "masses")
 
 
@@ -68,7 +69,7 @@ def filled(mapping):
             others = [name for name in get_args(Problem) if name != "six_degrees"]
             made["work_precision"]["problems"] = others
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
-        for key in _BODIES:
+        for key in (*_BODIES, "bearing_stiffness"):
             del made["six_degrees"][key]
     mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
     _fit(made, _run(mapping))

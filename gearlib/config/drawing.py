@@ -3,6 +3,8 @@
 The geometry is loaded where a configuration has such sections.
 """
 
+from gearlib import checks
+
 #: What is derived keeps so many digits: the same drawing in other units, whose rounding differs,
 #: reruns nothing.
 _DIGITS = 12
@@ -20,20 +22,18 @@ def mesh_of(key, section):
     """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears_section.DrawnPair`."""
     from gearlib.models.geometry.mesh import Mesh
 
-    check_ring(f"{key}.wheel", section.wheel.internal, section.wheel, section.pinion)
+    if section.wheel.internal:
+        check_ring(f"{key}.wheel", section.wheel, section.pinion)
     pinion = gear_of(f"{key}.pinion", section.pinion)
     wheel = gear_of(f"{key}.wheel", section.wheel, like=section.pinion)
     with naming(key, **_both(key)):
         return Mesh(pinion, wheel, section.centre_distance, section.backlash)
 
 
-def check_ring(place, internal, ring, pinion):
+def check_ring(place, ring, pinion, words=""):
     """Refuse a ring gear, named by `place`, with no more teeth than the gear inside."""
-    if internal and ring.teeth <= pinion.teeth:
-        raise ValueError(
-            f"{place}.teeth = {ring.teeth} is not allowed: it must be an integer >= "
-            f"{pinion.teeth + 1}, a ring gear has more teeth than the gear inside, {pinion.teeth}"
-        )
+    words = words or f"an integer >= {pinion.teeth + 1}, more than the {pinion.teeth} of the pinion"
+    checks.require(ring.teeth > pinion.teeth, f"{place}.teeth", ring.teeth, words)
 
 
 def six_degrees(mesh):

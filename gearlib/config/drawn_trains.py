@@ -60,7 +60,8 @@ def check_planets(key, section):
     from gearlib.models.geometry.planets import planets_of
 
     keys = {name: f"{key}.{name}" for name in ("sun", "planet", "ring")}
-    drawing.check_ring(keys["ring"], True, section.ring, section.planet)
+    wanted = f"z_s + 2 z_p = {section.sun.teeth + 2 * section.planet.teeth}"
+    drawing.check_ring(keys["ring"], section.ring, section.planet, f"{wanted}, or near to it")
     sun = drawing.gear_of(keys["sun"], section.sun)
     planet = drawing.gear_of(keys["planet"], section.planet, like=section.sun)
     ring = drawing.gear_of(keys["ring"], section.ring, like=section.sun, internal=True)

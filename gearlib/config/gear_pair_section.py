@@ -11,6 +11,7 @@ from gearlib.config.types import (
     Angle,
     DampingCoefficient,
     Finite,
+    Given,
     Inertia,
     Label,
     Length,
@@ -160,11 +161,11 @@ class Run(Section):
 #: Asks for the bearings of drawn gears.
 BEARINGS = (
     "six_degrees.bearing_stiffness is missing: it must be a list of 4 entries, C3y, C3z, C2y, C2z "
-    "in N/m, which no drawing has; bearing_damping in N s/m is 0 by default"
+    "in N/m, for these gears; bearing_damping in N s/m comes beside it"
 )
 
 
-class SixDegrees(Section):
+class SixDegrees(Given):
     """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2.
 
     Of drawn gears, the pinion first, radii, inertias, masses and pitch phase are those of the

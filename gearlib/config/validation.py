@@ -6,6 +6,7 @@ The allowed range is read from the JSON schema, so that message, schema and chec
 import difflib
 import re
 
+from gearlib.config import units
 from gearlib.parameters import likely
 from gearlib.removed import REMOVED, sentence
 
@@ -16,10 +17,12 @@ _BOUNDS = {
     "maximum": "<= {}",
 }
 _LONGEST_VALUE = 60
-#: Most sections named for a misplaced key, and most keys listed of a section.
-MAX_PLACES, MAX_KEYS = 3, 20
-#: A key and the number that it is said to have.
-_ASSIGNED = re.compile(r"([A-Za-z][\w.+\[\]-]*) = (-?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|inf)\b)")
+#: Most sections named for a misplaced key, and characters of a computed value shown in full.
+MAX_PLACES, MAX_DIGITS = 3, 12
+#: A key and the number that it is said to have; of a sum there is none to show.
+_ASSIGNED = re.compile(
+    r"(?<! and )\b([A-Za-z][\w.+\[\]-]*) = (-?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|inf)\b)"
+)
 #: Title of a section -> its keys of former versions, and what they are called now.
 _RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_damping"}}
 
@@ -78,8 +81,6 @@ def _where(path, section, schema):
         return f"{name} belongs in {' or '.join(places[:MAX_PLACES])}"
     if meant := difflib.get_close_matches(name, section.get("properties", []), 1):
         return f"did you mean {meant[0]}?"
-    if len(section.get("properties", [])) > MAX_KEYS:
-        return f"{place} has no key of a similar name; `gearlib schema` lists them"
     return f"{place} must be {allowed(section, schema)}"
 
 
@@ -101,7 +102,11 @@ def as_typed(sentence, mapping):
 
     def typed(match):
         value = _value_at(mapping, match[1])
-        return f"{match[1]} = {show(value)}" if isinstance(value, (str, int, float)) else match[0]
+        if isinstance(value, str) and units.TEXT.fullmatch(value.strip()):
+            return f"{match[1]} = {show(value)}"
+        # A value that nobody typed needs no more digits than the eye takes in.
+        computed = value is None and len(match[2]) > MAX_DIGITS
+        return f"{match[1]} = {float(match[2]):.6g}" if computed else match[0]
 
     text = _ASSIGNED.sub(typed, sentence)
     # Whoever gave a unit meant that one.

@@ -118,7 +118,8 @@ def test_the_ending_decides_what_is_written(run):
         "scatter": ["-t", "load std=5%", "--samples", "4", "--points", "3"],
     }
     own["trust"] = own["simulate"]
-    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())
+    reducer = ["--config", str(Path(__file__).parents[2] / "config.yaml")]
+    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], reducer)
     for name, arguments in (own | trains).items():
         files = [f"{name}.{end}" for end in ("nc", "csv", "png")]
         for file in files[:2]:
@@ -237,6 +238,50 @@ def test_gears_are_drawn_by_options_of_every_command(run):
         done = run(*own, *DRAWN[:-2])
         assert done.exit_code == 2 and "damping_ratio is missing" in done.output, done.output
     assert run("gears", *DRAWN[:-2]).exit_code == 0
+
+
+def test_six_degrees_take_a_drawing_and_ask_for_its_bearings(run):
+    asked = ["simulate", *DRAWN, "--speed", "4000", "--model", "six_degrees"]
+    done = run(*asked)
+    assert done.exit_code == 2 and "bearing_stiffness is missing" in done.output, done.output
+    done = run(*asked, "--bearing-stiffness", "0.1 kN/um", "--bearing-damping", "900", "-o", "a.nc")
+    assert done.exit_code == 0, done.output
+    mesh, bearings = drawings.own(), {"bearing_stiffness": [1e8] * 4, "bearing_damping": [900] * 4}
+    load = {"torque": 85.0, "damping_ratio": 0.05}
+    pair = gearlib.SixDegreePair.from_geometry(mesh, **load, **bearings)
+    assert pair.base_radii == (mesh.pinion.base_diameter / 2, mesh.wheel.base_diameter / 2)
+    assert pair.masses == (mesh.pinion.mass, mesh.wheel.mass) and pair.teeth == (23, 61)
+    assert pair.inertias == (mesh.pinion.inertia, mesh.wheel.inertia)
+    assert pair.friction == pair.eccentricities == (0.0, 0.0)
+    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    np.testing.assert_allclose(xr.load_dataset("a.nc").displacement, expected.displacement, 1e-8)
+
+
+def test_trains_are_asked_for(run):
+    for name in ("modes", "static", "phasing", "campbell"):
+        for gears in ([], PAIR, DRAWN):
+            done = run(name, *gears)
+            assert done.exit_code == 2 and "train is missing" in done.output, done.output
+
+
+def test_a_duty_point_that_does_not_settle_ends_with_code_1(run):
+    done = run("gears", *DRAWN[:-1], "0", "--speed", "4000")
+    assert done.exit_code == 1 and "has not settled" in done.output, done.output
+
+
+def test_sentences_show_what_was_typed(run):
+    for given, words in (
+        (["simulate", *DRAWN, "--speed", "1e9rpm"], "speed = '1e9rpm' is not allowed"),
+        (["sweep", *DRAWN, "--stop", "1e9rpm"], "stop = '1e9rpm' is not allowed"),
+        (["gears", *DRAWN, "--pressure-angle", "70deg"], "pressure_angle = '70deg' is not allowed"),
+        (["gears", *DRAWN, "--torque", "99 kNm"], "torque = '99 kNm' is not allowed"),
+        (["gears", *DRAWN, "--teeth", "40", "30", "--internal"], "teeth = 30 is not allowed"),
+        (["gears", *DRAWN[:8], "--power", "9 kW"], "--speed is missing"),
+        (["gears", *DRAWN[:-2], "--damping-ratio", "5"], "damping_ratio = 5 is not allowed"),
+    ):
+        done = run(*given)
+        assert done.exit_code == 2 and words in done.output, done.output
+        assert "did you mean" not in done.output
 
 
 def test_a_new_project_can_be_used_as_it_is(run):

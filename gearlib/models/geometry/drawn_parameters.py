@@ -15,15 +15,13 @@ def pair_parameters(mesh, *, torque=None, power=None, speed=None, **options):
     stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
     torque = torque_of(torque, power, speed)
     found = {
-        **mesh_parameters(mesh, torque=torque, stated=stated, **options),
+        **mesh_parameters(mesh, torque=torque, **options),
         "reduced_mass": mesh.reduced_mass,
         "load": mesh.load(torque),
         "teeth": mesh.pinion.teeth,
     }
+    mean = _check_deflection(mesh, torque, found, *stated)
     if speed is not None:
-        mean = found["max_stiffness"] * mean_over_max(
-            found["contact_ratio"], found["stiffness_ratio"]
-        )
         resonance = math.sqrt(mean / mesh.reduced_mass) * 60.0 / (math.tau * mesh.pinion.teeth)
         checks.speed("speed", speed, resonance)
     return found
@@ -39,12 +37,8 @@ def mesh_parameters(
     backlash_damping_ratio=0.0,
     stiffness="iso",
     options=None,
-    stated=None,
 ):
-    """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`.
-
-    `stated` is what the user gave for the torque: name, value, unit.
-    """
+    """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`."""
     ratios = rectangle(mesh, stiffness, torque=torque, **checks.options(options))
     high, kappa, epsilon = ratios
     mean = high * mean_over_max(epsilon, kappa)
@@ -58,8 +52,6 @@ def mesh_parameters(
         raise ValueError(
             f"{' and '.join(given)} are not allowed together: it must be one of them at most"
         )
-    if torque is not None:
-        _check_deflection(mesh, torque, mean, *(stated or ("torque", torque, "N m")))
     damping = None
     for name, value in given.items():
         damping = drawn_damping(name, value, mean, mesh.reduced_mass)
@@ -74,13 +66,15 @@ def mesh_parameters(
     }
 
 
-def _check_deflection(mesh, torque, stiffness, name, value, unit):
-    """Refuse a load under which the teeth deflect by more than `MAX_DEFLECTION` modules."""
-    share = abs(mesh.load(torque)) / stiffness / (MAX_DEFLECTION * mesh.pinion.module)
+def _check_deflection(mesh, torque, found, name, value, unit):
+    """Refuse a load that deflects the teeth too far; return the mean stiffness of parameters."""
+    mean = found["max_stiffness"] * mean_over_max(found["contact_ratio"], found["stiffness_ratio"])
+    share = abs(mesh.load(torque)) / mean / (MAX_DEFLECTION * mesh.pinion.module)
     if share > 1.0:
         most = f"at most {abs(value) / share:.4g} {unit}"
         words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
         raise checks.refusal(name, value, words)
+    return mean
 
 
 def drawn_damping(name, value, stiffness, mass):
@@ -97,8 +91,14 @@ def drawn_damping(name, value, stiffness, mass):
     )
 
 
-def train_parameters(mesh, **options):
-    """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`."""
+def train_parameters(mesh, *, torque=None, stated=None, **options):
+    """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`.
+
+    `stated` is what the user gave in place of the torque: name, value, unit.
+    """
+    found = mesh_parameters(mesh, torque=torque, **options)
+    if torque is not None:
+        _check_deflection(mesh, torque, found, *(stated or ("torque", torque, "N m")))
     angle = mesh.working_pressure_angle
     # Tooth thickness over the pitch, on the working circles.
     thickness = (
@@ -107,7 +107,7 @@ def train_parameters(mesh, **options):
         for circle in [gear.base_diameter / math.cos(angle)]
     )
     return {
-        **mesh_parameters(mesh, **options),
+        **found,
         "internal": mesh.wheel.internal,
         "pressure_angle": angle,
         "pitch_phase": mesh.pitch_phase,
