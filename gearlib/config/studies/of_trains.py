@@ -94,11 +94,9 @@ def _has_damping(section):
     return any(getattr(section, name) is not None for name in names)
 
 
-def _without_motion(c):
-    """Say why the train of the configuration cannot move."""
-    if "train" not in c.model_fields_set:
-        return NO_TRAIN
-    return _train_without_teeth(c) or undamped(c)
+def _without_train(c):
+    """Say why there is no train of the configuration."""
+    return _train_without_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
 
 
 REDUCER = Study(
@@ -203,7 +201,7 @@ CAMPBELL = Study(
         ),
     ),
     gears=lambda c: gear_names.of_train(c) if has_own_train(c) else gear_names.of_reducer(c),
-    refusal=lambda c: _without_motion(c) if has_own_train(c) else _without_teeth(c),
+    refusal=lambda c: _train_without_teeth(c) if has_own_train(c) else _without_teeth(c),
 )
 
 TRAIN_SWEEP = Study(
@@ -239,5 +237,5 @@ TRAIN_SWEEP = Study(
     # By default the train is the reducer, which has a target.
     unasked=False,
     gears=gear_names.of_train,
-    refusal=_without_motion,
+    refusal=_without_train,
 )
