@@ -248,7 +248,8 @@ class _Common(Section):
         """Return the keyword arguments of `gearlib.SixDegreePair` beside the pair."""
         found = self.six_degrees.model_dump()
         if self.gears:
-            found["teeth"] = [self.gears.pinion.teeth, self.gears.wheel.teeth]
+            gears = self.gears.model_dump()
+            found["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
         return found
 
     def train_parameters(self, damping):

@@ -102,7 +102,7 @@ def as_typed(sentence, mapping):
 
     def typed(match):
         value = _value_at(mapping, match[1])
-        if isinstance(value, str) and units.TEXT.fullmatch(value.strip()):
+        if value == float(match[2]) or (isinstance(value, str) and units.TEXT.fullmatch(value)):
             return f"{match[1]} = {show(value)}"
         # A value that nobody typed needs no more digits than the eye takes in.
         computed = value is None and len(match[2]) > MAX_DIGITS

@@ -148,11 +148,11 @@ def sweep(
 def _check_order(direction, tunings, name):
     """Refuse tunings out of order where the motion is carried from each to the next."""
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
-    if direction == "up" and not rises:
-        raise ValueError(f"{name} out of order are not allowed: direction 'up' needs rising values")
-    if direction == "down" and not (rises or falls):
+    allowed = {"cold": True, "up": rises, "down": rises or falls}
+    if not allowed[direction]:
+        either = "rising" if direction == "up" else "rising or falling"
         raise ValueError(
-            f"{name} out of order are not allowed: direction 'down' needs rising or falling values"
+            f"{name} out of order are not allowed: {direction!r} needs {either} values"
         )
 
 

@@ -2,14 +2,10 @@
 
 import csv
 import dataclasses
-import io
 import json
 import shutil
 import socket
-import sys
-import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +16,7 @@ from click.testing import CliRunner
 import gearlib
 from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.cli import main, progress
+from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.tolerances.designs import DrawnPair
 from gearlib.tolerances.quality_classes import by_class
@@ -297,17 +293,6 @@ def test_a_new_project_can_be_used_as_it_is(run):
     assert "z 23/61" in run("gears", "--config", "gears.yaml").output
 
 
-def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
-    orbit = gearlib.periodic_orbit(pair(), 0.7)
-    for count, end in ((12, "10 11\n"), (13, "10 11 ... 13 in all\n")):
-        longer = SimpleNamespace(
-            **{name: getattr(orbit, name) for name in ("stable", "period", "pattern", "grazing")},
-            **{"multipliers": orbit.multipliers, "state": np.arange(count), "dataset": dict},
-        )
-        monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", lambda *_, it=longer, **__: it)
-        assert f"0 1 2 3 4 5 6 7 8 9 {end}" in run("orbit", *PAIR, "--tuning", "0.7").output
-
-
 def test_wrong_input_is_refused_with_code_2(run, tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe")
     (tmp_path / "open.yaml").write_text("run: [1\n", encoding="utf-8")
@@ -549,33 +534,3 @@ def test_what_a_train_is_without_a_run(run, reducer):
     rows = [line.split() for line in done.output.splitlines()[2 : 2 + excited.size]]
     np.testing.assert_allclose([float(row[0]) for row in rows], excited, rtol=1e-5)
     assert {row[-1] for row in rows} == {"rotational"}
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_progress_shows_on_a_terminal_only_and_after_its_delay(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    assert progress.DELAY > 0.0
-    # On a machine that is busy these lines may take longer than the real one.
-    monkeypatch.setattr(progress, "DELAY", 3600.0)
-    with progress.counter("tunings", 10) as done:
-        done(5)
-    # The bar that never started leaves at most cursor movements.
-    assert "tunings" not in terminal.getvalue()
-    monkeypatch.setattr(progress, "DELAY", 0.0)
-    with progress.counter("tunings", 10) as done:
-        done(5)
-        for _ in range(1000):
-            if "tunings" in terminal.getvalue():
-                break
-            time.sleep(0.05)
-    assert "tunings" in terminal.getvalue()
-    nothing = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", nothing)
-    with progress.clock("waiting"):
-        time.sleep(0.05)
-    assert nothing.getvalue() == ""

@@ -4,7 +4,6 @@ import dataclasses
 import re
 from contextlib import contextmanager
 
-from gearlib import checks
 from gearlib.models.geometry.blank import RACKS, Material, Web
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
@@ -46,9 +45,6 @@ def mesh(values):
 
     What the wheel shares with the pinion it may leave out; other keys do not count.
     """
-    teeth = [values[name]["teeth"] for name in ("pinion", "wheel")]
-    if values["wheel"].get("internal"):
-        checks.integer("teeth of the ring gear", teeth[1], teeth[0] + 1)
     pinion, wheel = gear(values["pinion"]), gear(values["wheel"], values["pinion"])
     return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 

@@ -83,12 +83,10 @@ def drawn_damping(name, value, stiffness, mass):
     if name in ("material_damping", "backlash_damping"):
         words = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
         return checks.number(name, value, words, lambda v: 0.0 <= v < critical)
-    decrement = name == "logarithmic_decrement"
-    words = "a finite number >= 0" + ("" if decrement else " and < 1")
-    most = math.inf if decrement else 1.0
-    return coefficient(
-        checks.number(name, value, words, lambda v: 0.0 <= v < most), stiffness, mass, decrement
-    )
+    if name == "logarithmic_decrement":
+        return coefficient(checks.finite_nonnegative(name, value), stiffness, mass, decrement=True)
+    words = "a finite number >= 0 and < 1"
+    return checks.number(name, value, words, lambda v: 0.0 <= v < 1.0) * critical
 
 
 def train_parameters(mesh, *, torque=None, stated=None, **options):
