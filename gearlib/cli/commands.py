@@ -127,10 +127,8 @@ def simulate(model, tuning, save, **asked):
 @output.options("tuning")
 def sweep(model, start, stop, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
-    start, stop = (
-        speed_options.tuning_of(model, name, value)
-        for name, value in (("start", start), ("stop", stop))
-    )
+    start = speed_options.tuning_of(model, "start", start)
+    stop = speed_options.tuning_of(model, "stop", stop)
     if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "

@@ -40,13 +40,9 @@ def six_degrees(mesh):
     """Return what the section `six_degrees` has of a drawing, without friction and run-out."""
     from gearlib.models.geometry.drawn_parameters import bodies
 
-    of_gears = {
-        key: [rounded(one) for one in value] if isinstance(value, list) else rounded(value)
-        for key, value in bodies(mesh).items()
-        if key != "teeth"
-    }
+    found = {key: rounded(value) for key, value in bodies(mesh).items() if key != "teeth"}
     zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
-    return of_gears | zeros
+    return found | zeros
 
 
 def derived(key, derive, names=(), **options):
@@ -116,5 +112,7 @@ def naming(key, options=None, **places):
 
 
 def rounded(value):
-    """Return a number with 12 digits, an integer or a name as it is."""
+    """Return a number, or a list of them, with 12 digits, an integer or a name as it is."""
+    if isinstance(value, list):
+        return [rounded(one) for one in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value

@@ -46,8 +46,6 @@ class Model:
     #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
     speed: Any = None
     mesh_frequency: Any = None
-    #: Whether time has no unit, so that a speed means nothing.
-    dimensionless: Any = False
     #: The scale of displacements where something turns, m.
     static_deflection: Any = None
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for

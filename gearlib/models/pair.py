@@ -210,11 +210,6 @@ class GearPair(PairParameters, Model):
         return self.backlash / self.static_deflection
 
     @property
-    def dimensionless(self):
-        """Whether the scales are the units of `from_ratios`, in which speeds mean nothing."""
-        return self.load == self.reduced_mass and math.isclose(self.load, 1.0)
-
-    @property
     def tuning_factor_max(self):
         """sqrt(C_s / C_max), so that nu_max = nu * tuning_factor_max."""
         return math.sqrt(self.mean_stiffness / self.max_stiffness)

@@ -25,7 +25,6 @@ class WithPair(Model):
     contact_ratio = _of_pair("contact_ratio")
     reduced_mass = _of_pair("reduced_mass")
     load = _of_pair("load")
-    dimensionless = _of_pair("dimensionless")
     backlash = _of_pair("backlash")
     backlash_ratio = _of_pair("backlash_ratio")
     material_damping = _of_pair("material_damping")

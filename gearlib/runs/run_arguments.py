@@ -52,7 +52,8 @@ def check_either(model, name, tuning, speed_name, speed):
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
             f"{name}"
         )
-    if speed is not None and model.dimensionless:
+    # The units of `GearPair.from_ratios`.
+    if speed is not None and model.static_deflection == model.mesh_frequency(1.0) == 1.0:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: the model is dimensionless, without a scale "
             f"of time, so it must be {name}"

@@ -240,7 +240,6 @@ LIBRARY = {
     "torque is missing ... power and speed": pair,
     "speed is missing ... where power": lambda: pair(power=1e3),
     "torque = 210000.0 ... at most": lambda: pair(torque=2.1e5),
-    "power = 1000000000.0 ... at most": lambda: pair(power=1e9, speed=3e3),
     "speed = 1000000000.0 ... rpm": lambda: pair(power=1e3, speed=1e9),
     "damping_ratio = 5 ... < 1": lambda: pair(torque=1.0, damping_ratio=5),
     "material_damping = 1000000.0 ... < ": lambda: pair(torque=1.0, material_damping=1e6),

@@ -15,7 +15,6 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib import config
-from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.tolerances.designs import DrawnPair
@@ -362,16 +361,6 @@ def test_a_port_in_use_is_refused_before_anything_is_computed(run):
     with socket.create_server(("127.0.0.1", 0)) as server:
         done = run("explore", "--port", str(server.getsockname()[1]))
     assert done.exit_code == 2 and "it must be a free port from 0 to 65535" in done.output
-
-
-def test_no_orbit_ends_with_code_1(run, monkeypatch):
-    def refuse(*_, **__):
-        raise NoOrbit("no orbit of period 1 was found near the guess: guess closer")
-
-    monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", refuse)
-    done = run("orbit", *PAIR, "--tuning", "0.66")
-    assert done.exit_code == 1
-    assert "guess closer" in done.output
 
 
 def test_a_configuration_gives_pair_damping_and_model(run, request):
