@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from numbers import Integral, Real
 
-#: Tunings between which speeds are allowed: below, a run never ends; above, nothing moves.
+#: Tunings at the slowest and the fastest speed that are allowed, as in a configuration.
 MIN_SPEED_TUNING, MAX_SPEED_TUNING = 1e-12, 100.0
 #: Of the integers of numpy and of the kernels.
 _LARGEST = 2**63 - 1

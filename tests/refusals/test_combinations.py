@@ -185,7 +185,7 @@ LIBRARY = {
     "tip_diameter = 0.0992 ... pointed": lambda: gear(shift=1.4),
     "tip_diameter = 0.069 ... above 0.07": lambda: gear(tip_diameter=0.069),
     "tip_diameter = 0.22 ... from 0.225526 to 0.25 m": lambda: inner(tip_diameter=0.22),
-    "tip_diameter = 0.092 ... base and root": lambda: inner(teeth=25),
+    "teeth of the ring gear = 25 ... larger": lambda: inner(teeth=25),
     "bore = 0.075 ... < 0.07 m": lambda: gear(bore=0.075),
     "bore = 0.1 ... 0 for a ring": lambda: inner(bore=0.1),
     "outer_diameter = 0.24 ... above the root circle": lambda: inner(outer_diameter=0.24),
