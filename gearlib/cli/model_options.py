@@ -61,14 +61,13 @@ def options_and_mapping(command):
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, model, **others):
         drawing_options.check_damped(mapping)
-        for key in ("bearing_stiffness", "bearing_damping"):
-            value = others.pop(key)
-            if value is not None and model != "six_degrees":
-                option = key.replace("_", "-")
-                raise click.UsageError(f"--{option} is not allowed without --model six_degrees")
-            if value is not None:
-                bearings = {key: [drawing_options.number(value)] * 4}
-                mapping = laid_over(mapping, {"six_degrees": bearings})
+        given = {key: others.pop(key) for key in ("bearing_stiffness", "bearing_damping")}
+        bearings = {key: [drawing_options.number(text)] * 4 for key, text in given.items() if text}
+        if bearings and model != "six_degrees":
+            option = min(bearings).replace("_", "-")
+            raise click.UsageError(f"--{option} is not allowed without --model six_degrees")
+        if bearings:
+            mapping = laid_over(mapping, {"six_degrees": bearings})
         found = _model(mapping, gears, pair, model, moves=True)
         drawn = "gears" in mapping and model == MODELS[0] and not changes.keys() - {*DAMPINGS}
         return command(model=found, mapping=mapping, drawn=drawn, **others)

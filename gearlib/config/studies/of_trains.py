@@ -94,11 +94,6 @@ def _has_damping(section):
     return any(getattr(section, name) is not None for name in names)
 
 
-def _without_train(c):
-    """Say why there is no train of the configuration."""
-    return _train_without_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
-
-
 REDUCER = Study(
     "reducer",
     Reducer,
@@ -237,5 +232,7 @@ TRAIN_SWEEP = Study(
     # By default the train is the reducer, which has a target.
     unasked=False,
     gears=gear_names.of_train,
-    refusal=_without_train,
+    refusal=lambda c: (
+        _train_without_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
+    ),
 )
