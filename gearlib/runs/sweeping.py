@@ -148,12 +148,8 @@ def sweep(
 def _check_order(direction, tunings, name):
     """Refuse tunings out of order where the motion is carried from each to the next."""
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
-    allowed = {"cold": True, "up": rises, "down": rises or falls}
-    if not allowed[direction]:
-        either = "rising" if direction == "up" else "rising or falling"
-        raise ValueError(
-            f"{name} out of order are not allowed: {direction!r} needs {either} values"
-        )
+    if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
+        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs rising values")
 
 
 def check_tunings(name, tunings, check, tuning_at=np.asarray):
