@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from numbers import Integral, Real
 
+#: Tunings at the slowest and the fastest speed that are allowed, as in a configuration.
+MIN_SPEED_TUNING, MAX_SPEED_TUNING = 1e-12, 100.0
 #: Of the integers of numpy and of the kernels.
 _LARGEST = 2**63 - 1
 
@@ -43,6 +45,23 @@ def finite_positive(name, value):
 def finite_nonnegative(name, value):
     """Return `value` as float if it is finite and >= 0, else raise ValueError."""
     return number(name, value, "a finite number >= 0", lambda v: 0.0 <= v < math.inf)
+
+
+def speed(name, value, resonance):
+    """Return a speed in rpm as float if its tuning is allowed; `resonance` is the speed at 1."""
+    least, most = MIN_SPEED_TUNING * resonance, MAX_SPEED_TUNING * resonance
+    allowed = f"a finite number > 0, from {least:.3g} to {most:.3g} rpm, a tuning of at most 100"
+    return number(name, value, allowed, lambda v: least <= v <= most)
+
+
+def known_damping(value, whose=""):
+    """Return the damping in contact of a motion, else raise ValueError: None is unknown."""
+    if value is None:
+        raise ValueError(
+            f"damping_ratio{whose} is missing: it must be a finite number >= 0 and < 1 where gears "
+            "move, or logarithmic_decrement or material_damping in its place"
+        )
+    return value
 
 
 def integer(name, value, low, high=None):

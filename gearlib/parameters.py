@@ -28,13 +28,15 @@ class Number:
     """A real number within bounds, which `above` and `below` leave out.
 
     Its unit is that of SI, "1" without dimension; `example` is a value in another one, as a
-    configuration may have it. `infinite` says what infinity means, where it is allowed.
+    configuration may have it. `infinite` says what infinity means, where it is allowed; an
+    `optional` value may be None.
     """
 
     above: float | None = None
     least: float | None = None
     below: float | None = None
     most: float | None = None
+    optional = False
 
     def __init__(self, unit, example="", infinite="", **bounds):
         self.unit, self.example, self.infinite = unit, example, infinite
@@ -68,7 +70,7 @@ class Number:
 
     def check(self, name, value):
         """Return a value as float, else raise ValueError."""
-        if type(value) is float and self.accepts(value):
+        if (value is None and self.optional) or (type(value) is float and self.accepts(value)):
             return value  # most are, and the words take time
         most = self.below if self.most is None else self.most
         hint = likely(value, self.example, most)
@@ -178,9 +180,6 @@ class Instance:
         if not isinstance(value, self.classes):
             raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
         return value
-
-
-#: Its name of before, until `six_degrees` says the new one.
 
 
 class Parameter:
@@ -380,6 +379,8 @@ FORCE = Number("N", "2 kN")
 TORQUE = Number("N m", "200 N m")
 DRIVING_TORQUE = Number("N m", "302 N m", above=0)
 DAMPING = Number("N s/m", "3.95 N s/mm", least=0)
+#: Of contact: None where nobody gave it, which is enough at rest; motions ask for it.
+CONTACT_DAMPING = Number("N s/m", "3.95 N s/mm", least=0, optional=True)
 TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", least=0)
 TIME = Number("s", "1 us", least=0)
 TEETH = Integer(3, limit=100_000)
@@ -394,7 +395,7 @@ ContactRatio = Annotated[
     float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
 ]
 Backlash = Annotated[float, BACKLASH, "Backlash; infinite without a second flank", "s_k"]
-MaterialDamping = Annotated[float, DAMPING, "Damping of the material in contact", "k_1"]
+MaterialDamping = Annotated[float, CONTACT_DAMPING, "Damping of the material in contact", "k_1"]
 BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
 PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
 

@@ -128,7 +128,8 @@ def simulate(model, tuning, save, **asked):
 @output.options("tuning")
 def sweep(model, start, stop, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
-    start, stop = (speed_options.tuning_of(model, value) for value in (start, stop))
+    start = speed_options.tuning_of(model, "start", start)
+    stop = speed_options.tuning_of(model, "stop", stop)
     if points < 2 or not 0.0 < start < stop < math.inf:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r}, points = {points} is not allowed: it must be 0 < "
@@ -341,6 +342,8 @@ def gear_table(drawing, damping, mapping, form, save, plot, force):
         click.echo("No duty point without a damping: give --damping-ratio.", err=True)
     if plot is not None:
         output.picture(plot, drawn_gears.stiffness_figure(drawing))
+    if any(row.name == "settled" and not all(row.values.values()) for row in rows):
+        output.fail("the motion of the duty point has not settled: its numbers do not hold")
 
 
 @main.command()

@@ -76,6 +76,8 @@ def laid(mapping, drawn, damping, damping_ratio=None):
     own = ("gears", "dampings") if "gears" in mapping or damping is not None else ()
     kept = {key: mapping[key] for key in own if key in mapping}
     whole = laid_over({"dampings": _NONE} | kept, {"gears": drawn})
+    if "power" in drawn and not whole["gears"].keys() & {"speed", "torque"}:
+        raise click.UsageError("--speed is missing: it must be given in rpm, where --power is")
     if damping_ratio is not None:
         whole["dampings"] = ratios(damping_ratio)
     return whole
@@ -90,7 +92,7 @@ def check_damped(mapping):
     """Refuse gears of whose damping nothing is said, where they shall move or be kept."""
     if not damped(mapping):
         raise click.UsageError(
-            "damping_ratio is missing: it must be a finite number from 0 to 1000, given as "
+            "damping_ratio is missing: it must be a finite number >= 0 and < 1, given as "
             "--damping-ratio, or the configuration must have dampings"
         )
 

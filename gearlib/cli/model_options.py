@@ -9,11 +9,12 @@ from pydantic import ValidationError
 from gearlib import config
 from gearlib.cli import drawing_options, output, refusals, speed_options
 from gearlib.config import gear_names, yaml_keys
-from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
+from gearlib.config.gear_pair_section import BEARINGS, DAMPINGS, GearPairSection
 from gearlib.config.laying import laid_over
+from gearlib.config.studies.of_trains import NO_TRAIN, undamped
 from gearlib.config.train_section import OF_PAIRS
 from gearlib.config.types import like
-from gearlib.config.validation import sentences
+from gearlib.config.validation import as_typed, sentences
 from gearlib.models.pair import GearPair
 
 MODELS = ("one_degree", "six_degrees", "train")
@@ -32,6 +33,7 @@ _STAND_IN = {
 
 #: Options of a drawing whose names mean something else here, or the same.
 _OTHERWISE = ("teeth", "backlash", "power", "speed")
+_BEARINGS = "Of --model six_degrees: of each bearing, along and across the line of action"
 _WORDS = "A gear pair with its damping, SI."
 _Gears = like("Gears", _WORDS, GearPair, *DAMPINGS, base=GearPairSection, required=DAMPINGS)
 
@@ -56,10 +58,19 @@ def options_and_mapping(command):
 
     @_gear_options
     @click.option("--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True)
+    @click.option("--bearing-stiffness", help=f"{_BEARINGS}, N/m.")
+    @click.option("--bearing-damping", help=f"{_BEARINGS}, N s/m.")
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, model, **others):
         drawing_options.check_damped(mapping)
-        found = _model(mapping, gears, pair, model)
+        given = {key: others.pop(key) for key in ("bearing_stiffness", "bearing_damping")}
+        bearings = {key: [drawing_options.number(text)] * 4 for key, text in given.items() if text}
+        if bearings and model != "six_degrees":
+            option = min(bearings).replace("_", "-")
+            raise click.UsageError(f"--{option} is not allowed without --model six_degrees")
+        if bearings:
+            mapping = laid_over(mapping, {"six_degrees": bearings})
+        found = _model(mapping, gears, pair, model, moves=True)
         drawn = "gears" in mapping and model == MODELS[0] and not changes.keys() - {*DAMPINGS}
         return command(model=found, mapping=mapping, drawn=drawn, **others)
 
@@ -69,7 +80,7 @@ def options_and_mapping(command):
 def train_options(command):
     """Give a command the options that describe a gear train; it is called with it as `train`."""
 
-    @_gear_options
+    @functools.partial(_gear_options, train=True)
     @functools.wraps(command)
     def wrapped(mapping, gears, damping, pair, changes, **others):
         return command(train=_model(mapping, gears, pair, "train"), **others)
@@ -130,8 +141,8 @@ def _drawn(others, changes):
     return section, ratio
 
 
-def _gear_options(command):
-    """Give a command the options.
+def _gear_options(command, train=False):
+    """Give a command the options; if it is about a `train`, the configuration must have one.
 
     It is called with `mapping`, `gears`, `damping`, the name `pair` of the gears ("" where a train
     needs none) and the `changes` that options make.
@@ -145,6 +156,8 @@ def _gear_options(command):
         }
         drawn = _drawn(others, changes)
         mapping, path = read(config_path, case, damping)
+        if (train or others.get("model") == "train") and "train" not in mapping:
+            raise click.UsageError(NO_TRAIN)
         mapping, gears, damping, pair = _gears(mapping, path, drawn, damping, changes)
         known = {"mapping": mapping, "gears": gears, "damping": damping, "pair": pair}
         return command(**known, changes=changes, **others)
@@ -186,7 +199,9 @@ def _gears(mapping, path, drawn, damping, changes):
     section, ratio = drawn
     if section is not None:
         whole = drawing_options.laid(mapping, section, damping, ratio)
-        mapping = {name: mapping[name] for name in MODELS if name in mapping} | whole
+        # The bearings of other gears would not fit these.
+        kept = MODELS if "gears" in mapping else ("train",)
+        mapping = {name: mapping[name] for name in kept if name in mapping} | whole
         path = path or "What the options say"
     elif ratio is not None:
         kept = (name for name in ("gears", "gear_pair", *MODELS) if name in mapping)
@@ -205,7 +220,7 @@ def _gears(mapping, path, drawn, damping, changes):
         gears = _Gears.model_validate(values | changes)
     except ValidationError as error:
         found = sentences(error.errors(), _Gears.model_json_schema())
-        raise click.UsageError("\n".join(found)) from None
+        raise click.UsageError("\n".join(as_typed(one, changes) for one in found)) from None
     other = drawn is None or gear_names.PAPER.keys() & changes.keys()
     pair = gear_names.of_numbers(gears) if other else gear_names.of_drawing(drawn)
     return mapping, gears, damping or _ONLY_DAMPING, "" if alone else pair
@@ -224,10 +239,10 @@ def _sections(gears, damping):
     return {"gear_pair": pair, "dampings": {damping: gears.model_dump(exclude=set(pair))}}
 
 
-def _model(mapping, gears, name, model):
+def _model(mapping, gears, name, model, moves=False):
     """Return the model of the gears, of this name, after a line that says whose they are.
 
-    A train, bodies and bearings are those of a configuration.
+    A train, bodies and bearings are those of a configuration; a train that `moves` is damped.
     """
     pair = GearPair(**gears.model_dump())
     if not name and model != "train":
@@ -244,14 +259,20 @@ def _model(mapping, gears, name, model):
     from gearlib.models.trains.described_train import described
 
     sections = _sections(gears, _ONLY_DAMPING)
+    if model == "six_degrees" and "gears" in mapping:
+        sections = {"gears": mapping["gears"], "dampings": mapping["dampings"]}
     # Both names are those of a section.
     if model in mapping:
         sections[model] = mapping[model]
     settings = load(sections, model)
+    if model == "train" and moves and (words := undamped(settings)):
+        raise click.UsageError(words)
+    if model == "six_degrees" and settings.six_degrees.bearing_stiffness is None:
+        raise click.UsageError(f"{BEARINGS}; --bearing-stiffness is that of all four")
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
         return described(**settings.train_parameters(_ONLY_DAMPING))
-    return SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
+    return SixDegreePair(pair=pair, **settings.six_degree_parameters())
 
 
 def _relieved(mapping, pair):
@@ -310,6 +331,8 @@ def read(path, case, damping):
         raise click.UsageError("\n".join(repeated))
     if not isinstance(mapping, dict):
         load(mapping, path)
+    if unknown := config.unknown_sections(mapping):
+        raise click.UsageError("\n".join([f"{path} is refused.", *unknown]))
     if "cases" in mapping:
         mapping = _case(mapping, path, case)
     elif case is not None:

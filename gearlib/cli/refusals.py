@@ -6,8 +6,11 @@ import socket
 
 import click
 
+from gearlib.config.validation import as_typed
 from gearlib.removed import REMOVED, sentence
 
+#: Where a command keeps the texts of its options.
+TYPED = "gearlib.typed"
 #: What stands in the help of an option that takes one value or two.
 EITHER = "TEETH | PINION WHEEL"
 
@@ -29,7 +32,9 @@ class Command(click.Command):
         for option in (word.partition("=")[0] for word in args):
             if (name := f"{ctx.info_name} {option}") in REMOVED:
                 raise click.UsageError(sentence(name), ctx)
-        return super().parse_args(ctx, list(_joined(args, self.params)))
+        args = list(_joined(args, self.params))
+        ctx.meta[TYPED] = self.make_parser(ctx).parse_args(list(args))[0]
+        return super().parse_args(ctx, args)
 
 
 def _joined(args, options):
@@ -61,7 +66,7 @@ class Group(click.Group):
         try:
             return super().invoke(ctx)
         except ValueError as error:
-            raise click.UsageError(str(error)) from None
+            raise click.UsageError(as_typed(str(error), ctx.meta.get(TYPED, {}))) from None
 
 
 def free_port(ctx, option, port):

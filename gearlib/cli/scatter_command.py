@@ -127,7 +127,7 @@ def scatter(model, mapping, drawn, tolerances, quantities, points, save, **asked
     classes = {name: value for name in _CLASSES if (value := asked.pop(name)) is not None}
     given = dict(tolerances) or ({} if classes else _of_section(mapping))
     source, given = _scattering(model, mapping if drawn else None, given, classes)
-    start, stop = (speed_options.tuning_of(model, asked.pop(end)) for end in ("start", "stop"))
+    start, stop = (speed_options.tuning_of(model, end, asked.pop(end)) for end in ("start", "stop"))
     if not 0.0 < start < stop:
         raise click.UsageError(
             f"start = {start!r}, stop = {stop!r} is not allowed: it must be 0 < start < stop"

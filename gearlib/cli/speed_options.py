@@ -57,10 +57,12 @@ def options(command):
     return wrapped
 
 
-def tuning_of(model, value):
-    """Return the tuning of a value of the type `TUNING`."""
+def tuning_of(model, name, value):
+    """Return the tuning of a value of the type `TUNING`, an option of this name."""
+    from gearlib.runs.run_arguments import check_speed
+
     if isinstance(value, str):
-        return float(model.tuning_at(SPEED.convert(value, None, None)))
+        return check_speed(model, name, SPEED.convert(value, None, None))
     return value
 
 

@@ -40,7 +40,7 @@ import json
 import re
 from functools import cache
 
-from gearlib.config.validation import sentences, show
+from gearlib.config.validation import as_typed, sentences, show, unknown_key
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
@@ -72,12 +72,18 @@ def load(mapping):
     if problems:
         raise ConfigError("\n".join(problems))
     whole, problems = defaults.filled(mapping)
-    if problems:
-        raise ConfigError("\n".join(problems))
-    try:
-        return Config.model_validate(whole)
-    except ValidationError as error:
-        raise ConfigError("\n".join(sentences(error.errors(), schema()))) from None
+    if not problems:
+        try:
+            return Config.model_validate(whole)
+        except ValidationError as error:
+            problems = sentences(error.errors(), schema())
+    raise ConfigError("\n".join(as_typed(problem, mapping) for problem in problems))
+
+
+def unknown_sections(mapping):
+    """Return a sentence for each section of a mapping that no configuration has."""
+    known = {"cases", *schema()["properties"]}
+    return [unknown_key([key], mapping[key], schema()) for key in mapping if key not in known]
 
 
 def names_that_are_no_texts(mapping, where=""):

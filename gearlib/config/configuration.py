@@ -12,7 +12,7 @@ from gearlib.config.gears_section import Gears
 from gearlib.config.measured_description import MeasuredPath
 from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
 from gearlib.config.studies import STUDIES
-from gearlib.config.studies.of_trains import has_own_train
+from gearlib.config.studies.of_trains import has_own_train, undamped
 from gearlib.config.studies.study import default, for_targets
 from gearlib.config.train_section import OF_PAIRS, Train
 from gearlib.config.types import Name, ProjectName, Section, entry, listing
@@ -128,6 +128,12 @@ class _Common(Section):
             found.setdefault(STUDIES[name].refusal(self), []).append(name)
         return [for_targets(words, *names) for words, names in found.items() if words]
 
+    def without_damping(self):
+        """Return a sentence, or none, that asks for the damping of a train that targets move."""
+        moved = [name for name in self.wanted() if name in ("train_sweep", "campbell")]
+        words = undamped(self)
+        return [for_targets(words, *moved)] if words and moved else []
+
     def _said(self):
         """Return targets that nobody names and whose section says what is no default."""
         default = type(self.tolerances).model_fields["parameters"].default
@@ -228,6 +234,14 @@ class _Common(Section):
     def damped_parameters(self, damping):
         """Return the keyword arguments of `gearlib.GearPair` for a `Damping`."""
         return self.gear_pair.model_dump() | damping.model_dump()
+
+    def six_degree_parameters(self):
+        """Return the keyword arguments of `gearlib.SixDegreePair` beside the pair."""
+        found = self.six_degrees.model_dump()
+        if self.gears:
+            gears = self.gears.model_dump()
+            found["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
+        return found
 
     def train_parameters(self, damping):
         """Return the keyword arguments of `gearlib.models.trains.described_train.described`.

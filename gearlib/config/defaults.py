@@ -6,14 +6,15 @@ suit one gear pair are wrong for the next.
 
 import colorsys
 import math
-from typing import Annotated
+from typing import Annotated, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearlib.config import speeds_section
+from gearlib.config import drawing, speeds_section
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
 from gearlib.config.gears_section import Gears
 from gearlib.config.laying import laid_over
+from gearlib.config.trials import Problem
 from gearlib.config.types import Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
@@ -45,7 +46,8 @@ _WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
 
-#: What describes the bodies of the gears: one without the others would not fit the reduced mass.
+#: What describes the bodies of the gears: one without the others would not fit the reduced mass,
+#: and bearings of other bodies would not fit these.
 _BODIES = ("base_radii", "inertias", "masses")
 
 
@@ -58,9 +60,16 @@ def filled(mapping):
         return mapping, []
     pair, dampings = _gears(mapping)
     made = _made(pair, dampings)
-    six_degrees = mapping.get("six_degrees")
-    if isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
-        for key in _BODIES:
+    six_degrees = mapping.get("six_degrees") or {}
+    if "gears" in mapping and pair is not _PAIR:
+        if refused := _too_damped(mapping["dampings"], pair):
+            return mapping, refused
+        made["six_degrees"] = drawing.six_degrees(Gears.model_validate(mapping["gears"]).mesh())
+        if "bearing_stiffness" not in six_degrees:
+            others = [name for name in get_args(Problem) if name != "six_degrees"]
+            made["work_precision"]["problems"] = others
+    elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
+        for key in (*_BODIES, "bearing_stiffness"):
             del made["six_degrees"][key]
     mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
     _fit(made, _run(mapping))
@@ -100,6 +109,20 @@ def _gears(mapping):
     except ValidationError:
         return _PAIR, _DAMPINGS
     return pair, {name: Damping(**d.coefficients(pair)) for name, d in dampings.items()}
+
+
+def _too_damped(dampings, pair):
+    """Return a sentence for each damping that no mesh of drawn gears has."""
+    from gearlib.models.geometry.drawn_parameters import drawn_damping
+
+    problems = []
+    for name, given in dampings.items():
+        for key, value in Damping.model_validate(given).model_dump().items():
+            try:
+                drawn_damping(key, value, pair.mean_stiffness(), pair.reduced_mass)
+            except ValueError as error:
+                problems.append(f"dampings.{name}.{error}")
+    return problems
 
 
 def _in_coefficients(node, pair):

@@ -3,6 +3,8 @@
 The geometry is loaded where a configuration has such sections.
 """
 
+from gearlib import checks
+
 #: What is derived keeps so many digits: the same drawing in other units, whose rounding differs,
 #: reruns nothing.
 _DIGITS = 12
@@ -20,10 +22,27 @@ def mesh_of(key, section):
     """Return the `gearlib.geometry.Mesh` of a `gearlib.config.gears_section.DrawnPair`."""
     from gearlib.models.geometry.mesh import Mesh
 
+    if section.wheel.internal:
+        check_ring(f"{key}.wheel", section.wheel, section.pinion)
     pinion = gear_of(f"{key}.pinion", section.pinion)
     wheel = gear_of(f"{key}.wheel", section.wheel, like=section.pinion)
     with naming(key, **_both(key)):
         return Mesh(pinion, wheel, section.centre_distance, section.backlash)
+
+
+def check_ring(place, ring, pinion, words=""):
+    """Refuse a ring gear, named by `place`, with no more teeth than the gear inside."""
+    words = words or f"an integer >= {pinion.teeth + 1}, more than the {pinion.teeth} of the pinion"
+    checks.require(ring.teeth > pinion.teeth, f"{place}.teeth", ring.teeth, words)
+
+
+def six_degrees(mesh):
+    """Return what the section `six_degrees` has of a drawing, without friction and run-out."""
+    from gearlib.models.geometry.drawn_parameters import bodies
+
+    found = {key: rounded(value) for key, value in bodies(mesh).items() if key != "teeth"}
+    zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
+    return found | zeros
 
 
 def derived(key, derive, names=(), **options):
@@ -93,5 +112,7 @@ def naming(key, options=None, **places):
 
 
 def rounded(value):
-    """Return a number with 12 digits, an integer or a name as it is."""
+    """Return a number, or a list of them, with 12 digits, an integer or a name as it is."""
+    if isinstance(value, list):
+        return [rounded(one) for one in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value

@@ -60,6 +60,8 @@ def check_planets(key, section):
     from gearlib.models.geometry.planets import planets_of
 
     keys = {name: f"{key}.{name}" for name in ("sun", "planet", "ring")}
+    wanted = f"z_s + 2 z_p = {section.sun.teeth + 2 * section.planet.teeth}"
+    drawing.check_ring(keys["ring"], section.ring, section.planet, f"{wanted}, or near to it")
     sun = drawing.gear_of(keys["sun"], section.sun)
     planet = drawing.gear_of(keys["planet"], section.planet, like=section.sun)
     ring = drawing.gear_of(keys["ring"], section.ring, like=section.sun, internal=True)
@@ -67,9 +69,14 @@ def check_planets(key, section):
     with drawing.naming(key, section.stiffness_options, **keys):
         drawn = planets_of(sun, planet, ring, **section.model_dump(include=places))
         given = section.arguments()
-        names = (*DampingByRatio.model_fields, "options", "torque")
+        stated = "torque", given["torque"], "N m"
+        names = (*DampingByRatio.model_fields, "options")
+        given = {name: given[name] for name in names if name in given}
+        share = stated[1] / len(drawn.positions)
         for mesh in (drawn.sun_mesh, drawn.ring_mesh):
-            mesh.train_parameters(**{name: given[name] for name in names if name in given})
+            # The sun carries its share, a planet the same force at its radius.
+            torque = share * mesh.pinion.teeth / sun.teeth
+            mesh.train_parameters(torque=torque, stated=stated, **given)
 
 
 def check_meshes(key, section):

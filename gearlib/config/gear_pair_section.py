@@ -11,6 +11,7 @@ from gearlib.config.types import (
     Angle,
     DampingCoefficient,
     Finite,
+    Given,
     Inertia,
     Label,
     Length,
@@ -157,10 +158,19 @@ class Run(Section):
         return self
 
 
-class SixDegrees(Section):
+#: Asks for the bearings of drawn gears.
+BEARINGS = (
+    "six_degrees.bearing_stiffness is missing: it must be a list of 4 entries, C3y, C3z, C2y, C2z "
+    "in N/m, for these gears; bearing_damping in N s/m comes beside it"
+)
+
+
+class SixDegrees(Given):
     """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2.
 
-    The defaults are those of equal gears on soft bearings: a choice, not a guess at real ones.
+    Of drawn gears, the pinion first, radii, inertias, masses and pitch phase are those of the
+    drawing, damping, run-out and friction are 0, and the stiffness of the bearings has to be given.
+    The defaults for other gears are those of equal gears on soft bearings: a choice.
     """
 
     base_radii: numbers(Length, 2, "Rb3, Rb2, m. Default: 0.1 m.")
@@ -170,7 +180,7 @@ class SixDegrees(Section):
     )
     bearing_stiffness: numbers(
         Stiffness, 4, "C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40."
-    )
+    ) = None
     bearing_damping: numbers(
         DampingCoefficient, 4, "k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %."
     )

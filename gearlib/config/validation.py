@@ -3,8 +3,10 @@
 The allowed range is read from the JSON schema, so that message, schema and check agree.
 """
 
+import difflib
 import re
 
+from gearlib.config import units
 from gearlib.parameters import likely
 from gearlib.removed import REMOVED, sentence
 
@@ -15,6 +17,12 @@ _BOUNDS = {
     "maximum": "<= {}",
 }
 _LONGEST_VALUE = 60
+#: Most sections named for a misplaced key, and characters of a computed value shown in full.
+MAX_PLACES, MAX_DIGITS = 3, 12
+#: A key and the number that it is said to have; of a sum there is none to show.
+_ASSIGNED = re.compile(
+    r"(?<! and )\b([A-Za-z][\w.+\[\]-]*) = (-?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|inf)\b)"
+)
 #: Title of a section -> its keys of former versions, and what they are called now.
 _RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_damping"}}
 
@@ -35,17 +43,7 @@ def _sentence(error, schema):
         twice = show(error["ctx"]["value"])
         return f"{key} lists {twice} twice: its entries must be all different"
     if kind == "extra_forbidden":
-        section = node_at(path[:-1], schema)
-        for name in (key, f"{path[0]}.{path[-1]}"):
-            if name in REMOVED:
-                return sentence(name)
-        new = _RENAMED.get(section.get("title"), {}).get(path[-1])
-        if new:
-            return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
-        return (
-            f"{key} = {show(value)} is not a known key: {_key(path[:-1])} must be "
-            f"{allowed(section, schema)}"
-        )
+        return unknown_key(path, value, schema)
     if error["loc"][-1:] == ("[key]",):
         pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
@@ -62,6 +60,67 @@ def _sentence(error, schema):
     node = node_at(path, schema)
     hint = _hint(value, node)
     return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
+
+
+def unknown_key(path, value, schema):
+    """Return the sentence that refuses a key, by its path, which its section does not have."""
+    section, key = node_at(path[:-1], schema), _key(path)
+    for name in (key, f"{path[0]}.{path[-1]}"):
+        if name in REMOVED:
+            return sentence(name)
+    new = _RENAMED.get(section.get("title"), {}).get(path[-1])
+    if new:
+        return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
+    return f"{key} = {show(value)} is not a known key: {_where(path, section, schema)}"
+
+
+def _where(path, section, schema):
+    """Return where an unknown key belongs, else which key was likely meant, else what is known."""
+    name, place = str(path[-1]), _key(path[:-1])
+    if places := sorted(_sections_with(name, schema), key=lambda section: section.count(".")):
+        return f"{name} belongs in {' or '.join(places[:MAX_PLACES])}"
+    if meant := difflib.get_close_matches(name, section.get("properties", []), 1):
+        return f"did you mean {meant[0]}?"
+    return f"{place} must be {allowed(section, schema)}"
+
+
+def _sections_with(name, schema, node=None, place=""):
+    """Yield the sections that have a key of a name."""
+    node = resolve(node or schema, schema)
+    if name in node.get("properties", {}):
+        yield place or "the configuration itself, beside its sections"
+    for key, inner in node.get("properties", {}).items():
+        yield from _sections_with(name, schema, inner, f"{place}.{key}" if place else key)
+    for inner in node.get("patternProperties", {}).values():
+        yield from _sections_with(name, schema, inner, f"{place}.<name>")
+    if "items" in node:
+        yield from _sections_with(name, schema, node["items"], f"{place}[i]")
+
+
+def as_typed(sentence, mapping):
+    """Return a sentence with the texts of a mapping in place of the numbers that they became."""
+
+    def typed(match):
+        value = _value_at(mapping, match[1])
+        if value == float(match[2]) or (isinstance(value, str) and units.TEXT.fullmatch(value)):
+            return f"{match[1]} = {show(value)}"
+        # A value that nobody typed needs no more digits than the eye takes in.
+        computed = value is None and len(match[2]) > MAX_DIGITS
+        return f"{match[1]} = {float(match[2]):.6g}" if computed else match[0]
+
+    text = _ASSIGNED.sub(typed, sentence)
+    # Whoever gave a unit meant that one.
+    return re.sub(r"(= '[^']*[A-Za-zµ°]' .*); did you mean [^?]*\?", r"\1", text)
+
+
+def _value_at(node, key):
+    """Return the value of a key such as run_ups.revolutions[0], None if there is none."""
+    for part in re.findall(r"[^.\[\]]+", key):
+        if isinstance(node, (list, tuple)) and part.isdigit() and int(part) < len(node):
+            node = node[int(part)]
+        else:
+            node = node.get(part) if isinstance(node, dict) else None
+    return node
 
 
 def _hint(value, node):

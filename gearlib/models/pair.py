@@ -68,6 +68,8 @@ class GearPair(PairParameters, Model):
         for name in ("max_stiffness", "reduced_mass", "load"):
             checks.number(name, getattr(self, name), words, lambda v: _SMALLEST <= v <= _LARGEST)
         for name in ("material_damping", "backlash_damping"):
+            if getattr(self, name) is None:
+                continue
             most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
             words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
             checks.number(name, getattr(self, name), words, lambda v, most=most: v <= most)
@@ -135,9 +137,10 @@ class GearPair(PairParameters, Model):
             W and rpm of the pinion; finite, > 0.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
             Damping in contact, one of them at most: beta; delta = 2 pi beta / sqrt(1 - beta^2);
-            k_1 in N s/m. Finite, >= 0; none by default.
+            k_1 in N s/m. The damping ratio is >= 0 and < 1. Left out, the damping is unknown:
+            stiffness and resonance need none, whatever moves the gears asks for it.
         backlash_damping_ratio : float, default 0
-            beta_m; finite, >= 0.
+            beta_m, >= 0 and < 1.
         stiffness : {"iso", "energy"} or Tabulated, default "iso"
             How the mesh stiffness is found; see `gearlib.geometry.mesh_stiffness`.
         options : dict, optional
@@ -171,7 +174,7 @@ class GearPair(PairParameters, Model):
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""
-        return self.material_damping > 0.0 or self.backlash_damping > 0.0
+        return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property
     def min_stiffness(self):
@@ -193,7 +196,8 @@ class GearPair(PairParameters, Model):
     @property
     def damping_ratio(self):
         """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
-        return self.material_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
+        damping = checks.known_damping(self.material_damping)
+        return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
 
     @property
     def backlash_damping_ratio(self):

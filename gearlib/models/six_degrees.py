@@ -37,6 +37,7 @@ from typing import Annotated
 
 import numpy as np
 
+from gearlib.models.geometry.drawn_parameters import bodies
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair
@@ -157,6 +158,26 @@ class SixDegreePair(WithPair):
         for name, default in self.by_default.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, default(self))
+
+    @classmethod
+    def from_geometry(cls, mesh, *, bearing_stiffness, **more):
+        """Return the pair of two drawn gears, the pinion as gear 3, on bearings.
+
+        Radii, masses, inertias, teeth and pitch phase are those of the drawing. Friction and
+        run-out are 0 unless given.
+
+        Parameters
+        ----------
+        mesh : gearlib.geometry.Mesh
+        bearing_stiffness : sequence of float
+            C3y, C3z, C2y, C2z along and across the line of action, N/m; > 0 or infinite.
+        **more
+            Other parameters of the class, also in place of what is drawn; torque, damping_ratio
+            and so on, as of `GearPair.from_geometry`.
+        """
+        own = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
+        pair = GearPair.from_geometry(mesh, **more)
+        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | own))
 
     @property
     def parameters(self):

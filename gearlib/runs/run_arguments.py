@@ -36,12 +36,8 @@ def tuning_of(model, tuning, speed):
 
 
 def check_speed(model, name, speed):
-    """Return the tuning at a speed in rpm: finite, > 0, that of a tuning which is allowed."""
-    speed = checks.finite_positive(name, speed)
-    least, most = (model.speed(bound) for bound in (LEAST_TUNING, MOST_TUNING))
-    words = f"from {least:.3g} to {most:.3g} rpm, tunings from {LEAST_TUNING:g} to {MOST_TUNING:g}"
-    checks.number(name, speed, words, lambda v: allowed(model.tuning_at(v)))
-    return float(model.tuning_at(speed))
+    """Return the tuning at a speed in rpm, which is refused where its tuning is not allowed."""
+    return float(model.tuning_at(checks.speed(name, speed, float(model.speed(1.0)))))
 
 
 def check_either(model, name, tuning, speed_name, speed):
@@ -55,6 +51,12 @@ def check_either(model, name, tuning, speed_name, speed):
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
             f"{name}"
+        )
+    # The units of `GearPair.from_ratios`.
+    if speed is not None and model.static_deflection == model.mesh_frequency(1.0) == 1.0:
+        raise ValueError(
+            f"{speed_name} = {speed!r} is not allowed: the model is dimensionless, without a scale "
+            f"of time, so it must be {name}"
         )
 
 

@@ -128,7 +128,8 @@ def run_up(
     """
     _check_model(model)
     speeds = speeds_of(start, stop, duration, acceleration, speed)
-    check_speed(model, "speed", float(speeds[:, 1].max()))
+    name = "speed" if speed is not None else "stop" if stop >= start else "start"
+    check_speed(model, name, float(speeds[:, 1].max()))
     loads = _course("load", load, "finite", math.isfinite, steps=True)
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)

@@ -57,9 +57,10 @@ def sweep(
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and dx/dtau at tau = 0.
     direction : {"cold", "up", "down"}
-        "cold" starts every tuning from `initial_state`. "up" and "down" go through the tunings
-        in ascending or descending order, each run starting from the final state of the one
-        before it, which shows hysteresis; after a run that could not go on, from `initial_state`.
+        "cold" starts every tuning from `initial_state`. "up" goes through rising tunings, "down"
+        through rising or falling ones from the highest on, each run starting from the final state
+        of the one before it, which shows hysteresis; after a run that could not go on, from
+        `initial_state`.
         With run-out the gears go on turning from where they are, as in a slow run-up; six degrees
         of freedom do so by method "exact" only.
     method : str, optional
@@ -99,6 +100,7 @@ def sweep(
         tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
+    _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
     if direction != "cold" and asked.method != "exact" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
@@ -141,6 +143,13 @@ def sweep(
     coords = {"tuning": tunings, **pair.coordinates()}
     said = asked.attributes() | {"direction": direction}
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
+
+
+def _check_order(direction, tunings, name):
+    """Refuse tunings out of order where the motion is carried from each to the next."""
+    rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
+    if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
+        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs rising values")
 
 
 def check_tunings(name, tunings, check, tuning_at=np.asarray):

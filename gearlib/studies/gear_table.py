@@ -40,7 +40,7 @@ def compute(mesh, *, damping=None, options=None, **load):
             if method == "iso":
                 raise
             continue
-        pairs[method] = pair.replace(**(damping or {}))
+        pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
     return [*_of_gears(mesh), *_of_mesh(mesh, pairs["iso"]), *_of_stiffness(pairs)]
 
 

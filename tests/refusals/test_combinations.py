@@ -185,7 +185,7 @@ LIBRARY = {
     "tip_diameter = 0.0992 ... pointed": lambda: gear(shift=1.4),
     "tip_diameter = 0.069 ... above 0.07": lambda: gear(tip_diameter=0.069),
     "tip_diameter = 0.22 ... from 0.225526 to 0.25 m": lambda: inner(tip_diameter=0.22),
-    "tip_diameter = 0.092 ... base and root": lambda: inner(teeth=25),
+    "teeth of the ring gear = 25 ... larger": lambda: inner(teeth=25),
     "bore = 0.075 ... < 0.07 m": lambda: gear(bore=0.075),
     "bore = 0.1 ... 0 for a ring": lambda: inner(bore=0.1),
     "outer_diameter = 0.24 ... above the root circle": lambda: inner(outer_diameter=0.24),
@@ -237,8 +237,19 @@ LIBRARY = {
     "torque = None ... > 0": lambda: energy(hertz="logarithmic"),
     "bore of the pinion = 0.15 ... 0.125": lambda: twenty(bore=0.15).stiffness("energy"),
     "options = [1] ... a mapping": lambda: pair(torque=1.0, options=[1]),
-    "torque = None ... either torque": pair,
-    "torque = None with power = 1000.0 ... power and speed": lambda: pair(power=1e3),
+    "torque is missing ... power and speed": pair,
+    "speed is missing ... where power": lambda: pair(power=1e3),
+    "torque = 210000.0 ... at most": lambda: pair(torque=2.1e5),
+    "speed = 1000000000.0 ... rpm": lambda: pair(power=1e3, speed=1e9),
+    "damping_ratio = 5 ... < 1": lambda: pair(torque=1.0, damping_ratio=5),
+    "material_damping = 1000000.0 ... < ": lambda: pair(torque=1.0, material_damping=1e6),
+    "damping_ratio is missing": lambda: gearlib.simulate(pair(torque=1.0), 0.5, periods=1),
+    "speed = 3000.0 ... dimensionless": lambda: gearlib.simulate(
+        GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6), speed=3e3, periods=1
+    ),
+    "tunings out of order ... rising": lambda: gearlib.sweep(
+        PAPER, [0.7, 0.5], periods=1, record_periods=1, direction="up"
+    ),
     "speed = 0.0 ... > 0": lambda: pair(power=1e3, speed=0.0),
     "torque = -1.0 ... > 0": lambda: pair(torque=-1.0),
     "damping_ratio and material_damping ... one of them": lambda: pair(

@@ -2,14 +2,10 @@
 
 import csv
 import dataclasses
-import io
 import json
 import shutil
 import socket
-import sys
-import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +15,7 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib import config
-from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.cli import main, progress
+from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.tolerances.designs import DrawnPair
 from gearlib.tolerances.quality_classes import by_class
@@ -118,7 +113,8 @@ def test_the_ending_decides_what_is_written(run):
         "scatter": ["-t", "load std=5%", "--samples", "4", "--points", "3"],
     }
     own["trust"] = own["simulate"]
-    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], ())
+    reducer = ["--config", str(Path(__file__).parents[2] / "config.yaml")]
+    trains = dict.fromkeys(["modes", "static", "phasing", "campbell"], reducer)
     for name, arguments in (own | trains).items():
         files = [f"{name}.{end}" for end in ("nc", "csv", "png")]
         for file in files[:2]:
@@ -239,6 +235,47 @@ def test_gears_are_drawn_by_options_of_every_command(run):
     assert run("gears", *DRAWN[:-2]).exit_code == 0
 
 
+def test_six_degrees_take_a_drawing_and_ask_for_its_bearings(run):
+    asked = ["simulate", *DRAWN, "--speed", "4000", "--model", "six_degrees"]
+    done = run(*asked)
+    assert done.exit_code == 2 and "bearing_stiffness is missing" in done.output, done.output
+    done = run(*asked, "--bearing-stiffness", "0.1 kN/um", "--bearing-damping", "900", "-o", "a.nc")
+    assert done.exit_code == 0, done.output
+    mesh, bearings = drawings.own(), {"bearing_stiffness": [1e8] * 4, "bearing_damping": [900] * 4}
+    load = {"torque": 85.0, "damping_ratio": 0.05}
+    pair = gearlib.SixDegreePair.from_geometry(mesh, **load, **bearings)
+    assert pair.base_radii == (mesh.pinion.base_diameter / 2, mesh.wheel.base_diameter / 2)
+    assert pair.masses == (mesh.pinion.mass, mesh.wheel.mass) and pair.teeth == (23, 61)
+    assert pair.inertias == (mesh.pinion.inertia, mesh.wheel.inertia)
+    assert pair.friction == pair.eccentricities == (0.0, 0.0)
+    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    np.testing.assert_allclose(xr.load_dataset("a.nc").displacement, expected.displacement, 1e-8)
+
+
+def test_trains_and_settled_motions_are_asked_for(run):
+    for gears in ([], PAIR, DRAWN):
+        for name in ("modes", "static", "phasing", "campbell"):
+            assert "train is missing" in (done := run(name, *gears)).output and done.exit_code == 2
+    # A duty point that does not settle is no success.
+    done = run("gears", *DRAWN[:-1], "0", "--speed", "4000")
+    assert done.exit_code == 1 and "has not settled" in done.output, done.output
+
+
+def test_sentences_show_what_was_typed(run):
+    for given, words in (
+        (["simulate", *DRAWN, "--speed", "1e9rpm"], "speed = '1e9rpm' is not allowed"),
+        (["sweep", *DRAWN, "--stop", "1e9rpm"], "stop = '1e9rpm' is not allowed"),
+        (["gears", *DRAWN, "--pressure-angle", "70deg"], "pressure_angle = '70deg' is not allowed"),
+        (["gears", *DRAWN, "--torque", "99 kNm"], "torque = '99 kNm' is not allowed"),
+        (["gears", *DRAWN, "--teeth", "40", "30", "--internal"], "teeth = 30 is not allowed"),
+        (["gears", *DRAWN[:7], "--power", "9 kW"], "--speed is missing"),
+        (["gears", *DRAWN[:-2], "--damping-ratio", "5"], "damping_ratio = 5 is not allowed"),
+    ):
+        done = run(*given)
+        assert done.exit_code == 2 and words in done.output, done.output
+        assert "did you mean" not in done.output
+
+
 def test_a_new_project_can_be_used_as_it_is(run):
     assert run("init").exit_code == 0 and run("init").exit_code == 2
     text = Path("gears.yaml").read_text(encoding="utf-8")
@@ -250,17 +287,6 @@ def test_a_new_project_can_be_used_as_it_is(run):
     lines[at] = "    shift: 0.3"
     assert config.load(yaml.safe_load("\n".join(lines))).gears.pinion.shift == 0.3
     assert "z 23/61" in run("gears", "--config", "gears.yaml").output
-
-
-def test_of_many_numbers_of_an_orbit_the_first_are_printed(run, monkeypatch):
-    orbit = gearlib.periodic_orbit(pair(), 0.7)
-    for count, end in ((12, "10 11\n"), (13, "10 11 ... 13 in all\n")):
-        longer = SimpleNamespace(
-            **{name: getattr(orbit, name) for name in ("stable", "period", "pattern", "grazing")},
-            **{"multipliers": orbit.multipliers, "state": np.arange(count), "dataset": dict},
-        )
-        monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", lambda *_, it=longer, **__: it)
-        assert f"0 1 2 3 4 5 6 7 8 9 {end}" in run("orbit", *PAIR, "--tuning", "0.7").output
 
 
 def test_wrong_input_is_refused_with_code_2(run, tmp_path):
@@ -332,16 +358,6 @@ def test_a_port_in_use_is_refused_before_anything_is_computed(run):
     with socket.create_server(("127.0.0.1", 0)) as server:
         done = run("explore", "--port", str(server.getsockname()[1]))
     assert done.exit_code == 2 and "it must be a free port from 0 to 65535" in done.output
-
-
-def test_no_orbit_ends_with_code_1(run, monkeypatch):
-    def refuse(*_, **__):
-        raise NoOrbit("no orbit of period 1 was found near the guess: guess closer")
-
-    monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", refuse)
-    done = run("orbit", *PAIR, "--tuning", "0.66")
-    assert done.exit_code == 1
-    assert "guess closer" in done.output
 
 
 def test_a_configuration_gives_pair_damping_and_model(run, request):
@@ -504,33 +520,3 @@ def test_what_a_train_is_without_a_run(run, reducer):
     rows = [line.split() for line in done.output.splitlines()[2 : 2 + excited.size]]
     np.testing.assert_allclose([float(row[0]) for row in rows], excited, rtol=1e-5)
     assert {row[-1] for row in rows} == {"rotational"}
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_progress_shows_on_a_terminal_only_and_after_its_delay(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    assert progress.DELAY > 0.0
-    # On a machine that is busy these lines may take longer than the real one.
-    monkeypatch.setattr(progress, "DELAY", 3600.0)
-    with progress.counter("tunings", 10) as done:
-        done(5)
-    # The bar that never started leaves at most cursor movements.
-    assert "tunings" not in terminal.getvalue()
-    monkeypatch.setattr(progress, "DELAY", 0.0)
-    with progress.counter("tunings", 10) as done:
-        done(5)
-        for _ in range(1000):
-            if "tunings" in terminal.getvalue():
-                break
-            time.sleep(0.05)
-    assert "tunings" in terminal.getvalue()
-    nothing = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", nothing)
-    with progress.clock("waiting"):
-        time.sleep(0.05)
-    assert nothing.getvalue() == ""

@@ -1,13 +1,9 @@
 """What a configuration leaves out: the defaults, and that config.yaml shows them."""
 
-import colorsys
-import itertools
-
-import numpy as np
 import pytest
 
 from gearlib import GearPair, SixDegreePair
-from gearlib.config import defaults, load, schema
+from gearlib.config import load, schema
 from tests.paper import CONFIG
 
 GEARS = {
@@ -55,20 +51,6 @@ def differences(one, other, path=""):
         elif one[key] != other[key]:
             found.add(here)
     return found
-
-
-def test_further_colours_are_hues_far_apart():
-    colours = [*itertools.islice(defaults._palette(), 30)]
-    assert len({*colours}) == 30
-    parts = [[int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)] for colour in colours[8:]]
-    hues = np.array([colorsys.rgb_to_hls(*part)[0] for part in parts])
-    # Turns of the golden ratio. Colours are rounded to 1/255.
-    turns = hues - np.arange(1, 23) / ((1.0 + 5.0**0.5) / 2.0)
-    np.testing.assert_allclose(turns - np.round(turns), 0.0, atol=0.003)
-    # Of any number of points the smallest gap is at least 0.38 of the mean one.
-    hues.sort()
-    gaps = np.diff([*hues, hues[0] + 1.0])
-    assert gaps.min() > 0.3 / len(hues)
 
 
 def test_the_configuration_of_the_project_shows_the_defaults():

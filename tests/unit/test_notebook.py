@@ -65,7 +65,7 @@ def test_long_calls_say_how_many_are_done(monkeypatch):
         seen.append(done())
 
     monkeypatch.setattr(notebook, "bar", bar)
-    tunings, run = [0.7, 0.6, 0.9], {"periods": 9, "record_periods": 2}
+    tunings, run = [0.6, 0.7, 0.9], {"periods": 9, "record_periods": 2}
     for direction in ("cold", "up", "down"):
         sweep(PAPER, tunings, direction=direction, **run)
     damped = replace(PAPER, material_damping=4e3, backlash_damping=4e3)

@@ -133,7 +133,7 @@ def test_result_does_not_depend_on_threads():
 @pytest.mark.parametrize(("direction", "order"), [("up", 1), ("down", -1)])
 def test_carried_sweep_is_a_chain_of_runs(direction, order):
     grid = np.linspace(0.78, 0.86, 9)
-    result = sweep(PAIR, grid[::-1], direction=direction, **RUN)
+    result = sweep(PAIR, grid[::order], direction=direction, **RUN)
     state = (0.0, 0.0)
     for tuning in grid[::order]:
         one = simulate(PAIR, tuning, initial_state=state, **RUN)

@@ -17,6 +17,7 @@ from gearlib import config as configuration
 from gearlib import integrators
 from gearlib.config import yaml_keys
 from gearlib.config.studies import STUDIES
+from gearlib.config.studies.of_trains import undamped
 from gearlib.config.studies.study import for_targets, pairs_of, run_length, text_of
 from gearlib.config.tolerances_section import known_parameters
 from workflow.refusal import refuse
@@ -50,7 +51,7 @@ try:
     if repeated:
         raise configuration.ConfigError("\n".join(repeated))
     CONFIG = configuration.load(config)
-    if refused := CONFIG.refused():
+    if refused := [*CONFIG.refused(), *CONFIG.without_damping()]:
         raise configuration.ConfigError("\n".join(refused))
     if workflow.is_main_process and CONFIG.measured:
         # The tables as well, before any job runs; they cost numpy.
@@ -179,7 +180,8 @@ def target_files(targets):
 def files_asked_by_name(study):
     """Return the files of a study; where it cannot be about these gears, what says so if asked."""
     words = study.refusal(CONFIG)
-
+    if study.name in configuration.OF_ANY_TRAIN:
+        words = words or undamped(CONFIG)
     if not words:
         return target_files([study.name])
     words = f"The configuration is refused.\n{for_targets(words, study.name)}"

@@ -149,7 +149,7 @@ def _of_train(train, floats=None):
                 (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
                 waves,
                 (arb(mesh.max_stiffness), arb(mesh.max_stiffness) * mesh.stiffness_ratio),
-                arb(mesh.material_damping),
+                arb(mesh.known_damping),
                 arb(mesh.backlash_damping),
                 tuple(map(arb, mesh.friction[::-1])),
                 train.rates[j],

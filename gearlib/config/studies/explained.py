@@ -18,11 +18,13 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
+    bearings_of_scenes,
     each,
     grid_of,
     model_of,
     of_dampings,
     pairs_of,
+    rectangular,
     run_length,
     without,
 )
@@ -221,7 +223,7 @@ MODELS = Study(
         lambda c: {
             "cases": cases_of(c),
             "question": _question_of(c),
-            "six_degrees": c.six_degrees.model_dump(),
+            "six_degrees": c.six_degree_parameters(),
             "harmonics": c.models.harmonics,
             "run": run_length(c),
             "starts": c.models.model_dump(include=STARTS),
@@ -253,6 +255,7 @@ MODELS = Study(
         _scenes,
     ),
     needs=lambda c: bool(c.scenes),
+    refusal=lambda c: rectangular(c) or bearings_of_scenes(c),
 )
 
 PARAMETRIC_RESONANCE = Study(

@@ -10,10 +10,12 @@ from gearlib.config.studies.study import (
     Study,
     Table,
     absent,
+    bearings,
     each,
     grid_of,
     installed,
     listed,
+    rectangular,
     run_length,
     without,
 )
@@ -62,7 +64,7 @@ def _problems(c):
     """Return what the test problems take from the configuration, without methods and repeats."""
     return {
         "pair": c.gear_pair.model_dump(),
-        "six_degrees": c.six_degrees.model_dump(),
+        "six_degrees": c.six_degree_parameters(),
         "settings": without(c.work_precision, "methods", "problems", "repeats"),
     }
 
@@ -262,5 +264,8 @@ WORK_PRECISION = Study(
         the closed form of contact. Times are those of one machine and one run.""",
         absent=_absent("work_precision"),
         name="work_precision_time",
+    ),
+    refusal=lambda c: (
+        rectangular(c) or ("six_degrees" in c.work_precision.problems and bearings(c)) or ""
     ),
 )

@@ -1,5 +1,7 @@
 """Studies of gear trains: the reducer, its Campbell diagram, a train over speed."""
 
+from typing import get_args
+
 from gearlib.config import gear_names
 from gearlib.config.reducer_section import Campbell, Reducer
 from gearlib.config.studies.study import (
@@ -15,9 +17,14 @@ from gearlib.config.studies.study import (
     listed,
     without,
 )
-from gearlib.config.train_section import OF_PAIRS, TrainSweep
+from gearlib.config.train_section import OF_PAIRS, Train, TrainSweep
 
 _TRAIN = ("train_kernels",)
+#: Asks for a train.
+NO_TRAIN = (
+    "train is missing: it must be a section of the configuration, whose kind is one of "
+    f"{', '.join(get_args(Train.model_fields['kind'].annotation))}"
+)
 
 
 #: What the schematic of a train is, in a caption.
@@ -63,6 +70,23 @@ def _train_without_teeth(c):
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
     return ""
+
+
+def undamped(c):
+    """Return the sentence that asks for the damping of a train whose gears move, or ""."""
+    train, key = c.train, ""
+    if train.kind == "planetary_set" and not _has_damping(train.planetary_set):
+        key = "planetary_set.damping_ratio"
+    for i, mesh in enumerate(train.own.meshes if train.kind == "own" else ()):
+        if not key and not _has_damping(mesh):
+            drawn = mesh.max_stiffness is None
+            key = f"own.meshes[{i}].{'damping_ratio' if drawn else 'material_damping'}"
+    return key and f"train.{key} is missing: it must be given where gears move, 0 included"
+
+
+def _has_damping(section):
+    names = ("damping_ratio", "logarithmic_decrement", "material_damping")
+    return any(getattr(section, name) is not None for name in names)
 
 
 REDUCER = Study(
@@ -203,5 +227,7 @@ TRAIN_SWEEP = Study(
     # By default the train is the reducer, which has a target.
     unasked=False,
     gears=gear_names.of_train,
-    refusal=_train_without_teeth,
+    refusal=lambda c: (
+        _train_without_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
+    ),
 )

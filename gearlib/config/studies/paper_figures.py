@@ -16,6 +16,7 @@ from gearlib.config.studies.study import (
     Study,
     Table,
     about_forces,
+    bearings_of_scenes,
     grid_of,
     listed,
     model_of,
@@ -122,7 +123,7 @@ def cases_of(c):
 def _without_scenes(c):
     """Return what is wrong where scenes of other gears than the paper's are asked for: none are."""
     needed = "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
-    return needed if c.gears and not c.scenes else ""
+    return needed if c.gears and not c.scenes else bearings_of_scenes(c)
 
 
 PHASE_LAG = Study(
@@ -277,7 +278,7 @@ SCENES = Study(
         "scenes:of_comparison",
         lambda c: {
             "cases": cases_of(c),
-            "six_degrees": c.six_degrees.model_dump(),
+            "six_degrees": c.six_degree_parameters(),
             "run": sampled_run(c),
             "starts": c.models.model_dump(include=STARTS),
         },

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from gearlib import tunings
 from gearlib.config import gear_names
+from gearlib.config.gear_pair_section import BEARINGS
 from gearlib.config.trials import PEERS
 from gearlib.models.stiffness import force_note
 
@@ -83,6 +84,17 @@ class Drawing(NamedTuple):
         """Name -> (label, caption)."""
         first = {self.figure: (self.label, self.caption)}
         return first | ({self.second[0]: self.second[1:]} if self.second else {})
+
+
+def bearings(c):
+    """Return the sentence that asks for the bearings of drawn gears on six degrees, or ""."""
+    return BEARINGS if c.six_degrees.bearing_stiffness is None else ""
+
+
+def bearings_of_scenes(c):
+    """Return the same, if any scene may be carried by six degrees of freedom."""
+    models = {model for scene in c.scenes.values() for model in c.candidates(scene)}
+    return bearings(c) if models - {"one_degree"} else ""
 
 
 class Study:

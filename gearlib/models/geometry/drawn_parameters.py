@@ -6,16 +6,25 @@ from gearlib import checks
 from gearlib.models.geometry.iso import iso_rectangle
 from gearlib.models.stiffness import mean_over_max
 
+#: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
+MAX_DEFLECTION = 0.1
+
 
 def pair_parameters(mesh, *, torque=None, power=None, speed=None, **options):
     """Return the parameters of a `GearPair` as a dict; see `GearPair.from_geometry`."""
+    stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
     torque = torque_of(torque, power, speed)
-    return {
+    found = {
         **mesh_parameters(mesh, torque=torque, **options),
         "reduced_mass": mesh.reduced_mass,
         "load": mesh.load(torque),
         "teeth": mesh.pinion.teeth,
     }
+    mean = _check_deflection(mesh, torque, found, *stated)
+    if speed is not None:
+        resonance = math.sqrt(mean / mesh.reduced_mass) * 60.0 / (math.tau * mesh.pinion.teeth)
+        checks.speed("speed", speed, resonance)
+    return found
 
 
 def mesh_parameters(
@@ -43,24 +52,51 @@ def mesh_parameters(
         raise ValueError(
             f"{' and '.join(given)} are not allowed together: it must be one of them at most"
         )
-    damping = 0.0
+    damping = None
     for name, value in given.items():
-        damping = checks.finite_nonnegative(name, value)
-        if name != "material_damping":
-            damping = coefficient(damping, mean, mesh.reduced_mass, name == "logarithmic_decrement")
-    oil = checks.finite_nonnegative("backlash_damping_ratio", backlash_damping_ratio)
+        damping = drawn_damping(name, value, mean, mesh.reduced_mass)
+    oil = "backlash_damping_ratio", backlash_damping_ratio
     return {
         "max_stiffness": high,
         "stiffness_ratio": kappa,
         "contact_ratio": epsilon,
         "backlash": mesh.line_backlash,
         "material_damping": damping,
-        "backlash_damping": coefficient(oil, mean, mesh.reduced_mass) if oil else 0.0,
+        "backlash_damping": drawn_damping(*oil, mean, mesh.reduced_mass),
     }
 
 
-def train_parameters(mesh, **options):
-    """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`."""
+def _check_deflection(mesh, torque, found, name, value, unit):
+    """Refuse a load that deflects the teeth too far; return the mean stiffness of parameters."""
+    mean = found["max_stiffness"] * mean_over_max(found["contact_ratio"], found["stiffness_ratio"])
+    share = abs(mesh.load(torque)) / mean / (MAX_DEFLECTION * mesh.pinion.module)
+    if share > 1.0:
+        most = f"at most {abs(value) / share:.4g} {unit}"
+        words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
+        raise checks.refusal(name, value, words)
+    return mean
+
+
+def drawn_damping(name, value, stiffness, mass):
+    """Return the coefficient, N s/m, of a damping by its name; its damping ratio is below 1."""
+    critical = coefficient(1.0, stiffness, mass)
+    if name in ("material_damping", "backlash_damping"):
+        words = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
+        return checks.number(name, value, words, lambda v: 0.0 <= v < critical)
+    if name == "logarithmic_decrement":
+        return coefficient(checks.finite_nonnegative(name, value), stiffness, mass, decrement=True)
+    words = "a finite number >= 0 and < 1"
+    return checks.number(name, value, words, lambda v: 0.0 <= v < 1.0) * critical
+
+
+def train_parameters(mesh, *, torque=None, stated=None, **options):
+    """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`.
+
+    `stated` is what the user gave in place of the torque: name, value, unit.
+    """
+    found = mesh_parameters(mesh, torque=torque, **options)
+    if torque is not None:
+        _check_deflection(mesh, torque, found, *(stated or ("torque", torque, "N m")))
     angle = mesh.working_pressure_angle
     # Tooth thickness over the pitch, on the working circles.
     thickness = (
@@ -69,7 +105,7 @@ def train_parameters(mesh, **options):
         for circle in [gear.base_diameter / math.cos(angle)]
     )
     return {
-        **mesh_parameters(mesh, **options),
+        **found,
         "internal": mesh.wheel.internal,
         "pressure_angle": angle,
         "pitch_phase": mesh.pitch_phase,
@@ -94,13 +130,26 @@ def rectangle(mesh, method, **options):
     return tuple(mesh.stiffness(method, **options).ratios().values())
 
 
+def bodies(mesh):
+    """Return what a `SixDegreePair` takes of a drawing as a dict; see its `from_geometry`."""
+    gears = mesh.pinion, mesh.wheel
+    return {
+        "base_radii": [gear.base_diameter / 2.0 for gear in gears],
+        "inertias": [gear.inertia for gear in gears],
+        "masses": [gear.mass for gear in gears],
+        "teeth": [gear.teeth for gear in gears],
+        "pitch_phase": mesh.pitch_phase,
+    }
+
+
 def torque_of(torque, power, speed):
     """Return the torque of the pinion, N m, given itself or by power in W and speed in rpm."""
-    if (torque is None) == (power is None) or (power is not None and speed is None):
-        raise ValueError(
-            f"torque = {torque!r} with power = {power!r} and speed = {speed!r} is not allowed: it "
-            "must be either torque, or power and speed"
-        )
+    if torque is not None and power is not None:
+        raise ValueError("torque and power are not allowed together: it must be one of them")
+    if torque is None and power is None:
+        raise ValueError("torque is missing: it must be given in N m, or power and speed")
+    if power is not None and speed is None:
+        raise ValueError("speed is missing: it must be given in rpm, where power is given")
     if power is None:
         if speed is not None:
             checks.finite_positive("speed", speed)

@@ -124,6 +124,9 @@ class SpurGear:
         if self.tip_diameter is None:
             add = 2.0 * self.module * (self.shift + rack.addendum)
             self._put("tip_diameter", self.reference_diameter + self.sign * add)
+            fits = not self.internal or self.tip_diameter > self.base_diameter
+            words = "larger, or a tip_diameter be given outside of its base circle"
+            checks.require(fits, "teeth of the ring gear", self.teeth, words)
         if self.internal:
             low, high, words = self.base_diameter, self.root_diameter, "base and root"
         else:

@@ -52,6 +52,7 @@ def _body(drawn, *, gear=None, **values):
 
 
 def _mesh(drawn, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
+    values = {"material_damping": None} | values
     for key in ("deviation", "inverse_deviation"):
         if key in values:
             values[key] = Harmonics(**values[key])

@@ -263,8 +263,8 @@ class Mesh:
         torque : float, optional
             Of its pinion, N m; matters to "iso" at low load and to the logarithmic contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, one of them at most; ratios are those of both gears by themselves,
-            see `GearPair.from_geometry`.
+            Damping in contact, one of them at most; ratios are those of both gears by themselves.
+            Left out, it is unknown: modes and statics need none, motions ask for it.
         backlash_damping_ratio : float, default 0
         stiffness, options
             As of `GearPair.from_geometry`.
@@ -302,6 +302,11 @@ class Mesh:
     def mean_stiffness(self):
         """C_s, N/m, Eq. (2)."""
         return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
+
+    @property
+    def known_damping(self):
+        """`material_damping`, which a motion asks for where it is unknown."""
+        return checks.known_damping(self.material_damping, f" of mesh {self.name}")
 
     @property
     def two_levels(self):

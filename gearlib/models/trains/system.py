@@ -119,7 +119,7 @@ def train_system(train, tuning, segments=None):
     for j, mesh in enumerate(train.meshes):
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
-        more = (mesh.material_damping - mesh.backlash_damping) * rate
+        more = (mesh.known_damping - mesh.backlash_damping) * rate
         d = 0
         for side, line, speed, way in (
             (1, near[j], speeds_near[j], lines[j]),
@@ -165,7 +165,7 @@ def largest_norm(train, parts):
         flanks = np.outer(lines[j], lines[j])
         if mesh.moving_backlash:
             flanks = flanks + np.outer(train.far_lines[j], train.far_lines[j])
-        most = max(mesh.material_damping, mesh.backlash_damping) * rate
+        most = max(mesh.known_damping, mesh.backlash_damping) * rate
         upper = mesh.max_stiffness / train.stiffness_scale
         stiffness += upper * flanks
         damping += most * flanks

@@ -63,8 +63,8 @@ def planetary_set(
 
     Stiffness, contact ratios, backlash, inertias, pressure angles and phases are those of the
     drawing, the ring's with its `outer_diameter`; bodies and meshes have the names that
-    `gearlib.planetary` gives them. `stiffness` and `options` are as of
-    `gearlib.Mesh.from_geometry`, others of `GearTrain`.
+    `gearlib.planetary` gives them. `stiffness`, `options` and the damping, which only motions need,
+    are as of `gearlib.Mesh.from_geometry`, others of `GearTrain`.
 
     Raises
     ------
@@ -92,6 +92,7 @@ def planetary_set(
     # On each pinion: of the sun its share, of a planet the same force at its own base circle.
     share = torque / n
     torques = share, share * planet.teeth / sun.teeth
+    stated = {"stated": ("torque", torque, "N m")}
     damping = {
         "damping_ratio": damping_ratio,
         "logarithmic_decrement": logarithmic_decrement,
@@ -99,7 +100,7 @@ def planetary_set(
         "backlash_damping_ratio": backlash_damping_ratio,
     }
     flanks = [
-        mesh.train_parameters(torque=one, stiffness=stiffness, options=options, **damping)
+        mesh.train_parameters(torque=one, stiffness=stiffness, options=options, **damping, **stated)
         for mesh, one in zip((drawn.sun_mesh, drawn.ring_mesh), torques, strict=True)
     ]
     train = planetary(

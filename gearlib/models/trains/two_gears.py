@@ -7,6 +7,7 @@ z, a quarter turn on, those along y. The train has the scales of the pair, whate
 from dataclasses import dataclass
 from typing import Any
 
+from gearlib import checks
 from gearlib.models.parameter_values import unchecked
 from gearlib.models.trains import turning, waves
 from gearlib.models.trains.elements import Body, Mesh
@@ -62,6 +63,7 @@ class TwoGears(GearTrain):
             )
             for i, name in enumerate("32")
         )
+        checks.known_damping(gears.pair.material_damping)
         values = {name: getattr(gears.pair, name) for name in _OF_PAIR}
         values |= {name: getattr(gears, name) for name in _OF_GEARS}
         mesh = unchecked(
