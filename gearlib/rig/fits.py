@@ -133,6 +133,11 @@ def fit(model, data, free):
     ------
     ValueError
         Naming the argument, its value and the allowed range.
+
+    Warns
+    -----
+    UserWarning
+        How many revolutions of a run-up are left out, for they have gaps or too few samples.
     """
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")

@@ -20,6 +20,7 @@ _OF_SHAFT, _DENSE = 3, 2.5
 class MeshOrders:
     """A measured time course; `modelled`, `blocks` and `measured` are those of its kind."""
 
+    kind: str
     #: Mesh orders, shape (blocks, orders), what lowers the variance of noise, what is compared.
     measured: np.ndarray
     share: np.ndarray
