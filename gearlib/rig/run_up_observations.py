@@ -55,8 +55,8 @@ class RunUpOrders(MeshOrders):
         self.kept = there & (np.arange(self.blocks) >= _FIRST)
         if missing := revolutions - int(self.kept.sum()):
             self.left_out = (
-                f"{missing} of {revolutions} revolutions are left out of the run-up: they have gaps or "
-                "too few samples"
+                f"{missing} of {revolutions} revolutions are left out of the run-up: they have "
+                "gaps or too few samples"
             )
         # A block without samples has the height of the one before it.
         last = np.maximum.accumulate(np.where(there, bounds[:-1], there.argmax()))
