@@ -81,7 +81,6 @@ bench: $(INSTALLED)
 
 wheel: $(TESTING)
 	rm -rf dist
-	$(BIN)/python -m hatchling build -d dist
 	GEARLIB_DIST=dist $(BIN)/python -m pytest tests/wheel -rs $(ARGS)
 
 report: all
@@ -109,7 +108,7 @@ $(INSTALLED) $(TESTING): pyproject.toml requirements/constraints.txt
 	PYTHONPYCACHEPREFIX= $(BIN)/python -m compileall -qq -j $(JOBS) -x '/tests/' .venv || true
 	touch $@ $(INSTALLED)
 
-# For editors; the wheel and the documentation make their own.
+# For editors; the documentation makes its own.
 $(SCHEMA): $(INSTALLED) $(wildcard gearlib/config/*.py gearlib/models/geometry/*.py)
 	mkdir -p $(@D)
 	$(BIN)/python -m gearlib schema > $@.new

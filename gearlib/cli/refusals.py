@@ -3,6 +3,7 @@
 import itertools
 import re
 import socket
+import warnings
 
 import click
 
@@ -62,9 +63,11 @@ class Group(click.Group):
     command_class = Command
 
     def invoke(self, ctx):
-        """Call the command."""
+        """Call the command, and say what the library warns of."""
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
+                return super().invoke(ctx)
         except ValueError as error:
             raise click.UsageError(as_typed(str(error), ctx.meta.get(TYPED, {}))) from None
 

@@ -30,7 +30,7 @@ module                      responsibility
 ==========================  ========================================================================
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
-editors is made from the model: ``gearlib schema`` prints it, wheel and documentation hold it.
+editors is made from the model: ``gearlib schema`` prints it, the documentation holds it.
 
 This package stays free of the numerical stack, because every start of the workflow reads it.
 """

@@ -81,6 +81,15 @@ class BranchStatistics:
         """How many residuals each statistic has, and whether its noise is known."""
         return [(len(self.speeds), bool(self._noise(name))) for name in self.names]
 
+    def sequences(self, residuals):
+        """Return residuals of unknown noise in the order of the branches: name -> (1, points)."""
+        rows, order = residuals.reshape(len(self.names), -1), np.concatenate(self.branches)
+        return {
+            name: row[None, order]
+            for name, row in zip(self.names, rows, strict=True)
+            if not self._noise(name)
+        }
+
     @property
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""

@@ -6,6 +6,7 @@ data cannot tell is said in words and never given a number with an interval.
 """
 
 import math
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -132,6 +133,11 @@ def fit(model, data, free):
     ------
     ValueError
         Naming the argument, its value and the allowed range.
+
+    Warns
+    -----
+    UserWarning
+        How many revolutions of a run-up are left out, for they have gaps or too few samples.
     """
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
@@ -145,6 +151,8 @@ def fit(model, data, free):
         model = model.replace(reference_frequency=hertz)
     names, low, high = _ranges(model, free)
     problem = Problem(model, names, low, high, observations_of(model, data))
+    for sentence in filter(None, (getattr(one, "left_out", "") for one in problem.observations)):
+        warnings.warn(sentence, stacklevel=2)
     if problem.size < len(names):
         raise ValueError(
             f"data is not allowed: {problem.size} observations for {len(names)} "
@@ -291,7 +299,9 @@ def _judged(problem, best, derivatives, endless=()):
             f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
             "from it as their noise explains, and no interval holds"
         )
-    unknown += [] if problem.noise else identifiability.unexplained(problem, model)
+    if not problem.noise:
+        unknown += identifiability.unexplained(problem, model)
+        unknown += identifiability.correlated(problem, residuals / problem.weights)
     # The noise is a parameter as well.
     k += 1
     likelihood = n * math.log(max(squares / n, 1e-300))

@@ -1,6 +1,7 @@
 """Tell which parameters the data of a fit determine, and say in words why others are not known."""
 
 import numpy as np
+from scipy.stats import binom
 
 from gearlib.analysis.sensitivities import richardson
 from gearlib.rig.fitted_curves import left_over
@@ -15,6 +16,9 @@ _NOTHING = 1e-9
 _TAKES_PART = 0.01
 #: Share of the variance of data that is left where a model tells hardly anything of them.
 _LEFT = 0.5
+#: Probability of a false alarm about residuals that are independent of each other, and the least
+#: residual that has a sign, over what counts as a deviation where the noise is not known.
+_FALSE_ALARMS, _LEAST_RESIDUAL = 1e-3, 1e-6
 
 
 def moved(share, i, value):
@@ -91,6 +95,31 @@ def unexplained(problem, model):
         if share > _LEFT:
             sentences.append(
                 f"the model does not describe the data: it leaves {100.0 * share:.0f} % of what "
-                f"varies in the {observation.kind}, whose noise is not known"
+                f"varies in the {observation.kind}, whose noise is not known, and no interval holds"
+            )
+    return sentences
+
+
+def correlated(problem, residuals):
+    """Return sentences on residuals of unknown noise that do not change their sign often enough.
+
+    Signs of independent residuals change with a probability of one half from each to the next,
+    whatever their deviations are (Geary, Biometrika 57 (1970) 123-127).
+    """
+    ends = np.cumsum([one.size for one in problem.observations])[:-1]
+    sequences: dict = {}
+    for observation, part in zip(problem.observations, np.split(residuals, ends), strict=True):
+        for name, rows in observation.sequences(part).items():
+            sequences.setdefault(name, []).append(rows)
+    sentences = []
+    for name, parts in sequences.items():
+        signs = [row[np.abs(row) > _LEAST_RESIDUAL] > 0.0 for row in np.concatenate(parts, axis=1)]
+        changes = sum(int((one[1:] != one[:-1]).sum()) for one in signs)
+        steps = sum(max(one.size - 1, 0) for one in signs)
+        if binom.cdf(changes, steps, 0.5) < _FALSE_ALARMS / len(sequences):
+            sentences.append(
+                f"what the model leaves of the {name.replace('_', ' ')} is not independent noise: "
+                f"it changes its sign {changes} times in {steps} steps, where {steps / 2:g} times "
+                "are expected, and no interval holds"
             )
     return sentences

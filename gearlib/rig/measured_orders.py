@@ -1,13 +1,17 @@
 """Mesh orders of measured run-ups beside those of a model on the same course of speed."""
 
+import warnings
+
 import numpy as np
 import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
+from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.models.pair import GearPair
 from gearlib.rig.measured import read_measured
 from gearlib.rig.measured_courses import SCALES
+from gearlib.rig.order_observations import complete_blocks
 from gearlib.runs.run_up import run_up
 
 #: Multiples of the mesh order, blocks of whole revolutions.
@@ -65,7 +69,7 @@ def _track(part, names, models, teeth):
     turned = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
     each = max(1, int(turned[-1] / BLOCKS))
     edges = np.arange(int(turned[-1] / each) + 1) * each
-    measured = np.array([_orders(turned, part[name].values, edges, teeth) for name in names])
+    measured = np.array([_orders(turned, part[name], edges, teeth) for name in names])
     knots, computed = _knots(time, speed), []
     for model in models.values():
         run = run_up(model, speed=knots, samples_per_period=SAMPLES)
@@ -104,14 +108,22 @@ def _knots(time, speed):
     return list(zip(t[kept].tolist(), n[kept].tolist(), strict=True))
 
 
-def _orders(turned, values, edges, teeth):
-    """Return the root mean square of the mesh orders in each block, shape (orders, blocks)."""
-    good = np.isfinite(values)
-    turned, values = turned[good], values[good]
+def _orders(turned, course, edges, teeth):
+    """Return the rms of the mesh orders, shape (orders, blocks), NaN in blocks with gaps."""
+    good = np.isfinite(course.values)
+    turned, values = turned[good], course.values[good]
+    complete = complete_blocks(turned, edges, teeth)
+    missing = int((~complete).sum())
+    allowed = "a time course with a block of revolutions without gaps"
+    checks.require(complete.any(), course.name, f"{missing} blocks with gaps", allowed)
+    if missing:
+        words = f"{missing} of {complete.size} blocks of revolutions are left out of {course.name}"
+        warnings.warn(f"{words}: they have gaps", stacklevel=2)
     found = []
     for k in range(1, ORDERS + 1):
         wave = values * np.exp(-2j * np.pi * k * teeth * turned)
         wave = cumulative_trapezoid(wave, turned, initial=0.0)
         at = np.interp(edges, turned, wave.real) + 1j * np.interp(edges, turned, wave.imag)
-        found.append(np.sqrt(2.0) * np.abs(np.diff(at)) / np.diff(edges))
+        amplitude = np.sqrt(2.0) * np.abs(np.diff(at)) / np.diff(edges)
+        found.append(np.where(complete, amplitude, np.nan))
     return np.array(found)

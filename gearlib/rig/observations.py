@@ -25,7 +25,8 @@ def _of_set(model, data):
     fitted_data.check(data, {name: what for name, (what, _) in over.items()}, named)
     if timed:
         for name, (what, mesh) in over.items():
-            courses = courses_of(model, data.rename({name: what}))
+            measured = data[name].notnull().values
+            courses = courses_of(model, data.isel(sample=measured).rename({name: what}))
             for one in courses:
                 one.mesh = mesh
             found += courses

@@ -20,12 +20,15 @@ _OF_SHAFT, _DENSE = 3, 2.5
 class MeshOrders:
     """A measured time course; `modelled`, `blocks` and `measured` are those of its kind."""
 
+    kind: str
     #: Mesh orders, shape (blocks, orders), what lowers the variance of noise, what is compared.
     measured: np.ndarray
     share: np.ndarray
     kept: np.ndarray
     #: Blocks at which the motion jumps.
     jumps: list = []
+    #: A sentence on revolutions that are left out.
+    left_out = ""
     #: Number of the mesh whose displacement it is.
     mesh = 0
 
@@ -66,6 +69,11 @@ class MeshOrders:
     def eliminated(self):
         """How many numbers are taken from the data besides the parameters."""
         return int(self.gain)
+
+    def sequences(self, residuals):
+        """Return residuals of unknown noise in the order of time: name -> (sequences, blocks)."""
+        rows = residuals[: residuals.size - len(self.jumps)].reshape(-1, 2 * ORDERS)
+        return {} if self.noise else {self.kind: rows.T}
 
     def modelled(self, model):
         """Return the orders of a model, shape (blocks, orders), None where it could not go on."""
@@ -112,28 +120,44 @@ class MeshOrders:
         return found
 
 
-def regressed(turns, values, bounds, teeth):
+def complete_blocks(turns, bounds, teeth):
+    """Return which blocks, between two of the `bounds`, have no gap between their samples.
+
+    A gap is longer than a mesh period, and than three steps between samples as a rule.
+    """
+    steps, complete = np.diff(turns), np.ones(len(bounds) - 1, bool)
+    for i in np.flatnonzero(steps > max(1.0 / teeth, 3.0 * np.median(steps))):
+        first, last = np.searchsorted(bounds, turns[i : i + 2], "right") - 1
+        complete[max(first, 0) : last + 1] = False
+    return complete
+
+
+def regressed(turns, values, bounds, teeth, complete=True):
     """Return (mesh orders, shape (blocks, ORDERS), what the variance of noise is lowered by).
 
     Samples lie anywhere: of each block, between two of the `bounds`, a regression on offset, the
     first waves of the shaft and mesh orders. Samples weigh as much as the part of the block that
     is next to them, so that of waves that grow it has the Fourier integral. The variance of either
-    part of an order is half the share.
+    part of an order is half the share. Blocks that are not complete or have too few samples have
+    NaN.
     """
     cells = np.concatenate([[-np.inf], 0.5 * (turns[1:] + turns[:-1]), [np.inf]])
     blocks = len(bounds) - 1
     inside = np.diff(np.searchsorted(turns, bounds))
-    dense = float((inside / np.diff(bounds)).min() / teeth)
-    count = min(2 * ORDERS, int(dense / _DENSE))
+    dense = inside / np.diff(bounds) / teeth
+    there = complete & (dense >= _DENSE * ORDERS)
     said = f"of {_DENSE * ORDERS:g} or more"
-    checks.require(count >= ORDERS, "displacement", f"{dense:.3g} samples in a mesh period", said)
+    least = f"{dense.min():.3g} samples in a mesh period"
+    checks.require(there.any(), "displacement", least, said)
+    count = min(2 * ORDERS, int(dense[there].min() / _DENSE))
     # Less than a turn does not tell them from the offset.
     shaft = _OF_SHAFT if bounds[1] - bounds[0] >= 1.0 else 0
     waves = np.array([*range(1, shaft + 1), *(teeth * np.arange(1, count + 1))])
-    found, share = np.zeros((blocks, ORDERS), complex), np.zeros(blocks)
+    found, share = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
     real = np.arange(ORDERS) + 1 + shaft
     imaginary = real + waves.size
-    for k, (low, high) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+    for k in np.flatnonzero(there):
+        low, high = bounds[k : k + 2]
         own = slice(np.searchsorted(cells, low, "right") - 1, np.searchsorted(cells, high))
         weights = np.diff(np.clip(cells[own.start : own.stop + 1], low, high))[:, None]
         turn = np.exp(2j * np.pi * np.outer(turns[own], waves))

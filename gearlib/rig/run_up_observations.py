@@ -12,7 +12,7 @@ from gearlib import checks
 from gearlib.analysis.revolutions import Turning
 from gearlib.rig import fitted_data
 from gearlib.rig.fitted_curves import Curve
-from gearlib.rig.order_observations import ORDERS, MeshOrders, regressed
+from gearlib.rig.order_observations import ORDERS, MeshOrders, complete_blocks, regressed
 from gearlib.runs.run_up import run_up
 
 #: Samples of the model in a mesh period: of waves that fall with the third power of their order.
@@ -45,11 +45,24 @@ class RunUpOrders(MeshOrders):
         checks.require(within, "time", said, allowed)
         allowed = f"of more than {2 * _FIRST} whole revolutions of known.course, not {self.blocks}"
         checks.require(self.blocks > 2 * _FIRST, "time", said, allowed)
-        self.measured, self.share = regressed(
-            turns, self.values, np.arange(self.blocks + 1), self.teeth
-        )
-        self.jumps = _jumps(np.abs(self.measured[:, 0]))
-        self.kept = np.arange(self.blocks) >= _FIRST
+        bounds = np.arange(self.blocks + 1)
+        complete, revolutions = complete_blocks(turns, bounds, self.teeth), self.blocks - _FIRST
+        allowed = f"of one without a gap behind the first {_FIRST}"
+        said = f"of {revolutions} revolutions with gaps"
+        checks.require(complete[_FIRST:].any(), "time", said, allowed)
+        self.measured, self.share = regressed(turns, self.values, bounds, self.teeth, complete)
+        there = np.isfinite(self.share)
+        self.kept = there & (np.arange(self.blocks) >= _FIRST)
+        if missing := revolutions - int(self.kept.sum()):
+            self.left_out = (
+                f"{missing} of {revolutions} revolutions are left out of the run-up: they have "
+                "gaps or too few samples"
+            )
+        # A block without samples has the height of the one before it.
+        last = np.maximum.accumulate(np.where(there, bounds[:-1], there.argmax()))
+        #: Heights of the first mesh order.
+        self.level = np.abs(self.measured[last, 0])
+        self.jumps = _jumps(self.level)
         for i in self.jumps:
             self.kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
         #: Speed in rpm of the middle of each block, by the course.
@@ -87,7 +100,7 @@ class RunUpOrders(MeshOrders):
 
         Where the first mesh order of the model crosses the middle of the levels measured.
         """
-        level = np.abs(self.measured[:, 0])
+        level = self.level
         before, behind = level[i - _BEFORE], level[min(i + _BEFORE, len(level) - 1)]
         middle = 0.5 * (before + behind) / gain
         height = np.abs(orders[:, 0])

@@ -51,6 +51,10 @@ class Speeds:
         """How many residuals, and whether their deviation stays as it is."""
         return [(self.size, True)]
 
+    def sequences(self, residuals):
+        """Return nothing: speeds of different events have no order."""
+        return {}
+
     def residuals(self, model):
         """Return the residuals, None where there are none."""
         try:

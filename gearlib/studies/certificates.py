@@ -156,9 +156,3 @@ def write_json(rows, path):
     lines = ",\n".join(json.dumps(row) for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-
-
-def read_json(path):
-    """Return the certificates of a file."""
-    with open(path, encoding="utf-8") as file:
-        return json.load(file)

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib
 from gearlib.analysis.revolutions import Turning
+from gearlib.models.profiles import Tabulated
 from gearlib.rig.order_observations import regressed
 from gearlib.rig.run_up_observations import RunUpOrders
 from gearlib.rig.steady_observations import SteadyOrders, courses_of
@@ -46,17 +47,17 @@ def run_up(start, seed, gain=1.0, rate=20e3, **known):
     return seen(times, signal, turns, seed, gain, course=course, **known)
 
 
-def steady(tuning, seed, gain=1.0, way=0):
+def steady(tuning, seed, gain=1.0, way=0, truth=TRUTH):
     """Return a time course at constant speed, at any phase of the shaft."""
     speed = TRUTH.speed(tuning)
     first = {0: 1.0, 1: 0.5, -1: 1.6}[way]
     tunings = np.sort(np.linspace(first * tuning, tuning, 40 if way else 1))
     direction = "down" if way < 0 else "up"
-    run = gearlib.sweep(TRUTH, tunings, direction=direction, periods=300, record_periods=1)
+    run = gearlib.sweep(truth, tunings, direction=direction, periods=300, record_periods=1)
     state = run.final_state.values[0 if way < 0 else -1]
-    orbit = gearlib.periodic_orbit(TRUTH, tuning, guess=state)
+    orbit = gearlib.periodic_orbit(truth, tuning, guess=state)
     one = gearlib.simulate(
-        TRUTH, tuning, initial_state=tuple(orbit.state), periods=1, record_periods=1
+        truth, tuning, initial_state=tuple(orbit.state), periods=1, record_periods=1
     )
     x = one.displacement.values[:256] * float(one.static_deflection)
     times = np.arange(0.0, 0.5, 1.0 / 30e3)
@@ -145,12 +146,17 @@ def test_what_is_drawn_of_a_time_course_are_the_waves_that_were_compared(tuning,
         )
 
 
+def conditions(tunings, truth=TRUTH):
+    """Return time courses at several speeds as one set."""
+    # The phase that is known is that of all: their seeds are the same.
+    courses = [steady(tuning, 1, truth=truth) for tuning in tunings]
+    names = np.repeat([*map(str, tunings)], [course.sizes["sample"] for course in courses])
+    data = xr.concat(courses, "sample", combine_attrs="override")
+    return data.assign_coords(condition=("sample", names))
+
+
 def test_conditions_are_courses_of_their_own():
-    # The phase that is known is that of both: their seeds are the same.
-    first, second = steady(0.62, 1), steady(0.9, 1)
-    data = xr.concat([first, second], "sample", combine_attrs="override")
-    names = np.repeat(["slow", "fast"], [first.sizes["sample"], second.sizes["sample"]])
-    data = data.assign_coords(condition=("sample", names))
+    data = conditions([0.62, 0.9])
     found = courses_of(TRUTH, data)
     assert [one.speed for one in found] == [TRUTH.speed(0.62), TRUTH.speed(0.9)]
     fitted = gearlib.fit(GUESS, data, FREE)
@@ -158,15 +164,45 @@ def test_conditions_are_courses_of_their_own():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
     rest = np.concatenate([one.residuals(fitted.model) for one in found])
     assert fitted.redchi == pytest.approx(rest @ rest / (16 - 2), rel=1e-6)
-    moving = data.assign_coords(speed=("sample", np.linspace(1e3, 2e3, names.size)))
+    moving = data.assign_coords(speed=("sample", np.linspace(1e3, 2e3, data.sizes["sample"])))
     with pytest.raises(ValueError, match="2 conditions with time courses: each must have one"):
         courses_of(TRUTH, moving)
+
+
+def test_no_interval_holds_where_a_wrong_model_leaves_what_is_no_noise():
+    high, low = TRUTH.max_stiffness, TRUTH.stiffness_ratio * TRUTH.max_stiffness
+    edge, ramp = np.pi * (TRUTH.contact_ratio - 1.0), 0.1 * np.pi
+    phases = [edge - ramp, edge + ramp, 2.0 * np.pi - edge - ramp, 2.0 * np.pi - edge + ramp]
+    profile = Tabulated(tuple(phases), (high, low, low, high))
+    rig = gearlib.OneDegreePair(pair=TRUTH, profile=profile)
+    tunings = [0.55, 0.62, 0.67, 0.9, 1.0, 1.1]
+    for truth, wrong in ((TRUTH, False), (rig, True)):
+        data = conditions(tunings, truth)
+        data.displacement.attrs["noise_std"] = 0.0
+        unknown = gearlib.fit(GUESS, data, FREE).unknown
+        said = "what the model leaves of the time course is not independent noise"
+        assert [one.startswith(said) and "no interval holds" in one for one in unknown] == (
+            [True] * wrong
+        )
+
+
+def test_revolutions_with_gaps_are_left_out_of_a_run_up():
+    data = run_up(0.0, 2)
+    gap = (data.time > 0.25) & (data.time < 0.27)
+    for part in (data.isel(sample=~gap.values), data.where(~gap)):
+        with pytest.warns(UserWarning, match="2 of 21 revolutions are left out of the run-up"):
+            found = gearlib.fit(GUESS, part, FREE)
+        assert 0.6 < found.redchi < 1.4
+        for name, one in found.params.items():
+            assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
+    with pytest.raises(ValueError, match="time = 'of 21 revolutions with gaps' is not allowed"):
+        gearlib.fit(GUESS, data.isel(sample=data.time.values % 0.02 > 0.003), FREE)
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda data: data.displacement.values.__setitem__(7, np.nan), "displacement = 'NaN'"),
+        (lambda data: data.displacement.values.__setitem__(7, np.inf), "displacement = 'NaN'"),
         (lambda data: data.time.values.__setitem__(7, 0.0), "time = 'unsorted' is not allowed"),
         (lambda data: data.displacement.attrs.update(units="1"), "displacement = '1' is not allo"),
         (lambda data: data.displacement.values.fill(1.0), "it must be no constant"),

@@ -1,6 +1,7 @@
 """Fits to slow sweeps of synthetic rigs: statistics over speed, jumps, onset of contact loss."""
 
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import xarray as xr
 
 import gearlib
 from gearlib.rig.branch_observations import BranchStatistics
+from gearlib.rig.identifiability import correlated
 from gearlib.rig.orbit_at_speed import STATISTICS
 from gearlib.rig.speed_observations import Speeds
 from tests.paper import PAPER
@@ -89,6 +91,15 @@ def test_data_of_unknown_noise_that_no_model_comes_near_are_said_to_be():
         )
         unknown = gearlib.fit(TRUTH, one, free).unknown
         assert any("whose noise is not known" in one for one in unknown) == said
+
+
+def test_a_false_alarm_on_independent_residuals_is_rarer_than_one_in_a_hundred():
+    data = resonance(TRUTH, None)
+    problem = SimpleNamespace(observations=[BranchStatistics(data, TRUTH)])
+    rng, size = np.random.default_rng(0), problem.observations[0].size
+    alarms = [correlated(problem, rng.normal(size=size)) for _ in range(500)]
+    assert sum(map(bool, alarms)) < 5
+    assert correlated(problem, np.sin(0.3 * np.arange(size)))[0].endswith("no interval holds")
 
 
 def test_each_side_of_a_jump_has_its_own_branch():

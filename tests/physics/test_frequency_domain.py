@@ -163,6 +163,15 @@ def test_multipliers_without_loss(nu, damping):
         assert orbit.multipliers[0].real < -1.0 and abs(orbit.multipliers[1]) < 1.0
 
 
+@pytest.mark.parametrize("solve", [harmonic_balance, schmidt])
+def test_multipliers_with_strong_damping(solve):
+    pair = GearPair.from_ratios(contact_ratio=1.0, stiffness_ratio=1.0, damping=5.0)
+    found = solve(pair, 0.178, harmonics=16)
+    # x'' + 2 D x' / nu + x / nu^2 = 0 with D = 5.
+    largest = math.exp(2.0 * math.pi * (math.sqrt(24.0) - 5.0) / 0.178)
+    assert found.multipliers[0] == pytest.approx(largest, rel=1e-9)
+
+
 @pytest.mark.parametrize("most", [10, 16])
 def test_shares_choose_the_multipliers(monkeypatch, most):
     # Of the copies l + i k of an exponent that with the least mean wave number counts: by Parseval

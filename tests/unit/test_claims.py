@@ -255,7 +255,7 @@ def test_special_points_are_those_that_were_proven(known):
 
 def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
     certificates.write_json(known[1], tmp_path / "certificates.json")
-    rows = certificates.read_json(tmp_path / "certificates.json")
+    rows = json.loads((tmp_path / "certificates.json").read_text("utf-8"))
     assert rows == json.loads(json.dumps(known[1]))
     counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
     for name, branch in known[0].items():

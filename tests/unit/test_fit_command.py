@@ -123,6 +123,13 @@ def test_unsorted_times_are_sorted_and_that_is_said(run):
     assert values in run().output
 
 
+def test_the_command_says_how_many_revolutions_are_left_out(run):
+    write(TABLE[(TABLE[:, 0] < 0.25) | (TABLE[:, 0] > 0.27)])
+    done = run()
+    assert done.exit_code == 0, done.output
+    assert "Warning: 2 of 11 revolutions are left out of the run-up" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("rows", "changes", "options", "says"),
     [

@@ -206,6 +206,12 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(tmp_path, resona
     light = found.sel(damping="light").squeeze().computed_amplitude
     assert np.abs(light / own.computed_amplitude - 1.0).sel(order=1).values.max() > 0.05
     assert len(measured_orders_figure.draw([found]).axes) == 3
+    lines = table.splitlines(keepends=True)
+    gap = lines[: len(lines) // 2] + lines[len(lines) // 2 + 1000 :]
+    with pytest.warns(UserWarning, match="2 of 206 blocks of revolutions are left out"):
+        part = measured_orders.compute(rig(tmp_path, "".join(gap), names), others)
+    there = np.isfinite(part.amplitude.values)
+    assert part.amplitude.values[there] == pytest.approx(found.amplitude.values[there], rel=1e-9)
 
 
 def test_pictures_hold_the_points(tmp_path, resonance):

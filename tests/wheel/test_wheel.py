@@ -1,14 +1,13 @@
-"""The wheel and the source archive, in an environment where nothing else of the project is.
+"""The source archive and the wheel from it, built and installed as pip does it for a user.
 
-`make wheel` sets GEARLIB_DIST, the folder of both, and has their packages installed; else both are
-built here, and the environment borrows the packages of the one that runs the tests.
+Both builds are isolated, and the wheel lies in an environment of its own with the packages that it
+asks for. `make wheel` sets GEARLIB_DIST, the folder for archive and wheel.
 """
 
 import os
 import subprocess
 import sys
-import sysconfig
-import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -30,51 +29,83 @@ def run(*command, **options):
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def dist(tmp_path_factory):
-    """The folder of the wheel and of the source archive."""
-    if "GEARLIB_DIST" in os.environ:
-        return Path(os.environ["GEARLIB_DIST"]).resolve()
-    folder = tmp_path_factory.mktemp("dist")
-    run(sys.executable, "-m", "hatchling", "build", "-d", folder, cwd=ROOT)
-    return folder
+def install(python, *packages):
+    """Install packages into the environment of a Python, in the versions that are pinned."""
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet"]
+    run(*pip, "--constraint", ROOT / "requirements/constraints.txt", *packages)
 
 
-@pytest.fixture(scope="module")
-def installed(dist, tmp_path_factory):
-    """The programs of an environment with the wheel."""
-    folder = tmp_path_factory.mktemp("environment")
+def new_environment(folder):
+    """Create an environment without packages; return the path of its Python."""
     venv.create(folder, symlinks=True)
-    (wheel,) = dist.glob("*.whl")
-    pip = [sys.executable, "-m", "pip", "--python", folder / "bin/python", "install", "--quiet"]
-    if "GEARLIB_DIST" in os.environ:
-        pinned = ["--constraint", ROOT / "requirements/constraints.txt"]
-        run(*pip, *pinned, f"{wheel}[workflow,proof]")
-    else:
-        run(*pip, "--no-deps", "--no-index", wheel)
-        # What lies in a folder that a .pth names is found; its own .pth, of this checkout, is not.
-        own = sysconfig.get_path("purelib", vars={"base": folder, "platbase": folder})
-        Path(own, "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n", "utf-8")
-    return folder / "bin"
+    return folder / "bin/python"
+
+
+def build_wheel(source, folder):
+    """Build the wheel of a folder or of a source archive, isolated, and return its path."""
+    run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, source)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    """The source archive, built with nothing but what pyproject.toml asks for."""
+    given = os.environ.get("GEARLIB_DIST")
+    folder = Path(given).resolve() if given else tmp_path_factory.mktemp("dist")
+    python = new_environment(tmp_path_factory.mktemp("builder"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    install(python, *project["build-system"]["requires"])
+    run(python, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=ROOT)
+    (path,) = folder.glob("*.tar.gz")
+    return path
+
+
+@pytest.fixture(scope="module")
+def wheel(archive):
+    """The wheel from the source archive."""
+    return build_wheel(archive, archive.parent)
+
+
+@pytest.fixture(scope="module")
+def python(wheel, tmp_path_factory):
+    """The Python of an environment with the wheel and the packages that it asks for."""
+    path = new_environment(tmp_path_factory.mktemp("environment"))
+    install(path, wheel)
+    return path
+
+
+@pytest.fixture(scope="module")
+def python_with_extras(python, wheel):
+    """The same Python, once the packages of the workflow are installed too."""
+    install(python, f"{wheel}[workflow,proof]")
+    return python
 
 
 @pytest.fixture
-def gearlib(installed, tmp_path):
-    """Call the installed command in an empty folder; return what it printed."""
+def call(tmp_path):
+    """Call a program in an empty folder; return what it printed."""
     ours = ("PYTHONPATH", "NUMBA_CACHE_LOCATOR_CLASSES")
     clean = {name: text for name, text in os.environ.items() if name not in ours}
-    return lambda *words: run(installed / "gearlib", *words, cwd=tmp_path, env=clean)
+    return lambda *words: run(*words, cwd=tmp_path, env=clean)
 
 
-def test_it_is_the_wheel_that_answers(gearlib, installed, tmp_path):
-    assert __version__ in gearlib("--version")
-    where = run(installed / "python", "-c", "import gearlib; print(gearlib.__file__)", cwd=tmp_path)
-    assert Path(where).is_relative_to(installed.parent)
+def test_the_wheel_works_in_an_empty_environment(call, python, tmp_path):
+    command = python.with_name("gearlib")
+    assert __version__ in call(command, "--version") and "simulate" in call(command, "--help")
+    where = call(python, "-c", "import gearlib; print(gearlib.__file__)")
+    assert Path(where).is_relative_to(python.parents[1])
+    gears = "gearlib.GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.5, damping=0.1)"
+    simulation = f"import gearlib; print(gearlib.simulate({gears}, 0.7, periods=10).status.item())"
+    assert call(python, "-c", simulation).strip() == "0"
     drawing = ["--teeth", "23", "61", "--module", "2.5 mm", "--width", "18 mm"]
-    assert "contact_ratio" in gearlib("gears", *drawing, "--torque", "85 N m")
+    assert "contact_ratio" in call(command, "gears", *drawing, "--torque", "85 N m")
 
 
-def test_the_workflow_runs_from_the_wheel(gearlib, tmp_path):
+def test_the_workflow_runs_from_the_wheel(call, python_with_extras, tmp_path):
+    def gearlib(*words):
+        return call(python_with_extras.with_name("gearlib"), *words)
+
     planned = gearlib("workflow", "-n", "paper")
     assert "draw_resonance" in planned and "compute_claims" in planned
     gearlib("workflow", "-j1", "results/mesh_stiffness.nc")
@@ -88,23 +119,15 @@ def test_the_workflow_runs_from_the_wheel(gearlib, tmp_path):
         gearlib("workflow", "-n", "paper")
 
 
-def test_the_wheel_holds_types_rules_and_configuration(dist):
-    (wheel,) = dist.glob("*.whl")
+def test_the_wheel_holds_types_rules_and_configuration(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    for name in ("py.typed", "config/config.schema.json"):
-        assert f"gearlib/{name}" in names
+    assert "gearlib/py.typed" in names
     tracked = run("git", "ls-files", "workflow", "Snakefile", "config.yaml", "profiles", cwd=ROOT)
     assert {f"gearlib/installed_workflow/{name}" for name in tracked.split()} <= {*names}
 
 
-def test_the_source_archive_makes_the_same_wheel(dist, tmp_path):
-    (archive,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
-    with tarfile.open(archive) as file:
-        file.extractall(tmp_path, filter="data")
-    (folder,) = tmp_path.iterdir()
-    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path, cwd=folder)
-    (again,) = tmp_path.glob("*.whl")
-    first, second = (zipfile.ZipFile(path) for path in (wheel, again))
+def test_the_source_archive_makes_the_same_wheel_as_the_project(wheel, tmp_path):
+    first, second = (zipfile.ZipFile(path) for path in (wheel, build_wheel(ROOT, tmp_path)))
     assert {*first.namelist()} == {*second.namelist()}
     for name in first.namelist():
         assert first.read(name) == second.read(name), name

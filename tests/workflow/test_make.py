@@ -51,7 +51,7 @@ WHOLE = {
     "slurm-test": ["python"],
     "speed-and-accuracy": ["snakemake", "python"],
     "torture": ["python"],
-    "wheel": ["python", "python"],
+    "wheel": ["python"],
 }
 
 #: Notes its name, its arguments and the numbers of cases.

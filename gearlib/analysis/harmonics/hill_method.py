@@ -11,12 +11,14 @@ two multipliers from one that is found twice.
 """
 
 import numpy as np
-from scipy.sparse.linalg import eigs
+from scipy.sparse.linalg import ArpackNoConvergence, eigs
 
 #: Harmonics of the variations at most: the matrix costs their number cubed.
 MOST = 100
 #: Exponents among which the two are sought.
 _CANDIDATES = 8
+#: Restarts of ARPACK; without strong damping four are enough.
+_MAX_RESTARTS = 10
 #: Off the middle between the exponents, where a double one would make the matrix singular.
 _ASIDE = 1e-3 + 0.7e-3j
 
@@ -39,7 +41,12 @@ def multipliers(equation, coefficients, harmonics=None):
     mean = np.mean(variation[0] + variation[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     near = -mean / 2.0 + _ASIDE
-    exponents, vectors = eigs(matrix, min(_CANDIDATES, 2 * k.size - 2), sigma=near, v0=start)
+    count = min(_CANDIDATES, 2 * k.size - 2)
+    try:
+        exponents, vectors = eigs(matrix, count, sigma=near, v0=start, maxiter=_MAX_RESTARTS)
+    except ArpackNoConvergence:
+        # The copies of strongly damped exponents are nearly equally far from the middle.
+        exponents, vectors = np.linalg.eig(matrix)
     share = np.abs(vectors[: k.size]) ** 2
     skew = np.abs(k @ share) / share.sum(axis=0)
     length = 2.0 * np.pi * equation.period
