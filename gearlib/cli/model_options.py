@@ -250,10 +250,10 @@ def _model(mapping, gears, name, model, moves=False):
     drawn = "gears" in mapping
     if model == "one_degree":
         output.name_gears(name)
-        relieved = drawn and _relieved(mapping, pair)
-        if drawn and not relieved:
-            output.words(pair.force_note)
-        return relieved or pair
+        found = drawn and _relieved(mapping, pair) or pair
+        if drawn and found.force_note:
+            output.words(found.force_note)
+        return found
     # Only here: a pair does not pay for trains.
     from gearlib import SixDegreePair
     from gearlib.models.trains.described_train import described
@@ -271,8 +271,12 @@ def _model(mapping, gears, name, model, moves=False):
         raise click.UsageError(f"{BEARINGS}; --bearing-stiffness is that of all four")
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
-        return described(**settings.train_parameters(_ONLY_DAMPING))
-    return SixDegreePair(pair=pair, **settings.six_degree_parameters())
+        found = described(**settings.train_parameters(_ONLY_DAMPING))
+    else:
+        found = SixDegreePair(pair=pair, **settings.six_degree_parameters())
+    if drawn and moves and found.force_note:
+        output.words(found.force_note)
+    return found
 
 
 def _relieved(mapping, pair):

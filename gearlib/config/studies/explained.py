@@ -24,7 +24,6 @@ from gearlib.config.studies.study import (
     model_of,
     of_dampings,
     pairs_of,
-    rectangular,
     run_length,
     without,
 )
@@ -255,7 +254,7 @@ MODELS = Study(
         _scenes,
     ),
     needs=lambda c: bool(c.scenes),
-    refusal=lambda c: rectangular(c) or bearings_of_scenes(c),
+    refusal=bearings_of_scenes,
 )
 
 PARAMETRIC_RESONANCE = Study(
