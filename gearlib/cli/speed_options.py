@@ -3,6 +3,7 @@
 import functools
 
 import click
+from click.core import ParameterSource
 
 from gearlib.config import units
 
@@ -62,6 +63,18 @@ def tuning_of(model, value):
     if isinstance(value, str):
         return float(model.tuning_at(SPEED.convert(value, None, None)))
     return value
+
+
+def with_drawn_speed(model, start, stop):
+    """Return the range of a sweep, and whether it is the wide default of drawn gears."""
+    context = click.get_current_context()
+    sources = {context.get_parameter_source(name) for name in ("start", "stop")}
+    drawn = DRAWN in context.meta and model.size == 2
+    if not drawn or sources != {ParameterSource.DEFAULT}:
+        return start, stop, False
+    speed = context.meta[DRAWN]
+    given = start if speed is None else float(model.tuning_at(speed))
+    return min(start, given), max(stop, given), True
 
 
 def course_of(**given):

@@ -166,6 +166,7 @@ RESONANCE = Study(
             "pair": model_of(c),
             "window": lambda wildcards: tunings.values_of(wildcards.window),
             "step": c.resonance.step,
+            "lowest": c.resonance.lowest,
             "run": run_length(c),
             "damping": "{damping}",
             "direction": "{direction}",
@@ -261,10 +262,10 @@ PHASE_PLANES = Study(
             f"""Phase planes of the last {c.run.recorded_revolutions} of
         {c.run.revolutions} revolutions: one row for each tuning
         ({listed(c.phase_planes.tunings)}), one column for each damping
-        ({listed(c.dampings)}). The backlash is shaded. A cell says after how many mesh periods
-        the motion repeats on which the run settles: by proof, from its Floquet multipliers;
-        *settles on*: what is drawn is still on its way there. *Not settled*: the run was followed
-        on for so many mesh periods without such a proof."""
+        ({listed(c.dampings)}). The backlash is shaded. A cell says whether all mesh periods of
+        the record draw a single line (*steady*) or not (*unsteady*), and on an orbit of how many
+        mesh periods the motion settles later on: by proof, from its Floquet multipliers.
+        *Not settled*: the run was followed on for so many mesh periods without such a proof."""
         ),
         _colours,
     ),
