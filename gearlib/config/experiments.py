@@ -35,7 +35,10 @@ from gearlib.config.types import (
 
 
 class Resonance(Given):
-    """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows."""
+    """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows.
+
+    The default range of drawn gears is as wide as to hold their speed.
+    """
 
     start: Start = 0.5
     stop: Stop = 1.4

@@ -27,10 +27,9 @@ def not_settled(run):
 
 def ending(run):
     """Return in words on what the motion of a run settles, or that it has not settled."""
-    period = int(run.period)
-    return (
-        f"settles later on {period} mesh period{'s'[: period > 1]}" if period else not_settled(run)
-    )
+    if not (period := int(run.period)):
+        return not_settled(run)
+    return f"settles later on {period} mesh period{'s'[: period > 1]}"
 
 
 def steadiness(run):
