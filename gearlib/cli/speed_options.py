@@ -69,8 +69,7 @@ def with_drawn_speed(model, start, stop):
     """Return the range of a sweep, and whether it is the wide default of drawn gears."""
     context = click.get_current_context()
     sources = {context.get_parameter_source(name) for name in ("start", "stop")}
-    drawn = DRAWN in context.meta and model.size == 2
-    if not drawn or sources != {ParameterSource.DEFAULT}:
+    if DRAWN not in context.meta or model.size > 2 or sources != {ParameterSource.DEFAULT}:
         return start, stop, False
     speed = context.meta[DRAWN]
     given = start if speed is None else float(model.tuning_at(speed))

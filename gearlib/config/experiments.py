@@ -35,10 +35,7 @@ from gearlib.config.types import (
 
 
 class Resonance(Given):
-    """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows.
-
-    The default range of drawn gears is as wide as to hold their speed.
-    """
+    """The resonance characteristic (Fig. 3), in windows; by default with the speed of a drawing."""
 
     start: Start = 0.5
     stop: Stop = 1.4

@@ -72,8 +72,7 @@ def look(model, tuning, grid, lengths=PAIR, **drawn):
         f"{lengths.periods}."
     )
     if not jumped:
-        lowest = float(down.tuning[0])
-        followed += f" Downwards it has not jumped at {model.speed(lowest):.0f} rpm, the lowest."
+        followed += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
     spectrum = _orders(model, run, lengths)
     words = summary.in_words(run) + followed
     return View(model, up, down, run, _multipliers(model, run), words, spectrum, **drawn)
