@@ -130,7 +130,7 @@ def phase_plane(*runs, axes=None, labels=None):
     parts = plot_curves.parts("phase_plane", runs, labels, ("displacement", "velocity"), "simulate")
     axes, own = plot_curves.axes(axes)
     for (label, look), (_, _, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        x, v, _ = phase_planes_figure.orbit_of(one)
+        x, v = phase_planes_figure.orbit_of(one)
         axes.plot(x, v, color=look.colour, linestyle=look.line, label=label)
     axes.set_xlim(axes.get_xlim())
     # With moving bearings the far flank is no line in this plane.

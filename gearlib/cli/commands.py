@@ -105,14 +105,14 @@ def simulate(model, tuning, save, **asked):
     type=speed_options.TUNING,
     default=0.5,
     show_default=True,
-    help="First tuning, or speed such as 1500rpm.",
+    help="First tuning, or speed such as 1500rpm; by default at most that of the drawing.",
 )
 @click.option(
     "--stop",
     type=speed_options.TUNING,
     default=1.4,
     show_default=True,
-    help="Last tuning, or speed.",
+    help="Last tuning, or speed; by default at least that of the drawing.",
 )
 @click.option("--points", type=int, default=901, show_default=True, help="Number of tunings.")
 @click.option(
@@ -141,6 +141,7 @@ def sweep(model, start, stop, points, save, **asked):
     import gearlib
     from gearlib.runs.run_arguments import check_rows
 
+    start, stop, drawn = speed_options.with_drawn_speed(model, start, stop)
     check_rows(model, f"points = {points}", points)
     grid = np.linspace(start, stop, points)
     if asked["direction"] == "cold":
@@ -152,6 +153,9 @@ def sweep(model, start, stop, points, save, **asked):
                 parts.append(gearlib.sweep(model, piece, **asked))
                 done(len(piece))
         curve = xr.concat(parts, "tuning", data_vars="minimal", combine_attrs="identical")
+    elif drawn and asked["direction"] == "down":
+        curve = _swept_down(model, grid, **asked)
+        points = curve.tuning.size
     else:
         with progress.clock(f"{points} tunings {asked['direction']}"):
             curve = gearlib.sweep(model, grid, **asked)
@@ -170,6 +174,22 @@ def sweep(model, start, stop, points, save, **asked):
         own = ["displacement_max", "displacement_min", "dynamic_force_max"]
         output.table(top, ["tuning", "speed", *own])
     save(curve, lambda plot: output.beside(plot.resonance(curve), model, curves=True))
+
+
+def _swept_down(model, grid, direction, **asked):
+    """Return a downward sweep that goes on until the motion jumps, and print whether it has."""
+    from gearlib.runs import sweeping
+
+    lowest = sweeping.LOWEST_SHARE * grid[0]
+    with progress.clock(f"{grid.size} tunings {direction}"):
+        curve, jumped = sweeping.sweep_down(model, grid, lowest, **asked)
+    at = f"{float(curve.speed[0]):.0f} rpm, tuning {float(curve.tuning[0]):.4g}"
+    click.echo(
+        f"At {at}, the motion is that of an upward sweep, behind all jumps down."
+        if jumped
+        else f"The motion has not jumped down at {at}, the lowest of this sweep."
+    )
+    return curve
 
 
 @main.command("run-up")

@@ -3,6 +3,7 @@
 import functools
 
 import click
+from click.core import ParameterSource
 
 from gearlib.config import units
 
@@ -64,6 +65,17 @@ def tuning_of(model, name, value):
     if isinstance(value, str):
         return check_speed(model, name, SPEED.convert(value, None, None))
     return value
+
+
+def with_drawn_speed(model, start, stop):
+    """Return the range of a sweep, and whether it is the wide default of drawn gears."""
+    context = click.get_current_context()
+    sources = {context.get_parameter_source(name) for name in ("start", "stop")}
+    if DRAWN not in context.meta or model.size > 2 or sources != {ParameterSource.DEFAULT}:
+        return start, stop, False
+    speed = context.meta[DRAWN]
+    given = start if speed is None else float(model.tuning_at(speed))
+    return min(start, given), max(stop, given), True
 
 
 def course_of(**given):

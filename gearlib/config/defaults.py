@@ -6,11 +6,13 @@ suit one gear pair are wrong for the next.
 
 import colorsys
 import math
+from decimal import Decimal
 from typing import Annotated, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
 from gearlib.config import drawing, speeds_section
+from gearlib.config.experiments import Resonance
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
 from gearlib.config.gears_section import Gears
 from gearlib.config.laying import laid_over
@@ -58,12 +60,13 @@ def filled(mapping):
     """
     if not isinstance(mapping, dict):
         return mapping, []
-    pair, dampings = _gears(mapping)
+    pair, dampings, speed = _gears(mapping)
     made = _made(pair, dampings)
     six_degrees = mapping.get("six_degrees") or {}
     if "gears" in mapping and pair is not _PAIR:
         if refused := _too_damped(mapping["dampings"], pair):
             return mapping, refused
+        made["resonance"] = _resonance(mapping.get("resonance"), pair, speed)
         made["six_degrees"] = drawing.six_degrees(Gears.model_validate(mapping["gears"]).mesh())
         if "bearing_stiffness" not in six_degrees:
             others = [name for name in get_args(Problem) if name != "six_degrees"]
@@ -99,16 +102,35 @@ def _release(made, node, schema):
 
 
 def _gears(mapping):
-    """Return the gear pair and the dampings of a configuration, or stand-ins for both."""
+    """Return the gear pair and the dampings of a configuration, or stand-ins, and its speed."""
+    speed = None
     try:
         if "gears" in mapping:
-            pair = GearPairSection(**Gears.model_validate(mapping["gears"]).pair())
+            gears = Gears.model_validate(mapping["gears"])
+            pair, speed = GearPairSection(**gears.pair()), gears.speed
         else:
             pair = GearPairSection.model_validate(mapping.get("gear_pair"))
         dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"))
     except ValidationError:
-        return _PAIR, _DAMPINGS
-    return pair, {name: Damping(**d.coefficients(pair)) for name, d in dampings.items()}
+        return _PAIR, _DAMPINGS, None
+    return pair, {name: Damping(**d.coefficients(pair)) for name, d in dampings.items()}, speed
+
+
+def _resonance(section, pair, speed):
+    """Return the default range of the resonance characteristic of drawn gears, with their speed."""
+    section = section if isinstance(section, dict) else {}
+    step = section.get("step", Resonance.model_fields["step"].default)
+    if {"start", "stop"} & section.keys() or not isinstance(step, (int, float)) or not step > 0.0:
+        return {}
+    start, stop = Decimal("0.5"), Decimal("1.4")
+    # Beyond 100 there are no tunings: the speed itself is wrong.
+    if speed is not None and speed * speeds_section.rate(pair) <= 100.0:
+        tuning, step = Decimal(speed * speeds_section.rate(pair)), Decimal(repr(step))
+        fewer, more = (start - tuning) / step, (tuning - stop) / step
+        # The first tuning stays above 0.
+        start -= step * max(0, min(math.ceil(fewer), math.ceil(start / step) - 1))
+        stop += step * max(0, math.ceil(more))
+    return {"start": float(start), "stop": float(stop), "lowest": float(start) / 5.0}
 
 
 def _too_damped(dampings, pair):

@@ -11,6 +11,7 @@ from gearlib.config.types import (
     DampingCoefficient,
     DampingName,
     Finite,
+    Given,
     Grid,
     Harmonic,
     Name,
@@ -33,13 +34,18 @@ from gearlib.config.types import (
 )
 
 
-class Resonance(Section):
-    """The resonance characteristic (Fig. 3): a grid of tunings, computed in windows."""
+class Resonance(Given):
+    """The resonance characteristic (Fig. 3), in windows; by default with the speed of a drawing."""
 
     start: Start = 0.5
     stop: Stop = 1.4
     step: Step = 0.0005
     window: Tuning = entry("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
+    lowest: Tuning = entry(
+        "Tuning to which the downward sweep goes on below start until it has jumped; default: "
+        "start, in the default range of drawn gears a fifth of it.",
+        None,
+    )
     directions: listing(
         Literal["cold", "up", "down"],
         "cold: every tuning from the initial state; up, down: the state is carried along.",

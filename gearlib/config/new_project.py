@@ -22,7 +22,7 @@ _SAID = {
         "backlash": "80 um",
     },
     "dampings": {"usual": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}},
-    "resonance": {"start": 0.5, "stop": 1.4, "step": 0.001},
+    "resonance": {"step": 0.001},
     "phase_planes": {"tunings": [0.6, 0.8, 1.0]},
 }
 _HEAD = """\

@@ -68,9 +68,9 @@ def _grid(node, pair, where, problems):
             value = f"= {node[key]!r} is not allowed" if key in node else "is missing"
             problems.append(f"{where}.{key} {value}: a grid must be in rpm throughout, or nowhere")
             return {}
-    rate = Decimal(_rate(pair))
-    if rate * given["stop"] > _MOST:
-        return {key: float(rate * value) for key, value in given.items()}
+    unit = Decimal(rate(pair))
+    if unit * given["stop"] > _MOST:
+        return {key: float(unit * value) for key, value in given.items()}
     count = (given["stop"] - given["start"]) / given["step"] if given["step"] else Decimal(0)
     if not 0 < count < _STEPS or count % 1:
         problems.append(
@@ -78,7 +78,7 @@ def _grid(node, pair, where, problems):
             f"{node['start']!r} plus a whole multiple of {where}.step = {node['step']!r}"
         )
         return {}
-    start, step = ((rate * given[key]).quantize(_DECIMALS) for key in ("start", "step"))
+    start, step = ((unit * given[key]).quantize(_DECIMALS) for key in ("start", "step"))
     found = {key: value / given["step"] * step for key, value in given.items()}
     found |= {"start": start, "stop": start + count * step}
     return {key: float(value) for key, value in found.items()}
@@ -92,11 +92,11 @@ def _rpm(value):
 
 def _tuning(value, pair):
     rpm = _rpm(value)
-    return value if rpm is None else float(rpm) * _rate(pair)
+    return value if rpm is None else float(rpm) * rate(pair)
 
 
-def _rate(pair):
-    """Return the tuning of 1 rpm."""
+def rate(pair):
+    """Return the tuning of 1 rpm, of any pair where that is None."""
     if pair is None:
         return 1e-4
     own = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)

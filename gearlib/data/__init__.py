@@ -12,7 +12,7 @@ module                responsibility
 ``lost_contact``      whether contact is lost, by the share of time in contact
 ``summary``           from the summary table of the kernels to named variables
 ``growing``           curves without motions that grow beyond all use
-``motion_words``      what is said of a motion that has not settled
+``motion_words``      whether a motion is steady and where it settles, in words
 ``status``            how a run ended, and what to do when it could not go on
 ``provenance``        what a dataset says of its own making
 ``numbers_given``     what a caller gives as numbers, as an array

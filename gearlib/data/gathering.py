@@ -5,7 +5,10 @@ The order of dampings, directions and tunings is that of their first appearance.
 which the shards disagree (the parameters of the single run) stay with the shards.
 """
 
+import numpy as np
 import xarray as xr
+
+from gearlib.data import status
 
 #: Variables that depend on the pair alone, and on pair and tuning, but never on the damping.
 PAIR_SCALES = {
@@ -26,19 +29,33 @@ def gather_resonance(shards):
     """Return the characteristics, as of `gearlib.sweep`, over (damping, direction, tuning).
 
     Shards are sweeps, one for each window of tunings, with scalar coordinates `damping` and
-    `direction`. Scales to SI stay as they are. ValueError if their tunings are not the same.
+    `direction`. Scales to SI stay as they are. Where a downward sweep has gone on below the others
+    these are NaN, their status is `NO_START`. ValueError if their tunings differ otherwise.
     """
     shared = PAIR_SCALES | TUNING_SCALES
 
     def windows(datasets):
         return _stack(sorted(datasets, key=lambda d: float(d.tuning[0])), "tuning", PAIR_SCALES)
 
-    def directions(datasets):
-        return _stack(
-            [windows(group) for group in _groups(datasets, "direction")], "direction", shared
-        )
+    curves = [
+        windows(group)
+        for damping in _groups(shards, "damping")
+        for group in _groups(damping, "direction")
+    ]
+    longest = max(curves, key=lambda curve: curve.sizes["tuning"])
+    curves = [_widened(curve, longest) for curve in curves]
+    both = [_stack(group, "direction", shared) for group in _groups(curves, "damping")]
+    return _stack(both, "damping", shared)
 
-    return _stack([directions(group) for group in _groups(shards, "damping")], "damping", shared)
+
+def _widened(curve, longest):
+    """Return a curve over the tunings of a downward sweep that has gone on below its own."""
+    own, whole = curve.tuning.values, longest.tuning.values
+    if longest.direction != "down" or not np.array_equal(own, whole[-own.size :]):
+        return curve
+    fill = {"period": np.int32(0), "status": np.int8(status.NO_START)}
+    found = curve.reindex(tuning=whole, fill_value=fill)
+    return found.assign({name: longest[name] for name in TUNING_SCALES & set(curve)})
 
 
 def gather_phase_planes(shards):

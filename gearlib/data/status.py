@@ -41,7 +41,7 @@ MESSAGES = {
         'move the initial state or the tuning by a millionth, or take method "scipy"'
     ),
     NO_START: (
-        "there is no start: the run whose end it should be could not go on, "
+        "there is no start: no run ends there, or the run whose end it should be could not go on, "
         "and its own status says why"
     ),
 }

@@ -21,9 +21,7 @@ def draw(phase_planes, *, colours=None):
 
     `phase_planes` are gathered: displacement and velocity over (damping, tuning, phase), period
     and followed over (damping, tuning), the scalar backlash_ratio. Axes are common to a row. Each
-    cell says after how many mesh periods the settled motion repeats, and whether what is drawn is
-    still on its way there, or that it has not settled after so many periods. A run that could not
-    go on (NaN) says so.
+    cell has its `motion_words.steadiness`. A run that could not go on (NaN) says so.
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
@@ -52,35 +50,28 @@ def _limits(values):
 
 
 def orbit_of(run):
-    """Return displacement and velocity of a run, and whether they repeat to the eye.
+    """Return displacement and velocity of a run, closed where they repeat to the eye.
 
-    Then, where the record holds a whole orbit, they are whole orbits and closed: the last one where
-    the record ends in the midst of another.
+    Then they are whole orbits, or the last one where the record ends in the midst of another.
     """
     x, v, period = run.displacement.values, run.velocity.values, int(run.period)
     # The mesh phases of the record are equal steps.
     last = period * round(2.0 * np.pi / float(run.phase[1] - run.phase[0])) if period else 0
     rest = np.abs(x[-last:] - x[-2 * last : -last]) if period and x.size >= 2 * last else 0.0
     if not period or np.max(rest) > _SEEN * np.ptp(x):
-        return x, v, False
+        return x, v
     if x.size >= last:
         start = -last if x.size % last else 0
         x, v = (np.append(values[start:], values[start]) for values in (x, v))
-    return x, v, True
+    return x, v
 
 
 def _draw_cell(axes, run, colour):
     """Draw one phase plane with its areas and its label."""
     style.shade_areas(axes, float(run.backlash_ratio), "x")
-    x, v, closed = orbit_of(run)
-    period = int(run.period)
-    if not np.isfinite(x).all():
-        label = "no result"
-    elif period:
-        words = "steady," if closed else "settles on"
-        label = f"{words} {period} mesh period{'s' if period > 1 else ''}"
-    else:
-        label = "\n".join(textwrap.wrap(motion_words.not_settled(run), 20))
-    axes.plot(x, v, color=colour, linewidth=0.8 if period else 0.3)
+    x, v = orbit_of(run)
+    label = motion_words.steadiness(run) if np.isfinite(x).all() else "no result"
+    label = "\n".join(textwrap.wrap(label, 23))
+    axes.plot(x, v, color=colour, linewidth=0.8 if int(run.period) else 0.3)
     at, of = (0.03, 0.97), "axes fraction"
     style.note(axes, label, at, side="left top", of=of, white=(0.15, 0.8))

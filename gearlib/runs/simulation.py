@@ -80,8 +80,8 @@ def simulate(
         periods. Scalars: final_state (component), the orbit summary described at
         `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
         and status. ``period`` is 0 while the motion has not settled; ``followed`` says after how
-        many mesh periods that was told. When status is not 0, the run could not go on: all results are NaN and
-        ``status.attrs["message"]`` says what to do.
+        many mesh periods that was told. When status is not 0, the run could not go on: all results
+        are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------

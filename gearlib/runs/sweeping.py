@@ -1,6 +1,7 @@
 """`sweep`: one gear pair over many tunings, the summary of each orbit."""
 
 import functools
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -27,6 +28,8 @@ CARRIED = DIRECTIONS[1:]
 #: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
 #: chaotic end of a sweep.
 _FEWEST, _MOST = 16, 128
+#: A downward sweep goes on to this share of its range; extrema that differ by less are one motion.
+LOWEST_SHARE, _SAME_MOTION = 0.2, 1e-3
 
 
 def sweep(
@@ -82,9 +85,9 @@ def sweep(
         C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
         mesh periods, up to 16, after which the orbit repeats on which the motion has settled: its
         Floquet multipliers draw what is left of the transient onto it, clear of any grazing. 0
-        where that is not shown, `simulate` goes on until it is, if asked; with run-out period may also be
-        1 to 16 times the mesh periods after which that repeats. Methods for comparison compare
-        states, to 1e-6 of the orbit's height. final_state (tuning, component);
+        where that is not shown, `simulate` goes on until it is, if asked; with run-out period may
+        also be 1 to 16 times the mesh periods after which that repeats. Methods for comparison
+        compare states, to 1e-6 of the orbit's height. final_state (tuning, component);
         status, with NaN in all other variables where it is not 0; the scales to SI.
 
     Raises
@@ -150,6 +153,24 @@ def _check_order(direction, tunings, name):
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
     if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs rising values")
+
+
+def sweep_down(pair, tunings, lowest, **settings):
+    """Sweep down, and on below the range until the motion is that of an upward sweep.
+
+    `tunings`, shape (n,), rise in equal steps, which go on down to `lowest`; `settings` are
+    arguments of `sweep`. Returns its dataset, tunings rising, and whether both motions agree.
+    """
+    first, step = float(tunings[0]), float(tunings[1] - tunings[0])
+    count = max(0, math.floor((first - lowest) / step + 1e-9))
+    below = np.round(first - step * np.arange(count, 0, -1), 12)
+    curve = sweep(pair, np.concatenate([below, tunings]), direction="down", **settings)
+    there = curve.isel(tuning=slice(count + 1))
+    up = sweep(pair, there.tuning.values, direction="up", **settings)
+    height = up.displacement_max - up.displacement_min
+    away = [np.abs(there[name] - up[name]) for name in ("displacement_max", "displacement_min")]
+    same = np.flatnonzero(np.maximum(*away) <= _SAME_MOTION * height)
+    return curve.isel(tuning=slice(same[-1] if same.size else 0, None)), bool(same.size)
 
 
 def check_tunings(name, tunings, check, tuning_at=np.asarray):

@@ -17,6 +17,7 @@ from gearlib import (
     simulate,
     sweep,
 )
+from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
 from gearlib.kernels.closed_form.mesh_constants import mesh
@@ -105,6 +106,18 @@ def test_chaos_and_growth_beyond_all_bounds_are_classes():
     run = sweep(LIGHT, [1.9], periods=4000, record_periods=1, initial_state=(6.0, -6.0))
     assert (found.basin.values == 1).mean() > 0.3 and found.basin.values[-1, 0] == 1
     assert abs(run.final_state).max() > 1e9 or int(run.status[0]) != 0
+
+
+def test_contact_without_damping_draws_nothing_on(monkeypatch):
+    # One neutral orbit is enough to know: the search does not go on to its multiples.
+    found = []
+    search = attractors.periodic_orbit
+    monkeypatch.setattr(
+        attractors, "periodic_orbit", lambda *a, **k: found.append(k["period"]) or search(*a, **k)
+    )
+    pair = PAPER.replace(stiffness_ratio=1.0, backlash_damping=3000.0)
+    data = basins(pair, 1.0, ([-1.0, 0.5], [0.0]))
+    assert data.attractor_kind.values.tolist() == [3] and set(found) == {1}
 
 
 def test_exponents_are_those_of_the_multipliers():

@@ -384,6 +384,9 @@ LIBRARY = {
     "options = ['steps'] ... must be": lambda: simulate(options=["steps"]),
     "tuning = None with speed = None ... one of the": lambda: simulate(None),
     "tuning = 0.7 with speed = 3000.0 ... one of the two": lambda: simulate(0.7, speed=3000.0),
+    "support_stiffness ... 20,000 times": lambda: gearlib.simulate(
+        split_power_reducer(PAPER, support_stiffness=1e18), 0.5, periods=1
+    ),
     "speed = '3000 rpm' ... > 0": lambda: simulate(None, speed="3000 rpm"),
     "speed = 10.0 ... nothing turns": lambda: gearlib.simulate(OSCILLATOR, speed=10.0, periods=1),
     "tunings = [] ... must be": lambda: sweep([]),

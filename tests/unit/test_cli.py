@@ -276,6 +276,20 @@ def test_sentences_show_what_was_typed(run):
         assert "did you mean" not in done.output
 
 
+def test_the_default_sweep_of_drawn_gears_holds_their_speed_and_goes_on_until_it_jumps(run):
+    light = [*DRAWN[:-1], "0.004", "--speed", "9000", "--save", "light.yaml"]
+    assert run("gears", *light).exit_code == 0
+    asked = ["sweep", "--config", "light.yaml", "--points", "201", "-o", "a.nc", "--force"]
+    done = run(*asked, "--direction", "down")
+    assert done.exit_code == 0 and "behind all jumps down" in done.output, done.output
+    down = xr.load_dataset("a.nc")
+    assert down.speed[0] < 9000.0 and down.tuning.size > 201
+    # In one step throughout, and at its end the motion from rest.
+    np.testing.assert_allclose(np.diff(down.tuning), float(down.tuning[2] - down.tuning[1]))
+    assert run(*asked).exit_code == 0
+    assert float(xr.load_dataset("a.nc").speed[0]) == pytest.approx(9000.0)
+
+
 def test_a_new_project_can_be_used_as_it_is(run):
     assert run("init").exit_code == 0 and run("init").exit_code == 2
     text = Path("gears.yaml").read_text(encoding="utf-8")

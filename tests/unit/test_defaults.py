@@ -4,6 +4,7 @@ import pytest
 
 from gearlib import GearPair, SixDegreePair
 from gearlib.config import load, schema
+from gearlib.config.gears_section import TWENTY
 from tests.paper import CONFIG
 
 GEARS = {
@@ -115,6 +116,17 @@ def test_default_bodies_have_the_reduced_mass_of_the_pair():
 def test_a_configuration_written_out_is_the_same():
     config = load({"gear_pair": GEARS, "dampings": {"a": coefficients(1.0, 0.0)}})
     assert load(config.model_dump()) == config
+
+
+def test_the_default_resonance_of_drawn_gears_holds_their_speed():
+    damping = {"a": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}}
+    for speed in (1000.0, 1e5):
+        config = load({"gears": TWENTY | {"speed": speed}, "dampings": damping})
+        section = config.resonance
+        tuning = GearPair(**config.pair_parameters("a")).tuning_at(speed)
+        assert section.start <= tuning <= section.stop and section.lowest < section.start
+    own = {"resonance": {"start": 0.6}, "gears": TWENTY | {"speed": 1000.0}, "dampings": damping}
+    assert load(own).resonance.start == 0.6 and load(own).resonance.lowest is None
 
 
 def test_what_is_given_stays():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from gearlib import GearPair, simulate, sweep, tunings
 from gearlib.data import storage
@@ -67,23 +66,6 @@ def test_bytes_do_not_depend_on_how_a_sweep_is_cut(tmp_path):
     assert whole[0] == whole[1] == whole[2]
 
 
-# xarray announces defaults to come; with them as with those of today the shards fit together.
-@pytest.mark.filterwarnings("ignore:In a future version of xarray:FutureWarning")
-@pytest.mark.parametrize("coming_defaults", [False, True])
-def test_xarray_opens_the_shards_of_a_sweep(windows, tmp_path, coming_defaults):
-    pytest.importorskip("dask", reason="xarray opens many files with dask")
-    for number, shard in enumerate(windows[:2]):
-        storage.write(shard, tmp_path / f"{number}.nc")
-    expected = gather_resonance(windows).sel(damping="k1", direction="cold")
-    with (
-        xr.set_options(use_new_combine_kwarg_defaults=coming_defaults),
-        xr.open_mfdataset(str(tmp_path / "*.nc")) as found,
-    ):
-        for name in ("tuning", "displacement_max", "final_state", "status", "mesh_frequency"):
-            xr.testing.assert_equal(found[name].load().variable, expected[name].variable)
-        assert found.displacement_max.attrs == expected.displacement_max.attrs
-
-
 def test_every_window_finds_its_place(windows):
     whole = gather_resonance(windows)
     assert whole.displacement_max.dims == ("damping", "direction", "tuning")
@@ -123,6 +105,13 @@ def test_phase_planes_keep_their_course_from_the_start_of_the_record(planes):
 def test_one_shard_is_enough(windows, planes):
     assert gather_resonance([windows[2]]).sizes["tuning"] == len(TUNINGS)
     assert gather_phase_planes([planes[0]]).sizes["damping"] == 1
+
+
+def test_a_downward_sweep_may_go_on_below_the_others(windows):
+    found = gather_resonance([*windows[:3], window("k1", "down", [0.3, *TUNINGS])])
+    assert found.tuning.size == len(TUNINGS) + 1 and found.speed.notnull().all()
+    assert np.isnan(found.displacement_max.sel(direction="up")[0, 0])
+    assert found.status.sel(direction="up").values[0].tolist() == [7, *[0] * len(TUNINGS)]
 
 
 def test_shards_that_do_not_match_are_refused(windows, planes):

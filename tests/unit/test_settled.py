@@ -7,11 +7,8 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.kernels import orbit
-from gearlib.kernels.closed_form import recorded_arcs
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
 from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
 from gearlib.kernels.closed_form.pair_run import skip
-from gearlib.kernels.closed_form.settling import NEAR, clear_of_grazing, sum_of_powers
 from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
 from gearlib.models.propagators.closed_form import ratios
 from tests.geometry.drawings import own
@@ -57,19 +54,6 @@ def test_settled_runs_end_where_propagating_them_does():
     assert settled > 300 and longer > 10
 
 
-def test_transients_are_cut_short_and_followed_to_the_last_digit():
-    # Just settled: what is left of the transient is still to be seen, and has to be right.
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
-    rest = whole_periods(m, 0.0, 0.0, 1000)[1:3]
-    seen = 0
-    for periods in range(40, 120):
-        *end, repeat, _ = run(m, 0.0, 0.0, periods)
-        propagated = whole_periods(m, 0.0, 0.0, periods)[1:3]
-        assert np.abs(np.subtract(end, propagated)).max() < 1e-14
-        seen += repeat > 0 and np.abs(np.subtract(propagated, rest)).max() > 1e-13
-    assert seen > 5
-
-
 @pytest.mark.parametrize("past", [1e-8, 1e-9, 1e-10, 1e-11])
 def test_the_ghost_of_a_fold_is_not_an_orbit(past):
     # Beyond the fold a run creeps past where the orbit was, by 1e-10 and less a period, for as many
@@ -92,90 +76,38 @@ def test_a_billion_settled_periods():
     np.testing.assert_allclose(end, before, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-7])
-def test_without_damping_nothing_settles(damping):
-    # Where the flanks rest on each other the state repeats to the last bit, or nearly so.
-    for nu in (0.3, 0.7, 3.0):
-        m = mesh(ratios_of(1.569, 0.999, damping, damping, 4.0), nu)
-        *end, repeat, _ = run(m, 1.0, 0.0, 2000)
-        assert repeat == 0 and tuple(end) == whole_periods(m, 1.0, 0.0, 2000)[1:3]
-
-
-def test_sum_of_powers():
-    rng = np.random.default_rng(2)
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.7)
-    weights = np.array([1.0, m.tuning])
-    for _ in range(60):
-        matrix = rng.normal(size=(2, 2))
-        matrix *= rng.choice([0.3, 0.9, 0.99, 1.0, 1.01]) / abs(np.linalg.eigvals(matrix)).max()
-        scaled = matrix * weights[:, None] / weights
-        bound = sum_of_powers(m, tuple(map(float, matrix.ravel())))
-        if abs(np.linalg.eigvals(matrix)).max() > 0.9999:
-            assert bound == math.inf
-            continue
-        total, power = 0.0, np.eye(2)
-        for _ in range(2000):
-            total += np.linalg.norm(power, 2)
-            power = scaled @ power
-        assert total <= bound < math.inf
-
-
-@pytest.mark.parametrize(
-    ("miss", "gap", "clear"), [(1e-3, 4.0, True), (1e-6, 4.0, False), (1.0, 4.0, True)]
-)
-def test_closeness_to_grazing_is_seen(miss, gap, clear):
-    # Backwards from a minimum `miss` above the normal flank, undamped, in the middle of C_max.
-    m = mesh(ratios_of(1.9, 0.9, 0.0, 0.0, gap), 0.5)
-    lev, t = m.high, 1.0
-    u = (miss - lev.equilibrium) * math.cos(lev.w * t)
-    v = (miss - lev.equilibrium) * lev.w * math.sin(lev.w * t)
-    arcs = np.empty((50, ARC_COLUMNS))
-    *_, count = march_period(m, 1, u + lev.equilibrium, v, arcs, LIMIT)
-    first = arcs[:1]
-    assert first[0, 1] > t and clear_of_grazing(m, first, 1, NEAR) is clear
-    assert count > 0
+#: Results of a run that has settled that are those of another one.
+SAME = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+SAME += ["fraction_min_stiffness", "displacement", "final_state"]
 
 
 def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
-    # Every period that a run records, event by event: summary, events and samples.
+    # Recorded from near the orbit by another engine: summary, events and samples.
     repeats = set()
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
+    span = {"record_periods": 24, "samples_per_period": 8}
     for damping, first, last in cases:
         pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
         for nu in np.linspace(first, last, 16):
-            one = simulate(pair, nu, periods=3000, record_periods=24, samples_per_period=8)
-            m = mesh(ratios(pair), nu)
-            contact, x, v, _ = whole_periods(m, 0.0, 0.0, 2976)
-            summary, samples = np.empty(orbit.SUMMARY_COLUMNS), np.empty((8, orbit.SAMPLE_COLUMNS))
-            orbit.clear_summary(summary)
-            arcs, events = np.empty((50, ARC_COLUMNS)), np.empty((1, orbit.EVENT_COLUMNS))
-            found, seen, previous = 0, [], contact
-            strobes = [(x, v)]
-            for n in range(2976, 3000):
-                contact, x, v, count = march_period(m, contact, x, v, arcs, LIMIT)
-                recorded_arcs.add_arcs(m, arcs, count, summary)
-                orbit.equal_steps(samples, orbit.SAMPLE_AT, 2.0 * math.pi)
-                recorded_arcs.sample_arcs(m, arcs, count, samples)
-                seen.append(samples[:, 0].copy())
-                strobes.append((x, v))
-                events, found, previous = recorded_arcs.add_events(
-                    arcs, count, previous, n, events, found
-                )
-            expected = summary[[orbit.X_MAX, orbit.X_MIN, orbit.FORCE_MAX]]
-            got = one.displacement_max, one.displacement_min, one.dynamic_force_max
-            np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11)
-            shares = one.fraction_normal, one.fraction_min_stiffness
-            expected = summary[[orbit.TIME_NORMAL, orbit.TIME_LOW]] / (48.0 * math.pi)
-            np.testing.assert_allclose(shares, expected, rtol=0, atol=1e-11)
-            np.testing.assert_allclose(one.displacement, np.ravel(seen), rtol=0, atol=1e-11)
-            np.testing.assert_allclose(one.final_state, (x, v), rtol=0, atol=1e-11)
-            phases = 2.0 * math.pi * events[:found, 0] + events[:found, 1]
-            np.testing.assert_allclose(one.event_phase, phases, rtol=0, atol=1e-10)
-            assert one.period == orbit.orbit_period(np.array(strobes), nu, 1.0)
+            one = simulate(pair, nu, periods=3000, **span)
+            state = tuple(simulate(pair, nu, periods=2976).final_state.values)
+            other = simulate(OneDegreePair(pair=pair), nu, periods=24, initial_state=state, **span)
+            for name in SAME:
+                np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-11)
+            phase = 2976 * 2.0 * math.pi + other.event_phase
+            np.testing.assert_allclose(one.event_phase, phase, rtol=0, atol=1e-9)
             # The states before the one recorded period lie where the run has not gone.
             assert simulate(pair, nu, periods=3000, record_periods=1).period == one.period
             repeats.add(int(one.period))
     assert {1, 2, 3, 5} <= repeats
+
+
+def test_a_motion_that_creeps_is_that_of_closed_forms():
+    pair = GearPair.from_ratios(**PAIR, damping=20.0, backlash_damping=20.0)
+    models = pair, OneDegreePair(pair=pair)
+    one, other = (simulate(model, 1e-3, periods=40, record_periods=4) for model in models)
+    for name in SAME:
+        np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-11)
 
 
 def own_gears(damping):
@@ -199,7 +131,7 @@ def test_a_period_is_that_of_the_settled_motion(damping):
     pair, span = own_gears(damping), {"periods": 115, "record_periods": 23}
     tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
     true = np.array([plain_period(pair, nu) for nu in tunings])
-    runs = [simulate(pair, nu, samples_per_period=1, **span) for nu in tunings]
+    runs = [simulate(pair, nu, samples_per_period=1, until_settled=True, **span) for nu in tunings]
     told = np.array([int(run.period) for run in runs])
     cheap = sweep(pair, tunings, **span).period.values
     for found in (told, cheap):
@@ -209,8 +141,9 @@ def test_a_period_is_that_of_the_settled_motion(damping):
 
 def test_what_never_settles_is_said_so():
     # Without damping nothing draws a motion on; it is followed to the end.
-    run = simulate(GearPair.from_ratios(**PAIR), 0.6, periods=115)
-    assert int(run.period) == 0 and int(run.followed) == 20 * 115
+    for until_settled, periods in ((False, 115), (True, 20 * 115)):
+        run = simulate(GearPair.from_ratios(**PAIR), 0.6, periods=115, until_settled=until_settled)
+        assert int(run.period) == 0 and int(run.followed) == periods
 
 
 LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
@@ -226,10 +159,11 @@ LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
 )
 def test_other_models_prove_their_period(model):
     nu, span = 0.6, {"record_periods": 6 * model.repeats, "samples_per_period": 1}
+    span["until_settled"] = True
     short, long = (simulate(model, nu, periods=n * model.repeats, **span) for n in (60, 1500))
     assert int(short.period) == int(long.period) > 0
     assert 60 * model.repeats < int(short.followed) <= 20 * 60 * model.repeats
-    span.pop("samples_per_period")
+    span = {"record_periods": 6 * model.repeats}
     assert int(sweep(model, [nu], periods=60 * model.repeats, **span).period[0]) == 0
     assert int(sweep(model, [nu], periods=3000 * model.repeats, **span).period[0]) == short.period
 

@@ -79,6 +79,11 @@ def _resonance_caption(c):
         all others. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
         state is carried from tuning to tuning, which shows hysteresis."""
     ]
+    if c.resonance.lowest:
+        parts.append(
+            f"""The downward sweep goes on below until its motion is that of an upward sweep; one
+            that ends at {c.resonance.lowest:g} has not jumped."""
+        )
     if not gear_names.is_paper(c):
         parts.append("Below: the largest mesh force, over the load and in kN.")
     parts.append(about_forces(c))
@@ -166,6 +171,7 @@ RESONANCE = Study(
             "pair": model_of(c),
             "window": lambda wildcards: tunings.values_of(wildcards.window),
             "step": c.resonance.step,
+            "lowest": c.resonance.lowest,
             "run": run_length(c),
             "damping": "{damping}",
             "direction": "{direction}",
@@ -260,10 +266,10 @@ PHASE_PLANES = Study(
             f"""Phase planes of the last {c.run.recorded_revolutions} of
         {c.run.revolutions} revolutions: one row for each tuning
         ({listed(c.phase_planes.tunings)}), one column for each damping
-        ({listed(c.dampings)}). The backlash is shaded. A cell says after how many mesh periods
-        the motion repeats on which the run settles: by proof, from its Floquet multipliers;
-        *settles on*: what is drawn is still on its way there. *Not settled*: the run was followed
-        on for so many mesh periods without such a proof."""
+        ({listed(c.dampings)}). The backlash is shaded. A cell says whether all mesh periods of
+        the record draw a single line (*steady*) or not (*unsteady*), and on an orbit of how many
+        mesh periods the motion settles later on: by proof, from its Floquet multipliers.
+        *Not settled*: the run was followed on for so many mesh periods without such a proof."""
         ),
         _colours,
     ),

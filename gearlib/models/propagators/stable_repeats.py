@@ -97,24 +97,11 @@ def _keeps_clear(propagator, events, summary):
 
 
 def followed(propagator, z, periods, period, limit, until_settled):
-    """Prove the period of a motion, if asked later on; return (period, mesh periods behind it).
+    """Prove the period of the motion at z after so many `periods`, now or later on.
 
-    Parameters
-    ----------
-    propagator, limit : as of `proven`
-    z : ndarray, shape (size,)
-        Where it is after so many `periods`; changed in place.
-    period : int
-        What the run so far says of it, as of `Base.run`.
-    until_settled : bool
-        Whether to go on while it has not settled.
-
-    Returns
-    -------
-    period : int
-        0: it has not settled, or rounding decides where: a motion beside it has gone elsewhere.
-    periods : int
-        Those of the start, or until settled twenty times as many or 5000 more, at most.
+    `until_settled` goes on while it is not proven, to 20 times the periods or 5000 more, and takes
+    z along; `period` is that of the states so far. Returns the period, 0 if it has not settled or
+    rounding decides where, and the mesh periods after which it is proven.
     """
     model, most = propagator.model, periods
     if until_settled:

@@ -103,7 +103,9 @@ class Drawing(Explored):
         }
         resonance = self.pair(self.start).speed(1.0)
         #: Lowest and highest speed, rpm.
-        self.speeds = low, high = _LOWEST * resonance, _HIGHEST * resonance
+        given = gears.speed or resonance
+        low, high = min(_LOWEST * resonance, given), max(_HIGHEST * resonance, given)
+        self.speeds = low, high
         speed = Slider(
             "speed of the pinion, rpm",
             float(round(0.9 * resonance)),

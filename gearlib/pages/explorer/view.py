@@ -12,7 +12,7 @@ from gearlib.analysis.order_spectrum import orders
 from gearlib.data import summary
 from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate
-from gearlib.runs.sweeping import sweep
+from gearlib.runs.sweeping import LOWEST_SHARE, sweep, sweep_down
 
 
 class Lengths(NamedTuple):
@@ -53,12 +53,15 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
 
     def curve(direction, model=model):
         settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
-        found = sweep(model, grid, direction=direction, threads=1, **settings)
-        return without_growth(found, model.extent)
+        if drawn and direction == "down":
+            found, jumped = sweep_down(model, grid, LOWEST_SHARE * grid[0], threads=1, **settings)
+        else:
+            found, jumped = sweep(model, grid, direction=direction, threads=1, **settings), True
+        return without_growth(found, model.extent), jumped
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
-        up, down = pool.map(curve, ("up", "down"))
+        (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
     model = moving or model
     run = simulate(
         model,
@@ -72,6 +75,8 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
         f" Followed for {lengths.settle} mesh periods, at each speed of the characteristic for "
         f"{lengths.periods}."
     )
+    if not jumped:
+        followed += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
     spectrum = _orders(model, run, lengths)
     words = summary.in_words(run) + followed
     return View(model, up, down, run, _multipliers(model, run), words, spectrum, **drawn)

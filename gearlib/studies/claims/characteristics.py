@@ -8,8 +8,9 @@ what it finds as a third item.
 
 import numpy as np
 
+from gearlib.data.motion_words import LINE, ending, spread
 from gearlib.data.numbers_given import stretches
-from gearlib.studies.claims.data import LINE, READING, TOUCH
+from gearlib.studies.claims.data import READING, TOUCH
 
 #: How far the band around nu = 0.66 may reach to be "a small region": the paper gives one figure.
 SMALL_REGION = 0.02
@@ -135,8 +136,10 @@ def damped_planes(data):
         spreads = np.array([spread(planes.isel(tuning=i)) for i in range(at.size)])
         seen[name] = planes, spreads > LINE
         holds &= at[spreads > LINE].tolist() == expected[name]
-        at_these = zip(at[spreads > LINE], spreads[spreads > LINE], strict=True)
-        at_these = ", ".join(f"{nu:.2f} ({share:.1g})" for nu, share in at_these)
+        at_these = ", ".join(
+            f"{at[i]:.2f} ({spreads[i]:.1g}, {ending(planes.isel(tuning=i))})"
+            for i in np.flatnonzero(spreads > LINE)
+        )
         words.append(f"{name} unsteady at {at_these or 'none'}")
     words = "; ".join(words) + " (in brackets: how far mesh periods lie apart, over the height)"
     return holds, words, *_strictly(seen)
@@ -158,15 +161,6 @@ def _strictly(seen):
             change = f"repeats after {period} periods" if period else change
             others.append(f"{name} at {float(plane.tuning):.2f} {change}")
     return [", ".join(others)] if others else []
-
-
-def spread(run):
-    """Return how far the mesh periods of a record lie apart at most, over the height of the orbit.
-
-    What is below `LINE` is a single line in a plot.
-    """
-    x = run.displacement.values
-    return float(np.ptp(x.reshape(-1, _per_period(run)), axis=0).max() / np.ptp(x))
 
 
 def drift(run):

@@ -7,9 +7,6 @@ import numpy as np
 TOUCH = 1e-6
 #: The paper reads nu = 0.8 and 1.12 off a plot of its own resolution, 0.01.
 READING = 0.01
-#: What a plot shows of an orbit, over its height: a line of 0.3 mm in a phase plane 3 cm high, of
-#: which Fig. 5 has 24.
-LINE = 0.01
 
 
 class NoData(Exception):

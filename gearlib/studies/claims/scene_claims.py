@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from gearlib.data.motion_words import LINE, spread
 from gearlib.studies.certificates import TWO
-from gearlib.studies.claims.characteristics import in_words, repeats, spread
-from gearlib.studies.claims.data import LINE, NoData
+from gearlib.studies.claims.characteristics import in_words, repeats
+from gearlib.studies.claims.data import NoData
 
 #: Degrees; a shift smaller than that is within the line width of a printed time course.
 VISIBLE_SHIFT = 1.0
