@@ -102,7 +102,7 @@ CALLED = {
     gearlib.locus: BRANCH | {"parameter": "damping", "to": 0.1},
     gearlib.tongues: {"pair": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
     gearlib.schmidt: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
-    gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0},
+    gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0, "damping_ratio": 0.05},
     gearlib.orders: {"run": gearlib.simulate(DAMPED, NU, periods=24, record_periods=24)},
     gearlib.order_map: {"run": RUN_UP},
     gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},

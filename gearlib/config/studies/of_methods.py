@@ -15,7 +15,6 @@ from gearlib.config.studies.study import (
     grid_of,
     installed,
     listed,
-    rectangular,
     run_length,
     without,
 )
@@ -265,7 +264,5 @@ WORK_PRECISION = Study(
         absent=_absent("work_precision"),
         name="work_precision_time",
     ),
-    refusal=lambda c: (
-        rectangular(c) or ("six_degrees" in c.work_precision.problems and bearings(c)) or ""
-    ),
+    refusal=lambda c: ("six_degrees" in c.work_precision.problems and bearings(c)) or "",
 )

@@ -79,7 +79,7 @@ def _resonance_caption(c):
         all others. *cold*, from rest: every tuning starts from the initial state; *up*, *down*: the
         state is carried from tuning to tuning, which shows hysteresis."""
     ]
-    if c.resonance.lowest:
+    if c.gears and c.resonance.lowest:
         parts.append(
             f"""The downward sweep goes on below until its motion is that of an upward sweep; one
             that ends at {c.resonance.lowest:g} has not jumped."""
