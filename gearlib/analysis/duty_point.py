@@ -12,6 +12,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_spectrum import spectrum, transmission_error
 from gearlib.data.result import result
+from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
 from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.model import is_model
@@ -36,7 +37,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     speed : float
         In rpm, of the pinion (of the gear whose teeth count); finite, > 0.
     torque : float, optional
-        Of the pinion, N m; of drawn gears only, which need it.
+        Of the pinion, N m; of drawn gears only, which need it, or a power in W.
     initial_state : tuple of float
         As of `gearlib.simulate`.
     **options
@@ -71,6 +72,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         model = gears
     else:
         checks.drawn_mesh(gears, "gears", " or a model")
+        if "power" in options:
+            torque = torque_of(torque, options.pop("power"), speed)
         model = tooth_pairs_of(gears, torque=torque, **options)
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
