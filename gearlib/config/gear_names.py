@@ -46,9 +46,9 @@ def of_pair(c):
     return of_drawing(c.gears) if c.gears else of_numbers(c.gear_pair)
 
 
-def of_reducer(c, pair=""):
+def of_reducer(c):
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _of_reducer(c, c.reducer.teeth, pair)
+    return _of_reducer(c, c.reducer.teeth, "")
 
 
 def _of_reducer(c, teeth, pair):

@@ -16,7 +16,6 @@ from gearlib import (
     simulate,
     switch_branch,
 )
-from gearlib.analysis.orbits.continuation import orbit_at
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
@@ -89,10 +88,10 @@ def test_a_doubled_branch():
     assert doubled.tuning == pytest.approx(float(branch.tuning[point]), abs=PLACE)
     curve = continue_orbit(doubled, to=0.65)
     assert curve.contacts.values[-1] == "NBNB" and float(curve.tuning[-1]) == 0.65
-    end = orbit_at(free, curve, curve.sizes["point"] - 1)
-    once = simulate(free, 0.65, periods=1, initial_state=tuple(end.state)).final_state.values
-    twice = simulate(free, 0.65, periods=2, initial_state=tuple(end.state)).final_state.values
-    assert abs(twice - end.state).max() < 1e-11 and abs(once - end.state).max() > 0.01
+    end = curve.state.values[-1]
+    once = simulate(free, 0.65, periods=1, initial_state=tuple(end)).final_state.values
+    twice = simulate(free, 0.65, periods=2, initial_state=tuple(end)).final_state.values
+    assert abs(twice - end).max() < 1e-11 and abs(once - end).max() > 0.01
     with pytest.raises(ValueError, match="labelled period doubling"):
         switch_branch(free, branch, 0)
 

@@ -278,12 +278,6 @@ def _dataset(problem, points, name, to):
     return dataset.assign_attrs(parameter=name)
 
 
-def orbit_at(model, branch, point, *, max_events=MAX_EVENTS):
-    """Return the `Orbit` at a point, by its number, of a branch that `continue_orbit` found."""
-    problem, chosen = restored(model, branch, point, max_events)
-    return as_orbit(problem, chosen)
-
-
 def restored(model, branch, point, max_events):
     """Return (problem, point) of a branch that is given as a dataset."""
     if "parameter" not in getattr(branch, "attrs", ()):

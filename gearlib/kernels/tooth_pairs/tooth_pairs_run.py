@@ -24,14 +24,9 @@ from gearlib.kernels.codes import (
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.overflow import within_range
 from gearlib.kernels.taylor.series import (
-    BEND,
     ORDER,
-    PACE,
-    PULL,
     PUSH,
     ROWS,
-    SHARE,
-    SHARE_RATE,
     C,
     V,
     X,
@@ -41,7 +36,6 @@ from gearlib.kernels.taylor.taylor_run import (
     add_samples,
     add_step,
     first_crossing,
-    pace_of,
     samples_of,
 )
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import (
@@ -82,27 +76,21 @@ def touching(overlap, inside, lower, t, x):
 
 
 @inlined
-def _fill(series, target, row, t, ramp, terms):
-    """Fill a row of the series with factor times x less offset, up to a number of terms."""
-    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE] * ramp[PACE]
-    rise, bend = row[OFFSET_SLOPE] * ramp[PACE], ramp[BEND]
+def _fill(series, target, row, t):
+    """Fill a row of the series with factor times x less offset."""
+    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE]
     series[target, 0] = level * series[X, 0] - row[OFFSET] - row[OFFSET_SLOPE] * t
-    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - rise
-    for k in range(2, terms):
+    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - row[OFFSET_SLOPE]
+    for k in range(2, ORDER + 1):
         series[target, k] = level * series[X, k] + slope * series[X, k - 1]
-    if bend != 0.0:
-        series[target, 2] -= row[OFFSET_SLOPE] * bend
-        for k in range(2, terms):
-            series[target, k] += row[FACTOR_SLOPE] * bend * series[X, k - 2]
 
 
 @inlined
-def _expand(row, t, drag, slip, ramp, unit, x, v, series):
+def _expand(row, t, drag, slip, unit, x, v, series):
     """Fill the series of the motion; `slip`: rate of the gap without load by phase."""
     level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
-    slope, bent = slope * ramp[PACE], slope * ramp[BEND]
     # What acts beside the mesh force.
-    push = unit * ramp[SHARE] + ramp[PULL] + drag * slip * ramp[PACE]
+    push = unit + drag * slip
     series[X, 0], series[V, 0] = x, v
     force = level * x - (row[OFFSET] + row[OFFSET_SLOPE] * t) * unit
     for k in range(ORDER):
@@ -112,16 +100,11 @@ def _expand(row, t, drag, slip, ramp, unit, x, v, series):
         push = 0.0
         force = level * series[X, k + 1] + slope * series[X, k]
         if k == 0:
-            push = unit * ramp[SHARE_RATE] + 2.0 * drag * slip * ramp[BEND]
-            force -= row[OFFSET_SLOPE] * unit * ramp[PACE]
-        elif bent != 0.0:
-            force += bent * series[X, k - 1]
-        if k == 1:
-            force -= row[OFFSET_SLOPE] * unit * ramp[BEND]
+            force -= row[OFFSET_SLOPE] * unit
     series[PUSH, ORDER] = 0.0
     for k in range(ORDER + 1):
         series[C, k] = 0.0
-    series[C, 0], series[C, 1], series[C, 2] = level, slope, bent
+    series[C, 0], series[C, 1] = level, slope
 
 
 @kernel
@@ -144,9 +127,7 @@ def _follow(row, t, drag, unit, h, matrix):
 
 
 @inlined
-def _first_event(
-    overlap, inside, lower, closing, s, line, t, ramp, h, x, series, to_bernstein, work
-):
+def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
     """Return (share of a step of length h, number of the pair) of the first touch or parting.
 
     Share 2: none; -1: rounding hides whether there is one. The number after the last pair is the
@@ -160,7 +141,7 @@ def _first_event(
         if (s == coast and not closing) or not inside & bit:
             continue
         touches = s != coast and s & bit != 0
-        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t, ramp, ORDER + 1)
+        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t)
         if line == i:
             series[ROWS + i, 0] = 0.0
         side = 1.0 if touches else -1.0
@@ -211,14 +192,13 @@ def run_pairs(
     for row in range(summary.shape[0]):
         orbit.clear_summary(summary[row])
     first_segment, pieces, inside = course.first_segment, course.piece, system.inside
-    steady, ramp = course.steady, course.ramp.copy()
     begins, ends, renewed = course.begin, course.end, system.renewed
     force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
     lower, longest, tuning = system.lower, system.longest, system.tuning
     closing = system.closing
     k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
     series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
-    kept = min(periods, orbit.strobe_periods(system.repeats)) if steady else 0
+    kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((kept + 1, 2))
     found, steps, s, line = 0, 0, 0, -1
     for n in range(periods):
@@ -250,11 +230,9 @@ def run_pairs(
             phase, end = begins[i], ends[i]
             while phase < end:
                 t, drag = phase - begins[i], damping[1 if s else 0]
-                if not steady:
-                    t = pace_of(course, i, t, ramp)
                 during = _contact_of(s, coast)
                 law = force[p, s]
-                _expand(law, t, drag, slip[p], ramp, unit, x, v, series)
+                _expand(law, t, drag, slip[p], unit, x, v, series)
                 h = min(longest, end - phase)
                 if end - phase - h < 1e-13:
                     h = end - phase
@@ -266,7 +244,6 @@ def run_pairs(
                     s,
                     line,
                     t,
-                    ramp,
                     h,
                     x,
                     series,
@@ -319,5 +296,5 @@ def run_pairs(
                     )
     strobes[kept, 0], strobes[kept, 1] = x, v
     height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
-    period = orbit.orbit_period(strobes, tuning, height, system.repeats) if steady else 0
+    period = orbit.orbit_period(strobes, tuning, height, system.repeats)
     return x, v, period, events, found, OK, steps
