@@ -7,7 +7,7 @@ from gearlib.config.studies.study import (
     Job,
     Study,
     Table,
-    models_of,
+    pairs_of,
     sampled_run,
 )
 
@@ -66,14 +66,14 @@ MEASURED_STUDY = Study(
     Job(
         "measured_course",
         "gearlib.rig.measured_courses:compute",
-        lambda c: {"path": _path(c), "pairs": models_of(c), "run": sampled_run(c)},
+        lambda c: {"path": _path(c), "pairs": pairs_of(c), "run": sampled_run(c)},
         files=("measured/courses/{measured}.nc",),
         given=_files,
     ),
     Job(
         "measured_orders",
         "gearlib.rig.measured_orders:compute",
-        lambda c: {"path": _path(c), "pairs": models_of(c)},
+        lambda c: {"path": _path(c), "pairs": pairs_of(c)},
         files=("measured/orders/{measured}.nc",),
         given=_files,
     ),

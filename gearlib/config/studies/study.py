@@ -179,11 +179,6 @@ def pairs_of(c):
     return {name: c.pair_parameters(name) for name in c.dampings}
 
 
-def models_of(c):
-    """Return damping -> parameters of the model of the gears with it."""
-    return {name: c.model_parameters(name) for name in c.dampings}
-
-
 def model_of(c):
     """Return the function of wildcards that gives the parameters of the model of a job."""
     return lambda wildcards: c.pair_parameters(wildcards.damping)

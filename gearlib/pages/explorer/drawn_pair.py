@@ -99,9 +99,7 @@ class Drawing(Explored):
             "torque": Slider(
                 "torque of the pinion, N m", torque, (0.05 * torque, 4.0 * torque, 0.01 * torque)
             ),
-            "damping": Slider(
-                "damping ratio β", beta, (0.0, min(max(0.3, 2.0 * beta), 0.999), 0.0005)
-            ),
+            "damping": Slider("damping ratio β", beta, (0.0, max(0.3, 2.0 * beta), 0.0005)),
         }
         resonance = self.pair(self.start).speed(1.0)
         #: Lowest and highest speed, rpm.
