@@ -237,10 +237,9 @@ class LoadSharingPair(WithPair):
         half, zone = mesh.overlap_ratio / 2.0, self._zone
         if half or any(zone):
             # A helical pair comes to touch as far from its tip as the reliefs reach.
-            reach = half
-            for relief in (mesh.pinion.tip_relief, mesh.wheel.tip_relief):
-                if half and relief is not None:
-                    reach = max(reach, half + relief.length / mesh.base_pitch)
+            reliefs = mesh.pinion.tip_relief, mesh.wheel.tip_relief
+            longest = max((relief.length for relief in reliefs if relief), default=0.0)
+            reach = half + longest / mesh.base_pitch if half else 0.0
             for sign, place, beyond in ((-1.0, 0.0, zone[0]), (1.0, mesh.contact_ratio, zone[1])):
                 step = max((beyond + 2.0 * half) / _LINES_OF_A_ZONE, _SHORTEST_LINE)
                 count = math.ceil((beyond + half + reach) / step)

@@ -111,7 +111,7 @@ class DrawnPair:
         mesh, options, (cosine, sine) = self._changed(changes)
         if cosine or sine:
             position = np.linspace(*mesh.path, _POSITIONS)
-            phase = [mesh.phase_of(place) for place in position]
+            phase = mesh.phase_of(position)
             gap = -(cosine * np.cos(phase) + sine * np.sin(phase))
             options["deviation"] = PathTable(tuple(position), tuple(gap))
         return tooth_pairs_of(mesh, **options)
