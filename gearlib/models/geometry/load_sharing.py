@@ -266,9 +266,9 @@ def corner_gap(mesh, position):
     end that of the pinion leaves the flank of the wheel. A position is where the pair would touch
     if its involutes went on, the gap along the line of action.
     """
-    start, end = mesh.path
-    entering = _gap_to_corner(mesh, "pinion", np.minimum(position, start))
-    leaving = _gap_to_corner(mesh, "wheel", np.maximum(position, end))
+    (start, end), far = mesh.path, _LONGEST_APPROACH * mesh.base_pitch
+    entering = _gap_to_corner(mesh, "pinion", np.clip(position, start - far, start))
+    leaving = _gap_to_corner(mesh, "wheel", np.clip(position, end, end + far))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
