@@ -39,7 +39,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     torque : float, optional
         Of the pinion, N m; of drawn gears only, which need it, or a power in W.
     initial_state : tuple of float
-        As of `gearlib.simulate`.
+        Displacement in static deflections and dx/dtau.
     **options
         Of drawn gears: damping_ratio and the other arguments of `gearlib.GearPair.from_geometry`.
         The stiffness of a pair of teeth is by default "energy", or "iso" where a bore is too large
@@ -91,7 +91,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     data |= of_run(settled_run(model, max(tuning, slowest), initial_state), model)
     if tuning < slowest:
         hertz = data["mesh_frequency_hertz"] * tuning / slowest
-        data |= {"tuning": tuning, "speed": float(speed), "mesh_frequency_hertz": hertz}
+        data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}
+    data["speed"] = float(speed)
     coords = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     coords |= data.pop("coords")
     return result(

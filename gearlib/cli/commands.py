@@ -73,7 +73,7 @@ def main():
     help="Samples per period.",
 )
 @click.option("--method", help="A name of gearlib.methods().")
-@click.option("--until-settled", is_flag=True, help="Go on after these periods to tell its period.")
+@click.option("--until-settled", is_flag=True, help="Continue until its period is proven.")
 @output.options("phase")
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
@@ -114,6 +114,9 @@ def simulate(model, tuning, save, **asked):
     show_default=True,
     help="Last tuning, or speed; by default at least that of the drawing.",
 )
+@click.option(
+    "--speed", type=speed_options.SPEED, help="Of drawn gears, rpm: the default range includes it."
+)
 @click.option("--points", type=int, default=901, show_default=True, help="Number of tunings.")
 @click.option(
     "--direction",
@@ -126,7 +129,7 @@ def simulate(model, tuning, save, **asked):
 @click.option("--record-periods", type=int, default=10, show_default=True, help="Recorded ones.")
 @click.option("--method", help="A name of gearlib.methods().")
 @output.options("tuning")
-def sweep(model, start, stop, points, save, **asked):
+def sweep(model, start, stop, speed, points, save, **asked):
     """Run many tunings: the resonance characteristic."""
     start = speed_options.tuning_of(model, "start", start)
     stop = speed_options.tuning_of(model, "stop", stop)
@@ -141,7 +144,7 @@ def sweep(model, start, stop, points, save, **asked):
     import gearlib
     from gearlib.runs.run_arguments import check_rows
 
-    start, stop, drawn = speed_options.with_drawn_speed(model, start, stop)
+    start, stop, drawn = speed_options.with_drawn_speed(model, start, stop, speed)
     check_rows(model, f"points = {points}", points)
     grid = np.linspace(start, stop, points)
     if asked["direction"] == "cold":

@@ -67,13 +67,13 @@ def tuning_of(model, name, value):
     return value
 
 
-def with_drawn_speed(model, start, stop):
+def with_drawn_speed(model, start, stop, speed=None):
     """Return the range of a sweep, and whether it is the wide default of drawn gears."""
     context = click.get_current_context()
     sources = {context.get_parameter_source(name) for name in ("start", "stop")}
     if DRAWN not in context.meta or model.size > 2 or sources != {ParameterSource.DEFAULT}:
         return start, stop, False
-    speed = context.meta[DRAWN]
+    speed = context.meta[DRAWN] if speed is None else speed
     given = start if speed is None else float(model.tuning_at(speed))
     return min(start, given), max(stop, given), True
 

@@ -26,7 +26,7 @@ def not_settled(run):
 
 
 def ending(run):
-    """Return in words on what the motion of a run settles, or that it has not settled."""
+    """Return on which orbit a run settles, in words, or that it has not settled."""
     if not (period := int(run.period)):
         return not_settled(run)
     return f"settles later on {period} mesh period{'s'[: period > 1]}"

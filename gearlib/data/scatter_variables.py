@@ -38,7 +38,7 @@ QUANTITIES = {
         "1",
         "largest mesh force over load of the main resonance, up to its first fold",
     ),
-    "dynamic_factor": ("1", "dynamic factor K_v at the duty point"),
+    "dynamic_factor": ("1", "largest mesh force over its static value at the duty point"),
     "force": ("N", "largest mesh force at the duty point"),
     "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
     "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),

@@ -23,6 +23,7 @@ from gearlib import checks
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
+    SAME_PLACE,
     checked_errors,
     pairs_at,
     tooth_pairs,
@@ -42,10 +43,11 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
 _CONVERGED = 1.18
-#: Tuning at which inertia adds less than 1 % to the load.
-_SLOWEST = 2e-4
-#: Cuts closer than this share of a base pitch are one.
-_SAME_PLACE = 1e-12
+#: Options of the stiffness of a drawing, of which pairs of teeth take the coupling.
+_STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "hertz")
+#: Tuning at which inertia adds less than 1 % to the load, and base pitches on which corners touch
+#: before and behind the path there; on shorter ones it is lower, down to a quarter.
+_SLOWEST, _USUAL_ZONE = 2e-4, 0.05
 #: Lines between the phases at which a pair begins to touch and is on its path with all its width.
 _LINES_OF_A_ZONE = 32
 #: Shortest of these lines, in base pitches.
@@ -241,12 +243,13 @@ class LoadSharingPair(WithPair):
             longest = max((relief.length for relief in reliefs if relief), default=0.0)
             reach = half + longest / mesh.base_pitch if half else 0.0
             for sign, place, beyond in ((-1.0, 0.0, zone[0]), (1.0, mesh.contact_ratio, zone[1])):
-                step = max((beyond + 2.0 * half) / _LINES_OF_A_ZONE, _SHORTEST_LINE)
+                step = (beyond + 2.0 * half) / _LINES_OF_A_ZONE
+                step = max(step, _SHORTEST_LINE) if half else step
                 count = math.ceil((beyond + half + reach) / step)
                 at.append(place + sign * np.linspace(-reach, beyond + half, count + 1))
         cuts = np.sort(np.concatenate(at) % 1.0)
-        cuts = cuts[np.diff(cuts, prepend=-1.0) > _SAME_PLACE]
-        return np.append(cuts[cuts < 1.0 - _SAME_PLACE], 1.0)
+        cuts = cuts[np.diff(cuts, prepend=-1.0) > SAME_PLACE]
+        return np.append(cuts[cuts < 1.0 - SAME_PLACE], 1.0)
 
     @cached_property
     def tables(self):
@@ -258,8 +261,8 @@ class LoadSharingPair(WithPair):
         # Phase 0 and the ends of mesh periods lie half of the segment with the most pairs later.
         pitches = np.append(pitches, np.arange(repeats) + shift)
         pitches = np.sort(pitches)
-        pitches = pitches[np.diff(pitches, prepend=-1.0) > _SAME_PLACE]
-        first = int(np.searchsorted(pitches, shift - _SAME_PLACE))
+        pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_PLACE]
+        first = int(np.searchsorted(pitches, shift - SAME_PLACE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
         left, right = pitches[:-1], pitches[1:]
         between = (left + right) / 2.0
@@ -342,7 +345,8 @@ class LoadSharingPair(WithPair):
     @property
     def slowest_tuning(self):
         """Tuning below which the duty point is that at it; higher where pitch errors repeat."""
-        return _SLOWEST * (1.0 if self.repeats == 1 else 10.0)
+        share = min(max(sum(self._zone) / _USUAL_ZONE, 0.25), 1.0) if any(self._zone) else 1.0
+        return _SLOWEST * share * (1.0 if self.repeats == 1 else 10.0)
 
     def system(self, tuning):
         """Return the `ToothPairSystem` at one tuning."""
@@ -370,6 +374,7 @@ def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):
             stiffness = "energy"
         except ValueError:
             stiffness = "iso"
+    checks.known("stiffness", options or {}, _STIFFNESS_OPTIONS)
     if stiffness == "energy" and "coupling" in (options or {}):
         load["coupling"] = options["coupling"]
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **load)

@@ -68,7 +68,7 @@ def simulate(
         Most phases of contact and flights in one mesh period before the run gives up.
     until_settled : bool, default False
         Whether to go on behind the record while the motion has not settled, for up to twenty times
-        the periods or 5000 more, to tell its period; the record stays.
+        the periods or 5000 more, until its period is proven; the record stays.
 
     Returns
     -------

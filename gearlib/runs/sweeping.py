@@ -152,7 +152,8 @@ def _check_order(direction, tunings, name):
     """Refuse tunings out of order where the motion is carried from each to the next."""
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
     if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
-        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs rising values")
+        way = "rising" if direction == "up" else "rising or falling"
+        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {way} values")
 
 
 def sweep_down(pair, tunings, lowest, **settings):

@@ -249,10 +249,6 @@ class Designs:
             return self.model(values)
         return source.at_duty(dict(zip(self.names, map(float, values), strict=True)))
 
-    def nominal_at_duty(self):
-        """Return the nominal model for its duty point."""
-        return self.at_duty(self.tolerances.centres)
-
     def pairs(self, values):
         """Return (pairs, models, refusals) of rows of values.
 

@@ -6,6 +6,8 @@ Comput. Phys. Comm. 181 (2010) 259-270). Intervals are bootstrapped, so they cov
 chance and nothing else.
 """
 
+from functools import partial
+
 import numpy as np
 from scipy import stats
 from scipy.stats import qmc
@@ -69,9 +71,8 @@ def sobol_indices(
             "independent parameters"
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    search = DesignQuantities(
-        designs.nominal, quantities, speed=speed, at_duty=designs.nominal_at_duty
-    )
+    duty = partial(designs.at_duty, designs.tolerances.centres)
+    search = DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
     k = len(designs.names)
     both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = both[:, :k], both[:, k:]

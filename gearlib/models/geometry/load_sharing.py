@@ -32,14 +32,14 @@ from gearlib.models.geometry.involute import inv
 from gearlib.models.geometry.iso import iso_stiffness
 from gearlib.models.geometry.relief import PathTable
 
-#: Places closer than this share of a base pitch are one.
-_SAME_PLACE = 1e-12
+#: Positions closer than this fraction of a base pitch count as equal.
+SAME_PLACE = 1e-12
 #: Slices of a helical face.
 _SLICES = 32
 #: Largest number of pairs of teeth in mesh at once.
 _MAX_PAIRS = 10
-#: Largest gap of a corner that may touch, over the deflection of one pair under the load.
-_REACH = 6.0
+#: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
+MAX_CORNER_GAP = 6.0
 #: Longest way on which a corner may touch, in base pitches.
 _LONGEST_APPROACH = 0.45
 #: Iterations of Newton's method that find the displacement of a helical mesh, and its tolerance.
@@ -85,7 +85,7 @@ class ToothPairs:
         return self._equilibrium(len(loads), 1, displacement)
 
     def forces_at(self, displacement):
-        """Return the `Sharing` at displacements in m, shape (m,), as that of one load."""
+        """Return the `Sharing` at displacements in m, shape (m,); its first axis has length 1."""
         return self._equilibrium(1, 0, lambda rows, rise, back: displacement[None, rows])
 
     def _equilibrium(self, count: int, least: int, displacement) -> Sharing:
@@ -107,7 +107,7 @@ class ToothPairs:
             x = displacement(rows, rise, back)
             forces = np.zeros((count, rows.size, k))
             forces[..., pairs] = rise * x[..., None] - back
-            # By how much a pair that touches would have to pull, one that does not overlaps.
+            # The pull that pairs in contact would need, the overlap of the others: both <= 0.
             wrong = x[..., None] - self.gap[rows] - _image(self.compliance[rows], forces)
             wrong[..., pairs] = -(own[rows] * forces)[..., pairs]
             most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
@@ -197,7 +197,7 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     position = mesh.path[0] + slices * mesh.base_pitch
     on_path = np.clip(position, *mesh.path)
     # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
-    place = np.column_stack([np.round(slices[:, 0] / _SAME_PLACE), there])
+    place = np.column_stack([np.round(slices[:, 0] / SAME_PLACE), there])
     _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
     own = _compliance(mesh, on_path[first], there[first], given)
     gap = relief_gap(mesh, on_path) + np.repeat(errors[number % errors.size], pieces, axis=0)
@@ -244,11 +244,11 @@ def _over_face(slices: ToothPairs, pitches, load: float, inside) -> ToothPairs:
 def zone_of_contact(mesh, corners, load, errors):
     """Return by how many base pitches pairs may touch before and behind the path of contact.
 
-    Corners touch where their gap is below `_REACH` times the deflection of one pair under the load.
+    Corners touch where their gap is below `MAX_CORNER_GAP` deflections of one pair.
     """
     if not corners:
         return 0.0, 0.0
-    limit = _REACH * load / (iso_stiffness(mesh).single * 1e9 * mesh.width) + np.ptp(errors)
+    limit = MAX_CORNER_GAP * load / (iso_stiffness(mesh).single * 1e9 * mesh.width) + np.ptp(errors)
     beyond = np.linspace(0.0, _LONGEST_APPROACH, 201)
     start, end = mesh.path
     gaps = (
