@@ -21,7 +21,7 @@ def model_of(pair, drawing=None):
         torque=drawing["torque"],
         stiffness=drawing.get("stiffness"),
         options=drawing.get("stiffness_options"),
-        damping_ratio=model.damping_ratio,
+        material_damping=model.material_damping,
         backlash_damping_ratio=model.backlash_damping_ratio,
     )
 
