@@ -65,7 +65,7 @@ def spectrum(run, count=None, mesh_orders=False):
     most = max(samples // periods // 4, 1)
     count = checks.integer("count", min(10, most) if count is None else count, 1, most)
     fractions = 1 if mesh_orders else periods
-    harmonics = np.arange(count * fractions + 1) / fractions
+    harmonics = np.arange(count * fractions + 1)
     scales = float(run.force_scale), float(run.static_deflection)
     x, force = transmission_error(run), run.dynamic_force.values
     jumps = jump_phases(as_run_up(run), teeth)
@@ -77,7 +77,7 @@ def spectrum(run, count=None, mesh_orders=False):
         found.append(sums)
         errors.append(change)
     # A period that begins later turns the phases only: they count from the mesh phase 0.
-    turn = np.exp(-1j * harmonics * float(run.phase[0]))
+    turn = np.exp(-1j * harmonics / fractions * float(run.phase[0]))
     turn = turn.reshape(-1, *[1] * (x.ndim - 1))
     dims = ("order", *run.displacement.dims[1:])
     data = {}
@@ -86,12 +86,12 @@ def spectrum(run, count=None, mesh_orders=False):
         data[f"{name}_amplitude"] = dims, peak * np.abs(one)
         data[f"{name}_phase"] = dims, np.angle(one * turn)
         data[f"{name}_amplitude_error"] = dims, peak * error
-    data["mesh_order"] = "order", harmonics
+    data["mesh_order"] = "order", harmonics / fractions
     data["mean_square_force"] = dims[1:], (force**2).mean(axis=0) * scales[0] ** 2
     data["mean_square_error"] = dims[1:], (x**2).mean(axis=0) * scales[1] ** 2
     for name in ("tuning", "speed", "mesh_frequency", "period"):
         data[name] = run[name].values
-    coords = {"order": harmonics * teeth}
+    coords = {"order": harmonics * teeth / fractions}
     coords |= {name: run[name].values for name in dims[1:]}
     found = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     found["order"].attrs["long_name"] = "order, waves per revolution of the gear whose teeth count"

@@ -42,6 +42,11 @@ def test_all_methods_have_the_same_orders():
         assert np.abs(found.amplitude - exact.amplitude).max() < 1e-9 * size
 
 
+def test_orders_of_whole_revolutions_are_whole_numbers():
+    run = gearlib.simulate(PAIR.replace(teeth=49), 0.9, periods=150, record_periods=49)
+    assert gearlib.orders(run, count=2).order.values.tolist() == list(range(99))
+
+
 def test_orders_of_a_train_are_those_of_its_meshes():
     train = gearlib.planetary(planets=2, stiffness_ratio=(0.7, 0.8))
     run = gearlib.simulate(train, 0.6, periods=70, record_periods=60, samples_per_period=32)
