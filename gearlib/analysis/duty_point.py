@@ -72,8 +72,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         model = gears
     else:
         checks.drawn_mesh(gears, "gears", " or a model")
-        if "power" in options:
-            torque = torque_of(torque, options.pop("power"), speed)
+        torque = torque_of(torque, options.pop("power", None), speed)
         model = tooth_pairs_of(gears, torque=torque, **options)
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
@@ -123,6 +122,7 @@ def settled_run(model, tuning, initial_state=(0.0, 0.0)):
 
 
 def _checked_run(model, tuning, periods, state, **options):
+    """Return a run of `simulate`; ValueError if it could not go on."""
     run = simulate(model, tuning, periods=periods, initial_state=state, **options)
     if int(run.status):
         raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")

@@ -71,6 +71,8 @@ def options_and_mapping(command):
         if bearings:
             mapping = laid_over(mapping, {"six_degrees": bearings})
         found = _model(mapping, gears, pair, model, moves=True)
+        if "gears" in mapping and found.force_note:
+            output.words(found.force_note)
         drawn = "gears" in mapping and model == MODELS[0] and not changes.keys() - {*DAMPINGS}
         return command(model=found, mapping=mapping, drawn=drawn, **others)
 
@@ -247,13 +249,9 @@ def _model(mapping, gears, name, model, moves=False):
     pair = GearPair(**gears.model_dump())
     if not name and model != "train":
         raise click.UsageError("gears is missing: the file describes a train only (--model train)")
-    drawn = "gears" in mapping
     if model == "one_degree":
         output.name_gears(name)
-        found = drawn and _relieved(mapping, pair) or pair
-        if drawn and found.force_note:
-            output.words(found.force_note)
-        return found
+        return "gears" in mapping and _relieved(mapping, pair) or pair
     # Only here: a pair does not pay for trains.
     from gearlib import SixDegreePair
     from gearlib.models.trains.described_train import described
@@ -271,12 +269,8 @@ def _model(mapping, gears, name, model, moves=False):
         raise click.UsageError(f"{BEARINGS}; --bearing-stiffness is that of all four")
     output.name_gears(gear_names.of_train(settings, name) if model == "train" else name)
     if model == "train":
-        found = described(**settings.train_parameters(_ONLY_DAMPING))
-    else:
-        found = SixDegreePair(pair=pair, **settings.six_degree_parameters())
-    if drawn and moves and found.force_note:
-        output.words(found.force_note)
-    return found
+        return described(**settings.train_parameters(_ONLY_DAMPING))
+    return SixDegreePair(pair=pair, **settings.six_degree_parameters())
 
 
 def _relieved(mapping, pair):

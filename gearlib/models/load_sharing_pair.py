@@ -96,6 +96,7 @@ class LoadSharingPair(WithPair):
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "tooth_pairs"}
+    damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
         "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
@@ -216,11 +217,7 @@ class LoadSharingPair(WithPair):
         """Mesh periods after which the pairs of teeth repeat."""
         return len(self.pitch_errors)
 
-    def damped(self):
-        """Return whether there is any damping on the way of the motion."""
-        return self.pair.damped()
-
-    @property
+    @cached_property
     def _zone(self):
         return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 

@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.drawn_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
@@ -52,9 +51,8 @@ def duty_rows(mesh, speed, *, damping=None, stiffness=None, options=None, **load
     # Here: the table without it does not load the kernels.
     from gearlib.analysis.duty_point import duty_point
 
-    load["torque"] = torque_of(load.pop("torque", None), load.pop("power", None), speed)
-    pair = GearPair.from_geometry(mesh, stiffness=stiffness or "iso", options=options, **load)
-    pair = pair.replace(**(damping or {}))
+    known = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
+    pair = GearPair.from_geometry(mesh, **known, **load).replace(**(damping or {}))
     load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     found = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
     lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0)}

@@ -7,6 +7,7 @@ function that returns a model and takes what scatters as keyword arguments.
 import dataclasses
 import inspect
 import re
+from functools import partial
 
 import numpy as np
 from scipy.stats import qmc
@@ -243,11 +244,11 @@ class Designs:
         return found
 
     def at_duty(self, values):
-        """Return the model of one row of values for its duty point."""
-        source = self.source
-        if not isinstance(source, DrawnPair):
-            return self.model(values)
-        return source.at_duty(dict(zip(self.names, map(float, values), strict=True)))
+        """Return what makes the model of a row of values for its duty point, if it is another."""
+        if not isinstance(self.source, DrawnPair):
+            return None
+        changes = dict(zip(self.names, map(float, values), strict=True))
+        return partial(self.source.at_duty, changes)
 
     def pairs(self, values):
         """Return (pairs, models, refusals) of rows of values.

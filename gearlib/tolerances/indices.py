@@ -6,8 +6,6 @@ Comput. Phys. Comm. 181 (2010) 259-270). Intervals are bootstrapped, so they cov
 chance and nothing else.
 """
 
-from functools import partial
-
 import numpy as np
 from scipy import stats
 from scipy.stats import qmc
@@ -71,7 +69,7 @@ def sobol_indices(
             "independent parameters"
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    duty = partial(designs.at_duty, designs.tolerances.centres)
+    duty = designs.at_duty(designs.tolerances.centres)
     search = DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
     k = len(designs.names)
     both = qmc.Sobol(2 * k, rng=designs.seed).random(n)

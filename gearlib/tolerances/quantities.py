@@ -1,7 +1,6 @@
 """Quantities of many designs: jumps, onset, peak, duty point; each design is one search."""
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -184,6 +183,6 @@ def of_designs(search, designs, values, done=lambda count: None):
         refusals += texts
         for i, model in enumerate(models, first):
             if model is not None:
-                found[i], codes[i] = search(model, partial(designs.at_duty, values[i]))
+                found[i], codes[i] = search(model, designs.at_duty(values[i]))
         done(len(models))
     return found, codes, refusals

@@ -7,7 +7,6 @@ out by itself, and statistics are taken of all of them together.
 import functools
 import json
 import os
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,7 +154,7 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
             coords |= {"direction": list(runs.directions), over: runs.rates}
             said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
         if quantities:
-            duty = partial(designs.at_duty, designs.tolerances.centres)
+            duty = designs.at_duty(designs.tolerances.centres)
             search = DesignQuantities(designs.nominal, quantities, speed=asked.speed, at_duty=duty)
             found = of_designs(search, designs, values, newly)
             data |= _of_quantities(search, found)

@@ -161,7 +161,7 @@ SLOW = {
     "high contact ratio": (high(), TORQUE),
     "little helix": (spur(helix_angle=0.02, relief=RELIEF), 210.0),
     "helical": (spur(helix_angle=0.3), 400.0),
-    "wide": (spur(helix_angle=0.35, width=80e-3), 400.0),
+    "wide": (spur(helix_angle=0.6, width=0.1), 210.0),
 }
 
 

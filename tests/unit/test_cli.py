@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib import config
+from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.tolerances.designs import DrawnPair
@@ -163,6 +164,16 @@ def test_tolerances_are_read_with_their_units(run):
 
 DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]
 DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
+
+
+def test_no_orbit_ends_with_code_1(run, monkeypatch):
+    def refuse(*_, **__):
+        raise NoOrbit("no orbit of period 1 was found near the guess: guess closer")
+
+    monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", refuse)
+    done = run("orbit", *PAIR, "--tuning", "0.66")
+    assert done.exit_code == 1
+    assert "guess closer" in done.output
 
 
 def test_drawings_and_their_classes_scatter(run):

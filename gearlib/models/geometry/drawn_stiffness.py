@@ -14,7 +14,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.geometry.energy import energy_stiffness
-from gearlib.models.geometry.iso import iso_rectangle, iso_stiffness
+from gearlib.models.geometry.iso import iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.models.stiffness import mean_over_max
 
@@ -99,7 +99,7 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
         high, ratio, contact = iso_rectangle(mesh, **options)
         if mesh.overlap_ratio == 0.0:
             return MeshStiffness(method, high, ratio, contact, Rectangular())
-        single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+        single = pair_stiffness(mesh, **options)
         levels = [single * (0.25 + 0.75 * count) for count in (less + 1, less)]
         course = _Course([0.0, segment, segment, 1.0], np.repeat(levels, 2))
         table = course.over_face(mesh.overlap_ratio).table(segment)

@@ -76,6 +76,12 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     return IsoStiffness(teeth, theoretical, rack, blank, single, mean)
 
 
+def pair_stiffness(mesh, **options):
+    """Return c' of one pair of teeth over the face width in N/m, by `iso_stiffness`."""
+    # N/(mm um) is 1e9 N/m per m of face width.
+    return iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+
+
 def iso_rectangle(mesh, **options):
     """Return C_max in N/m, kappa and epsilon of the rectangle of a mesh, by `iso_stiffness`.
 
@@ -84,8 +90,7 @@ def iso_rectangle(mesh, **options):
     `gearlib.models.geometry.drawn_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
-    # N/(mm um) is 1e9 N/m per m of face width.
-    single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+    single = pair_stiffness(mesh, **options)
     less = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - less
     low, step = single * (0.25 + 0.75 * less), single * 0.75

@@ -29,7 +29,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.models.geometry.energy import PairCompliance, matrix
 from gearlib.models.geometry.involute import inv
-from gearlib.models.geometry.iso import iso_stiffness
+from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.relief import PathTable
 
 #: Positions closer than this fraction of a base pitch count as equal.
@@ -207,18 +207,18 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
         gap = gap + corner_gap(mesh, position)
     position = position if corners else on_path
     pairs = ToothPairs(np.repeat(pitches, pieces), position, there, own[each.reshape(-1)], gap)
-    return pairs if overlap == 0.0 else _over_face(pairs, pitches, load, inside)
+    return pairs if overlap == 0.0 else _over_face(pairs, load, inside)
 
 
-def _over_face(slices: ToothPairs, pitches, load: float, inside) -> ToothPairs:
+def _over_face(slices: ToothPairs, load: float, inside) -> ToothPairs:
     """Return the pairs whose forces are the means over the slices, linearized under a load."""
-    (m,), k = pitches.shape, slices.gap.shape[1]
+    m, k = len(slices.gap) // _SLICES, slices.gap.shape[1]
 
     def mean(values):
-        return values.reshape(m, -1, k).mean(axis=1)
+        return values.reshape(m, _SLICES, k).mean(axis=1)
 
     def carried(x):
-        sharing = slices.forces_at(np.repeat(x, len(slices.gap) // m))
+        sharing = slices.forces_at(np.repeat(x, _SLICES))
         return mean(sharing.force[0]), mean(sharing.stiffness[0])
 
     # The force is convex in the displacement: Newton's steps fall from the right of the root.
@@ -233,7 +233,7 @@ def _over_face(slices: ToothPairs, pitches, load: float, inside) -> ToothPairs:
     # A pair about to touch has no stiffness yet; this trace of it keeps the compliance finite.
     firm = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
     return ToothPairs(
-        pitches,
+        slices.pitches[::_SLICES],
         mean(slices.position),
         force > 0.0 if inside is None else inside,
         np.eye(k) / firm[..., None],
@@ -248,7 +248,7 @@ def zone_of_contact(mesh, corners, load, errors):
     """
     if not corners:
         return 0.0, 0.0
-    limit = MAX_CORNER_GAP * load / (iso_stiffness(mesh).single * 1e9 * mesh.width) + np.ptp(errors)
+    limit = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(errors)
     beyond = np.linspace(0.0, _LONGEST_APPROACH, 201)
     start, end = mesh.path
     gaps = (
@@ -274,14 +274,13 @@ def corner_gap(mesh, position):
 
 def _gap_to_corner(mesh, name: str, position):
     """Return the gap between the flank of the pinion or wheel and the other's tip corner, m."""
-    flank, corner = mesh.pinion, mesh.wheel
+    sign, angle = mesh.wheel.sign, mesh.working_pressure_angle
+    flank, corner, way = mesh.pinion, mesh.wheel, 1
     if name == "wheel":
-        flank, corner = corner, flank
-    sign, angle, base = mesh.wheel.sign, mesh.working_pressure_angle, flank.base_diameter / 2.0
-    turned = (position - mesh.pitch_point) / base  # rotation from contact at the pitch point
+        flank, corner, way = corner, flank, -sign
+    base = flank.base_diameter / 2.0
+    turned = way * (position - mesh.pitch_point) / base  # from contact at the pitch point
     centre = mesh.centre_distance * (1 if sign == 1 else -flank.sign)
-    if name == "wheel":
-        turned = -sign * turned
     tip = corner.tip_diameter / 2.0
     tip_angle = math.acos(corner.base_diameter / corner.tip_diameter)
     psi = -sign * turned * flank.teeth / corner.teeth + inv(angle) - inv(tip_angle)
@@ -327,7 +326,7 @@ def _compliance(mesh, position, inside, given: Options):
         return matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
     checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
-    single = 1.0 / (iso_stiffness(mesh).single * 1e9 * mesh.width)
+    single = 1.0 / pair_stiffness(mesh)
     # With corners more pairs are inside; a body that changed with their number would be a jump.
     together = math.floor(mesh.contact_ratio) + 1 if given.corners else inside.sum(-1)
     count = np.broadcast_to(together, len(position))[:, None, None]

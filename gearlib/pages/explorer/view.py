@@ -51,7 +51,7 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
     `moving` is the model at that tuning, by default that of the characteristic.
     """
 
-    def curve(direction, model=model):
+    def curve(direction):
         settings = {"periods": lengths.periods, "record_periods": lengths.recorded}
         if drawn and direction == "down":
             found, jumped = sweep_down(model, grid, LOWEST_SHARE * grid[0], threads=1, **settings)
@@ -62,9 +62,9 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
         (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
-    model = moving or model
+    moving = moving or model
     run = simulate(
-        model,
+        moving,
         tuning,
         periods=lengths.settle,
         record_periods=lengths.recorded,
@@ -77,9 +77,9 @@ def look(model, tuning, grid, lengths=PAIR, moving=None, **drawn):
     )
     if not jumped:
         followed += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
-    spectrum = _orders(model, run, lengths)
+    spectrum = _orders(moving, run, lengths)
     words = summary.in_words(run) + followed
-    return View(model, up, down, run, _multipliers(model, run), words, spectrum, **drawn)
+    return View(moving, up, down, run, _multipliers(moving, run), words, spectrum, **drawn)
 
 
 def _orders(model, run, lengths):
