@@ -19,8 +19,10 @@ from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
-#: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: some 0.3 s.
-_MAX_PERIODS, _MAX_STEPS = 10_000, 300_000
+#: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: some 0.2 s.
+_MAX_PERIODS, _MAX_STEPS = 10_000, 200_000
+#: Mesh periods times sets of pairs of teeth that are tabulated at most: some 0.5 s.
+_MAX_TABLES = 3000
 #: Revolutions that are recorded of a motion that does not repeat, and most mesh periods of these.
 _REVOLUTIONS, _MAX_RECORD = 10, 2000
 
@@ -53,8 +55,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         degrees, ``body`` of trains; of rigid bearings those of a shaft together),
         error_peak_to_peak and error_rms (m, without its mean), lost_share (of time without
         drive-side contact), settled and period; iso_dynamic_factor where drawn gears have a
-        quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders. Over
-        ``mesh`` of trains.
+        quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, nan
+        where samples do not tell them. Over ``mesh`` of trains.
 
     Raises
     ------
@@ -62,6 +64,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         Naming the argument, its value and the allowed range; or if the motion grows without bound.
     """
     data: dict[str, Any] = {}
+    cut = False
     if is_model(gears):
         if torque is not None or options:
             name = "torque" if torque is not None else next(iter(options))
@@ -74,6 +77,10 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         checks.drawn_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model = tooth_pairs_of(gears, torque=torque, **options)
+        # Where thousands of mesh periods pass until the same teeth meet the first stand for all.
+        most = _MAX_TABLES // 2 ** math.ceil(gears.total_contact_ratio)
+        cut = model.repeats > most
+        model = model.replace(pitch_errors=model.pitch_errors[:most]) if cut else model
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
             relieved = [gear.tip_relief for gear in (gears.pinion, gears.wheel)]
@@ -88,6 +95,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     tuning = check_speed(model, "speed", speed)
     slowest = model.slowest_tuning
     data |= of_run(settled_run(model, max(tuning, slowest), initial_state), model)
+    if cut:
+        data["settled"] = np.int8(0)
     if tuning < slowest:
         hertz = data["mesh_frequency_hertz"] * tuning / slowest
         data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}

@@ -2,21 +2,16 @@
 
 numba looks for edits in the file of a function only, not in the modules whose functions it calls.
 So the folder carries a hash of all kernel sources in its name, and a stale kernel cannot be loaded.
-It lies in the user's cache folder, or under ``NUMBA_CACHE_DIR``. A folder that no process has begun
-to use for a month is removed when a new one is made.
+It lies in the user's cache folder, or under ``NUMBA_CACHE_DIR``.
 """
 
 import contextlib
 import hashlib
 import os
-import re
-import shutil
 import tempfile
-import time
 from pathlib import Path
 
 _KERNELS = Path(__file__).parent
-_MONTH = 30 * 24 * 3600.0
 
 
 def source_hash():
@@ -29,40 +24,19 @@ def source_hash():
 
 
 def cache_folder():
-    """Return the folder of the machine code; make it, and mark it as used."""
+    """Return the folder of the machine code; make it."""
     name = f"kernels-{source_hash()}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "gearlib")
     folder = os.path.join(base, name)
     try:
-        if not os.path.isdir(folder):
-            os.makedirs(folder, exist_ok=True)
-            remove_unused(base)
+        os.makedirs(folder, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
         # A read-only home must not keep anyone from computing.
         folder = os.path.join(_temporary_folder(), name)
         os.makedirs(folder, exist_ok=True)
-    os.utime(folder)
     return folder
-
-
-def remove_unused(base, now=None):
-    """Remove the folders of machine code below `base` that no process has used for a month.
-
-    Parameters
-    ----------
-    base : str or os.PathLike
-        Other files and folders there are left alone.
-    now : float, optional
-        Seconds since the epoch; by default the clock's.
-    """
-    oldest = (time.time() if now is None else now) - _MONTH
-    for path in Path(base).iterdir():
-        # Folders of other users, or those that another process is removing, stay.
-        with contextlib.suppress(OSError):
-            if re.fullmatch("kernels-[0-9a-f]{16}", path.name) and path.stat().st_mtime < oldest:
-                shutil.rmtree(path, ignore_errors=True)
 
 
 def _temporary_folder():

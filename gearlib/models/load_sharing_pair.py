@@ -23,8 +23,10 @@ from gearlib import checks
 from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
+    FEWEST_LINES,
     SAME_PLACE,
     checked_errors,
+    face_of,
     pairs_at,
     tooth_pairs,
     zone_of_contact,
@@ -48,10 +50,8 @@ _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "he
 #: Tuning at which inertia adds less than 1 % to the load, and base pitches on which corners touch
 #: before and behind the path there; on shorter ones it is lower, down to a quarter.
 _SLOWEST, _USUAL_ZONE = 2e-4, 0.05
-#: Lines between the phases at which a pair begins to touch and is on its path with all its width.
+#: Lines between the phases at which a pair begins to touch and is on its path.
 _LINES_OF_A_ZONE = 32
-#: Shortest of these lines, in base pitches.
-_SHORTEST_LINE = 1.0 / 128.0
 
 
 class _Drawing(Instance):
@@ -207,8 +207,7 @@ class LoadSharingPair(WithPair):
         numpy.ndarray, shape (m, k)
             N; the first pair is the last that came into mesh.
         """
-        shift = (self.drawing.contact_ratio % 1.0) / 2.0
-        pairs = self._pairs(np.asarray(phase, float) / math.tau + shift)
+        pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
         at = np.asarray(displacement, float) * self.static_deflection
         return pairs.forces_at(at).force[0]
 
@@ -224,6 +223,9 @@ class LoadSharingPair(WithPair):
     def _cuts(self):
         """Return base pitches, from 0 to 1, between which all is a straight line."""
         mesh = self.drawing
+        if lines := face_of(mesh, self.repeats).lines:
+            lines *= math.ceil(self.phases / FEWEST_LINES)
+            return (self._shift + np.arange(lines) / lines) % 1.0
         start, end = mesh.path
         at = [start, end]
         for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
@@ -233,38 +235,33 @@ class LoadSharingPair(WithPair):
             if isinstance(table, PathTable):
                 at += [position for position in table.position if start < position < end]
         at = [(np.array(at) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
-        half, zone = mesh.overlap_ratio / 2.0, self._zone
-        if half or any(zone):
-            # A helical pair comes to touch as far from its tip as the reliefs reach.
-            reliefs = mesh.pinion.tip_relief, mesh.wheel.tip_relief
-            longest = max((relief.length for relief in reliefs if relief), default=0.0)
-            reach = half + longest / mesh.base_pitch if half else 0.0
-            for sign, place, beyond in ((-1.0, 0.0, zone[0]), (1.0, mesh.contact_ratio, zone[1])):
-                step = (beyond + 2.0 * half) / _LINES_OF_A_ZONE
-                step = max(step, _SHORTEST_LINE) if half else step
-                count = math.ceil((beyond + half + reach) / step)
-                at.append(place + sign * np.linspace(-reach, beyond + half, count + 1))
-        cuts = np.sort(np.concatenate(at) % 1.0)
-        cuts = cuts[np.diff(cuts, prepend=-1.0) > SAME_PLACE]
-        return np.append(cuts[cuts < 1.0 - SAME_PLACE], 1.0)
+        ends = (-1.0, 0.0, self._zone[0]), (1.0, mesh.contact_ratio, self._zone[1])
+        for sign, place, beyond in ends if any(self._zone) else ():
+            at.append(place + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
+        return np.append(np.concatenate(at), self._shift) % 1.0
+
+    @property
+    def _shift(self):
+        """Base pitches at phase 0, in the middle of the segment with the most pairs."""
+        return (self.drawing.contact_ratio % 1.0) / 2.0
+
+    def _begun(self, pitches):
+        """Return how many pairs have come into mesh."""
+        return np.floor(pitches + self._zone[0] + face_of(self.drawing, self.repeats).reach)
 
     @cached_property
     def tables(self):
         """The `ToothPairSystem` without tuning and damping, and its largest stiffness."""
-        mesh, repeats = self.drawing, self.repeats
-        shift = (mesh.contact_ratio % 1.0) / 2.0
-        cuts = self._cuts()
-        pitches = (np.arange(repeats)[:, None] + cuts[:-1]).ravel()
-        # Phase 0 and the ends of mesh periods lie half of the segment with the most pairs later.
-        pitches = np.append(pitches, np.arange(repeats) + shift)
-        pitches = np.sort(pitches)
+        repeats, shift = self.repeats, self._shift
+        pitches = np.sort((np.arange(repeats)[:, None] + self._cuts()).ravel())
         pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_PLACE]
+        pitches = pitches[pitches < repeats - SAME_PLACE]
         first = int(np.searchsorted(pitches, shift - SAME_PLACE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
         left, right = pitches[:-1], pitches[1:]
         between = (left + right) / 2.0
         inside, on_path, ends = self._segments(left, between, right)
-        begun = np.floor(between + self._zone[0] + mesh.overlap_ratio / 2.0)
+        begun = self._begun(between)
         lengths = math.tau * (right - left)
         lines = [self._laws(end, on_path) for end in ends]
         force, overlap = (
@@ -296,18 +293,20 @@ class LoadSharingPair(WithPair):
 
     def _segments(self, left, between, right):
         """Return which pairs may touch in segments, which are on their path, pairs at both ends."""
-        mesh, inside = self.drawing, None
+        mesh, at = self.drawing, np.concatenate([left, right])
+        middle = np.concatenate([between] * 2)
         if mesh.overlap_ratio == 0.0:
-            middle = self._pairs(between)
-            inside = middle.inside
-            on_path = middle.position == np.clip(middle.position, *mesh.path)
-        pairs = self._pairs(
-            np.concatenate([left, right]),
-            np.concatenate([between] * 2),
-            inside if inside is None else np.concatenate([inside] * 2),
-        )
-        ends = [pairs.at_phases(half) for half in (slice(left.size), slice(left.size, None))]
-        if inside is None:
+            pairs = self._pairs(between)
+            inside = pairs.inside
+            on_path = pairs.position == np.clip(pairs.position, *mesh.path)
+            pairs = self._pairs(at, middle, np.concatenate([inside] * 2))
+            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(at.size), 2)]
+        else:
+            # Most segments start with the pairs with which the last one ends.
+            same = np.column_stack([at, self._begun(middle)])
+            _, first, each = np.unique(same, axis=0, return_index=True, return_inverse=True)
+            pairs = self._pairs(at[first], middle[first])
+            ends = [pairs.at_phases(rows) for rows in np.split(each.reshape(-1), 2)]
             inside = on_path = ends[0].inside | ends[1].inside
         return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq, nnls
 
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.energy import energy_stiffness
-from gearlib.models.geometry.load_sharing import ToothPairs, tooth_pairs
+from gearlib.models.geometry.load_sharing import ToothPairs, _over_face, tooth_pairs
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}
@@ -252,3 +252,22 @@ def test_what_the_shared_body_changes():
     )
     off = apart.compliance[:, 0, 1], joint.compliance[:, 0, 1]
     assert not off[0].any() and (off[1] > 0.0).all()
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 4])
+def test_slices_of_a_face_are_spur_gears_at_one_displacement(pairs):
+    """Random slices: the set of touching pairs that fulfils all conditions is searched for."""
+    rng, load = np.random.default_rng(pairs), 3e3
+    coupled = 1e-8 * rng.uniform(0.0, 3.0, (5, 1, 1))
+    own = 1e-8 * np.eye(pairs) * rng.uniform(0.3, 3.0, (5, 1, pairs)) + coupled
+    each, gap = rng.integers(0, 5, 60), rng.normal(0.0, 1e-5, (60, pairs))
+    inside, shares = rng.random((60, pairs)) < 0.7, np.array([0.1, 0.3, 0.3, 0.2, 0.1])
+    inside[:, 0] = True
+    force, stiffness, x = _over_face(shares, own, each, inside, gap, load)
+    slices = ToothPairs(np.zeros(60), gap, inside, own[each], gap)
+    expected = slices.forces_at(np.repeat(x, 5))
+    for ours, theirs in ((force, expected.force[0]), (stiffness, expected.stiffness[0])):
+        np.testing.assert_allclose(
+            ours, shares @ theirs.reshape(12, 5, pairs), rtol=1e-10, atol=1e-9 * ours.max()
+        )
+    np.testing.assert_allclose(force.sum(-1), load, rtol=1e-10)

@@ -19,6 +19,7 @@ from gearlib import (
 )
 from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
+from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
@@ -212,6 +213,23 @@ def test_slow_teeth_carry_their_static_share(name, stiffness):
     np.testing.assert_allclose(expected.sum(-1), model.load, rtol=1e-9)
     forces = model.tooth_forces(run.phase, run.displacement)
     np.testing.assert_allclose(forces, expected, atol=0.01 * model.load)
+
+
+@pytest.mark.parametrize("helix_angle", [0.02, 0.3])
+def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
+    """With pitch errors and at speeds where slices come into mesh as fast as the gears ring."""
+    errors = tuple(np.random.default_rng(1).uniform(-2e-6, 2e-6, 19))
+    mesh = spur(helix_angle=helix_angle)
+    mesh = dataclasses.replace(mesh, pinion=dataclasses.replace(mesh.pinion, pitch_errors=errors))
+
+    def factors():
+        points = [duty_point(mesh, rpm, torque=210.0, damping_ratio=0.05) for rpm in (300.0, 600.0)]
+        return [point.dynamic_factor.item() for point in points]
+
+    found = factors()
+    for name, more in (("_SLICES", 96), ("FEWEST_LINES", 96), ("_MOST_ROWS", 1e7)):
+        monkeypatch.setattr(load_sharing, name, more)
+    np.testing.assert_allclose(found, factors(), atol=2e-3)
 
 
 @pytest.mark.parametrize("tuning", [0.5, 0.93])

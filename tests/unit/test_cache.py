@@ -1,4 +1,4 @@
-"""The folder of machine code: which one is taken, marked, cleared; what is compiled into it."""
+"""The folder of machine code: which one is taken; what is compiled into it."""
 
 import os
 import subprocess
@@ -7,7 +7,7 @@ import tempfile
 
 import pytest
 
-from gearlib.kernels.cache import _temporary_folder, cache_folder, remove_unused
+from gearlib.kernels.cache import _temporary_folder, cache_folder
 
 #: Says whether the warm-up met kernels, and how many were compiled after it.
 COUNTED = """
@@ -91,31 +91,6 @@ def test_after_the_warm_up_nothing_is_compiled(name):
     program = imports + COUNTED.format(warm=warm, then=then)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout == "True 0\n", done.stdout + done.stderr
-
-
-def test_unused_folders_are_removed(tmp_path):
-    now, day = 2e9, 24 * 3600.0
-    ages = {"kernels-" + "0" * 16: 29, "kernels-" + "1" * 16: 31, "kernels-mine": 31, "other": 31}
-    for name, age in ages.items():
-        (tmp_path / name / "core").mkdir(parents=True)
-        (tmp_path / name / "core/code.nbc").touch()
-        os.utime(tmp_path / name, times=(now - age * day,) * 2)
-    remove_unused(tmp_path, now)
-    assert sorted(ages.keys() - {path.name for path in tmp_path.iterdir()}) == [
-        "kernels-" + "1" * 16
-    ]
-
-
-def test_a_start_marks_its_folder_as_used_and_a_first_one_clears_up(tmp_path):
-    left = tmp_path / "cache" / ("kernels-" + "0" * 16)
-    left.mkdir(parents=True)
-    os.utime(left, times=(0, 0))
-    start(tmp_path, "import gearlib.kernels.jit").communicate(timeout=600)
-    (folder,) = (tmp_path / "cache").iterdir()
-    assert folder != left
-    os.utime(folder, times=(0, 0))
-    start(tmp_path, "import gearlib.kernels.jit").communicate(timeout=600)
-    assert folder.stat().st_mtime > 0
 
 
 def test_where_nothing_can_be_written_a_temporary_folder_is_taken(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, SixDegreePair, duty_point, simulate, two_stage
 from gearlib.cli import main
-from gearlib.geometry import TipRelief, dynamic_factor
+from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
 from tests.geometry.drawings import own
 
 MESH = own(quality=5)
@@ -63,6 +63,31 @@ def test_relief_is_carried_by_pairs_of_teeth():
     assert found.mesh_order_error[0] == pytest.approx(both.mesh_order_error[0].item(), rel=0.05)
     bare = duty_point(MESH, 3000.0, torque=85.0, damping_ratio=0.1)
     assert abs(found.dynamic_factor / bare.dynamic_factor - 1.0) > 0.02
+
+
+def test_free_vibrations_hide_orders():
+    """Without damping they are too fast for the samples: those orders are nan, nothing else."""
+    mesh = Mesh(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)))
+    hidden = []
+    for speed in np.linspace(300.0, 900.0, 8):
+        found = duty_point(mesh, speed, torque=210.0, damping_ratio=0.0)
+        assert found.settled == 0 and found.dynamic_factor > 1.5
+        hidden.append(np.isnan(found.mesh_order_force.values))
+    assert 0 < np.sum(hidden) < 20
+
+
+def test_of_teeth_that_meet_again_late_the_first_stand_for_all():
+    rng = np.random.default_rng(1)
+    gears = [
+        SpurGear(teeth=z, module=4e-3, width=0.032, pitch_errors=tuple(rng.normal(0.0, 1e-6, z)))
+        for z in (29, 97)
+    ]
+    whole = LoadSharingPair.from_geometry(Mesh(*gears), torque=210.0, damping_ratio=0.05)
+    assert whole.repeats == 29 * 97
+    found = duty_point(Mesh(*gears), 4000.0, torque=210.0, damping_ratio=0.05)
+    expected = duty_point(whole, 4000.0)
+    assert found.settled == 0
+    assert found.error_rms == pytest.approx(expected.error_rms.item(), rel=0.05)
 
 
 def test_bearings_of_six_degrees_and_trains_carry_the_load():

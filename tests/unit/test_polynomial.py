@@ -153,23 +153,6 @@ def test_a_polynomial_that_hugs_the_line_ends():
     assert highest(c, MATRIX, WORK, 0.0) == pytest.approx(1.0, abs=1e-14)
 
 
-def test_largest_value():
-    rng = np.random.default_rng(5)
-    grid = np.linspace(0.0, 1.0, 20001)
-    for _ in range(200):
-        c = rng.normal(size=DEGREE + 1) * 0.7 ** np.arange(DEGREE + 1)
-        sampled = np.polynomial.polynomial.polyval(grid, c).max()
-        found = highest(c, MATRIX, WORK, -np.inf)
-        # A grid of 5e-5 misses a smooth maximum by its curvature times 1e-9.
-        assert -1e-12 <= found - sampled <= 1e-6
-
-
-def _first_root(coefficients):
-    roots = np.roots(coefficients[::-1])
-    real = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0.0) & (roots.real < 1.0)]
-    return min(real, default=2.0)
-
-
 @pytest.mark.parametrize("power", [1, 2, 3, 7])
 def test_a_polynomial_that_falls_all_along_is_not_cut(power):
     # The first coefficients of 1 - 2 s^k in Bernstein form are equal: no rise.

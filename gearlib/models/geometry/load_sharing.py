@@ -14,7 +14,8 @@ corner of a tip also touches the mating flank before the start and behind the en
 `corner_gap` and the compliance of the end of the path, so that no force jumps.
 
 The pairs of a helical gear are averages over transverse slices of the face, each a spur gear that
-is in mesh a little later than the last, linearized at the displacement under a load.
+is in mesh a little later than the last, linearized at the displacement under a load. From each of
+`Face.lines` phases to the next all slices move on by as many, so that stiffness has no steps.
 
 Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.models.geometry.energy`.
 """
@@ -34,8 +35,10 @@ from gearlib.models.geometry.relief import PathTable
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12
-#: Slices of a helical face.
-_SLICES = 32
+#: Slices of a helical face at least, fewest and most lines of a base pitch.
+_SLICES, FEWEST_LINES, _MOST_LINES = 48, 48, 128
+#: Slices at all phases together, some 0.4 s: where pitch errors make more, both are coarser.
+_MOST_ROWS = 150_000
 #: Largest number of pairs of teeth in mesh at once.
 _MAX_PAIRS = 10
 #: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
@@ -43,7 +46,7 @@ MAX_CORNER_GAP = 6.0
 #: Longest way on which a corner may touch, in base pitches.
 _LONGEST_APPROACH = 0.45
 #: Iterations of Newton's method that find the displacement of a helical mesh, and its tolerance.
-_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-13
+_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ class ToothPairs:
 
 
 def _image(compliance, forces):
-    return (compliance @ forces[..., None])[..., 0]
+    return np.einsum("...ij,...j->...i", compliance, forces)
 
 
 def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
@@ -177,8 +180,9 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
             "along the path of contact is that of spur gears"
         )
     before, behind = zone_of_contact(mesh, corners, load, errors)
-    begun = np.floor((pitches if middle is None else middle) + before + overlap / 2.0)
-    count = math.floor(mesh.contact_ratio + before + behind + overlap) + 1
+    face = face_of(mesh, errors.size)
+    begun = np.floor((pitches if middle is None else middle) + before + face.reach)
+    count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.reach) + 1
     checks.require(
         count <= _MAX_PAIRS,
         "total contact ratio",
@@ -187,58 +191,99 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     )
     slots = np.arange(count)
     number = begun.astype(int)[:, None] - slots
-    pieces = _SLICES if overlap > 0.0 else 1
-    places = overlap * ((np.arange(pieces) + 0.5) / pieces - 0.5)
-    since = ((pitches - begun)[:, None] + places)[..., None] + slots  # (m, slices, k)
+    pieces = len(face.shares)
+    since = ((pitches - begun)[:, None] + face.places)[..., None] + slots  # (m, slices, k)
     there = (since >= -before) & (since < mesh.contact_ratio + behind)
     slices, there = since.reshape(-1, count), there.reshape(-1, count)
     if overlap == 0.0 and inside is not None:
         there = inside
     position = mesh.path[0] + slices * mesh.base_pitch
-    on_path = np.clip(position, *mesh.path)
-    # Compliances repeat with every pitch; only errors tell the pairs of a long run-out apart.
-    place = np.column_stack([np.round(slices[:, 0] / SAME_PLACE), there])
-    _, first, each = np.unique(place, axis=0, return_index=True, return_inverse=True)
-    own = _compliance(mesh, on_path[first], there[first], given)
-    gap = relief_gap(mesh, on_path) + np.repeat(errors[number % errors.size], pieces, axis=0)
+    # All but the errors repeats with every pitch.
+    place = np.round(slices[:, 0] / SAME_PLACE).astype(int) * 2**count + there @ 2**slots
+    _, first, each = np.unique(place, return_index=True, return_inverse=True)
+    on_path = np.clip(position[first], *mesh.path)
+    own = _compliance(mesh, on_path, there[first], given)
+    gap = relief_gap(mesh, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
     if corners:
-        gap = gap + corner_gap(mesh, position)
-    position = position if corners else on_path
-    pairs = ToothPairs(np.repeat(pitches, pieces), position, there, own[each.reshape(-1)], gap)
-    return pairs if overlap == 0.0 else _over_face(pairs, load, inside)
-
-
-def _over_face(slices: ToothPairs, load: float, inside) -> ToothPairs:
-    """Return the pairs whose forces are the means over the slices, linearized under a load."""
-    m, k = len(slices.gap) // _SLICES, slices.gap.shape[1]
-
-    def mean(values):
-        return values.reshape(m, _SLICES, k).mean(axis=1)
-
-    def carried(x):
-        sharing = slices.forces_at(np.repeat(x, _SLICES))
-        return mean(sharing.force[0]), mean(sharing.stiffness[0])
-
-    # The force is convex in the displacement: Newton's steps fall from the right of the root.
-    softest = np.einsum("mii->mi", slices.compliance).max()
-    x = np.full(m, load * softest + np.where(slices.inside, slices.gap, 0.0).max())
-    for _ in range(_NEWTON_STEPS):
-        force, stiffness = carried(x)
-        step = (force.sum(-1) - load) / stiffness.sum(-1)
-        if np.abs(step).max() <= _NEWTON_TOLERANCE * np.abs(x).max():
-            break
-        x = x - step
+        gap = gap + corner_gap(mesh, position[first])
+    else:
+        position = np.clip(position, *mesh.path)
+    gap = gap[each] + np.repeat(errors[number % errors.size], pieces, axis=0)
+    if overlap == 0.0:
+        return ToothPairs(pitches, position, there, own[each], gap)
+    force, stiffness, x = _over_face(face.shares, own, each, there, gap, load)
     # A pair about to touch has no stiffness yet; this trace of it keeps the compliance finite.
     firm = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
     return ToothPairs(
-        slices.pitches[::_SLICES],
-        mean(slices.position),
+        pitches,
+        position.reshape(-1, pieces, count).mean(axis=1),
         force > 0.0 if inside is None else inside,
-        np.eye(k) / firm[..., None],
+        np.eye(count) / firm[..., None],
         x[:, None] - force / firm,
     )
+
+
+class Face(NamedTuple):
+    """How a face is cut into n slices; that of a spur gear is one slice."""
+
+    shares: np.ndarray  #: of the width, shape (n,); slices at the edges are narrower
+    places: np.ndarray  #: how many base pitches later they are in mesh, shape (n,)
+    lines: int  #: equal parts of a base pitch, each a whole number of slices long; 0 of spur gears
+    reach: float  #: base pitches by which a pair comes earlier than the middle of its face
+
+
+def face_of(mesh, periods):
+    """Return the `Face` of a mesh whose pairs of teeth repeat after some mesh periods."""
+    overlap = mesh.overlap_ratio
+    if overlap == 0.0:
+        return Face(np.ones(1), np.zeros(1), 0, 0.0)
+    lines = min(max(math.ceil(_SLICES / overlap), FEWEST_LINES), _MOST_LINES)
+    rows = periods * lines * max(_SLICES, overlap * lines)
+    coarser = max(1.0, math.sqrt(rows / _MOST_ROWS))
+    lines = max(8, round(lines / coarser))
+    per_pitch = lines * max(1, round(_SLICES / coarser / overlap / lines))
+    count = math.ceil(overlap * per_pitch)
+    shares = np.full(count, 1.0 / (overlap * per_pitch))
+    shares[[0, -1]] = (1.0 - shares[1:-1].sum()) / 2.0
+    places = (np.arange(count) - (count - 1) / 2.0) / per_pitch
+    return Face(shares, places, lines, (overlap + 1.0 / lines) / 2.0)
+
+
+def _over_face(shares, own, each, inside, gap, load: float):
+    """Return forces and stiffnesses of pairs, shape (m, k), and the displacement under a load.
+
+    Newton's method: in each step a pair of a slice begins to touch or parts where its force or
+    its overlap has the wrong sign. `own`, shape (u, k, k), are compliances, `each` their numbers.
+    """
+    count = gap.shape[1]
+
+    def over_face(values):
+        return shares @ values.reshape(-1, len(shares), count)
+
+    yielding, touching = own[each], inside
+    itself = np.einsum("mii->mi", yielding)
+    x = np.full(len(gap) // len(shares), load * own.max() + gap[inside].max())
+    for _ in range(_NEWTON_STEPS):
+        way = np.repeat(x, len(shares))[:, None] - gap
+        inverse = _inverse(own, each, touching)
+        force = _image(inverse, way)
+        wrong = inside * np.where(touching, -itself * force, way - _image(yielding, force))
+        total, stiffness = over_face(force), over_face(np.einsum("mij->mi", inverse))
+        step = (total.sum(-1) - load) / stiffness.sum(-1)
+        if max(np.abs(step).max(), wrong.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
+            return total, stiffness, x
+        x, touching = x - step, touching ^ (wrong > 0.0)
+    raise RuntimeError(f"no displacement of a helical mesh in {_NEWTON_STEPS} steps")
+
+
+def _inverse(own, each, touching):
+    """Return the inverse of the compliances of the pairs that touch, 0 for the others."""
+    key = each * 2 ** touching.shape[1] + touching @ 2 ** np.arange(touching.shape[1])
+    _, first, back = np.unique(key, return_index=True, return_inverse=True)
+    both = touching[first][:, :, None] & touching[first][:, None, :]
+    return (np.linalg.inv(np.where(both, own[each[first]], np.eye(touching.shape[1]))) * both)[back]
 
 
 def zone_of_contact(mesh, corners, load, errors):
