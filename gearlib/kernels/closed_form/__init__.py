@@ -12,7 +12,6 @@ module                 responsibility
 ``whole_periods``      whole mesh periods without exp, sine or cosine
 ``settling``           when a run has settled, and where it then ends
 ``pair_run``           a whole run: fast until its last periods, which are recorded
-``pair_course``        a run through segments of any length
 ``recorded_arcs``      what is recorded of a period, read off its arcs
 ``many_runs``          runs over many tunings, of many designs, over many initial states
 ``sections``           states of many orbits at one mesh phase of every period

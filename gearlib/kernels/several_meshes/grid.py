@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.polynomial import MAX_DEPTH, bernstein_matrix
-from gearlib.kernels.several_meshes.modal_arcs import DEGREE, SMALL
+from gearlib.kernels.several_meshes.modal_arcs import DEGREE
 from gearlib.kernels.several_meshes.sparse_series import price_of, sparse_of
 from gearlib.kernels.several_meshes.train_system import may_close
 
@@ -113,7 +113,7 @@ def work_of(n, wide, m, degree=DEGREE, wanted=False):
         np.zeros(wide),
         np.zeros(wide),
         np.zeros(wide),
-        np.zeros(max(wide, SMALL * (degree + 1))),
+        np.zeros(wide),
         np.zeros(wide),
         np.zeros(n),
         np.zeros(n),

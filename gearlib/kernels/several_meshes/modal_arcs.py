@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.jit import kernel, uncounted, woven
+from gearlib.kernels.jit import uncounted, woven
 from gearlib.kernels.several_meshes.sparse_series import price_of
 
 #: Degree of the polynomials of distances over a piece, the least and the most: where changing modes
@@ -32,15 +32,11 @@ _MANY = 20
 MEMORY = 2**28
 #: Combinations that are kept at most, and turns over lengths of segments for each.
 _MOST, TURNS = 1024, 64
-#: Norm of a block times its piece, by the degree: 0.63^16 / 16! and 2^24 / 24! are 3e-17.
-BLOCKS = {LEAST: 0.63, DEGREE: 2.0}
 #: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
 #: behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17 and 2 (7.2 / 4)^24 / 24! = 4e-18.
 REACHES = {LEAST: 2.4, DEGREE: 7.2}
-#: Most components of a block whose series is tabulated.
-SMALL = 8
-#: Terms of a series below this share of the state are nothing, whatever the scales.
-_NOTHING = 1e-30
+#: Terms of a series below this share of the state are nothing, whatever the scales; most terms.
+_NOTHING, _MAX_TERMS = 1e-30, 60
 
 
 class Modes(NamedTuple):
@@ -55,8 +51,7 @@ class Modes(NamedTuple):
     single: np.ndarray  #: int, real modes behind them, shape (c,)
     rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
     block: np.ndarray  #: matrix of the components behind these, shape (c, n, n)
-    series: np.ndarray  #: of a small one over the piece, columns of its terms: (c, SMALL, ...)
-    filled: np.ndarray  #: int, length of these columns before what is nothing, shape (c,)
+    pace: np.ndarray  #: rate of its fastest motion, about, shape (c,)
     piece: np.ndarray  #: theta over which `curves` hold, shape (c,)
     into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
     out: np.ndarray  #: from y to z, by columns
@@ -82,7 +77,7 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
         Bytes at most.
     """
     wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
-    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4) + SMALL**2 * (degree + 1)
+    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
     c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
     # Combinations without modes are counted too.
     slots, price = 2**14 if price_of(n) else 1, price_of(n)
@@ -98,8 +93,7 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
         np.zeros(c, np.int64),
         np.empty((c, n, 2)),
         np.empty((c, n, n)),
-        np.empty((c, SMALL, SMALL * (degree + 1))),
-        np.zeros(c, np.int64),
+        np.empty(c),
         np.empty(c),
         np.empty((c, n, wide)),
         np.empty((c, n, wide)),
@@ -147,72 +141,6 @@ def forget_lengths(tables):
     """Empty what depends on the tuning even if the matrices do not."""
     tables.known[1] = 0
     tables.at[:] = -1
-
-
-@kernel
-def fill_curves(tables, c, rows, exponentials, powers):
-    """Fill the Bernstein coefficients of the distances of combination c over its piece.
-
-    Parameters
-    ----------
-    tables : Modes
-        With rates, block and piece of c.
-    c : int
-    rows : ndarray, shape (2, m, n)
-        Distances as functionals of y, far and near.
-    exponentials : ndarray, shape (k, degree + 1)
-        From the terms (z / 2)^i / i! of e^(z (s - 1/2)) to Bernstein coefficients on [0, 1].
-    powers : ndarray, shape (degree + 1, degree + 1)
-        From powers of s to them.
-    """
-    pairs, single, n, piece = (
-        tables.pairs[c],
-        tables.single[c],
-        tables.block.shape[1],
-        tables.piece[c],
-    )
-    degree = powers.shape[0] - 1
-    real, imaginary = np.empty(degree + 1), np.empty(degree + 1)
-    curves = tables.curves[c]
-    for k in range(pairs + single):
-        half = 0.5 * piece * complex(tables.rates[c, k, 0], tables.rates[c, k, 1])
-        term = np.exp(half)
-        real[:] = 0.0
-        imaginary[:] = 0.0
-        for i in range(exponentials.shape[0]):
-            for r in range(degree + 1):
-                real[r] += term.real * exponentials[i, r]
-                imaginary[r] += term.imag * exponentials[i, r]
-            term *= half / (i + 1)
-        for line in range(2):
-            for j in range(rows.shape[1]):
-                if k < pairs:
-                    u, v = rows[line, j, 2 * k], rows[line, j, 2 * k + 1]
-                    for r in range(degree + 1):
-                        curves[line, j, 2 * k, r] = u * real[r] + v * imaginary[r]
-                        curves[line, j, 2 * k + 1, r] = v * real[r] - u * imaginary[r]
-                else:
-                    for r in range(degree + 1):
-                        curves[line, j, pairs + k, r] = rows[line, j, pairs + k] * real[r]
-    first = 2 * pairs + single
-    row, new = np.empty(n - first), np.empty(n - first)
-    for line in range(2):
-        for j in range(rows.shape[1]):
-            for i in range(n - first):
-                row[i] = rows[line, j, first + i]
-                for r in range(degree + 1):
-                    curves[line, j, first + i, r] = row[i]
-            for k in range(1, degree + 1):
-                for i in range(n - first):
-                    new[i] = 0.0
-                for q in range(n - first):
-                    share = row[q] * piece / k
-                    for i in range(n - first):
-                        new[i] += share * tables.block[c, q, i]
-                row, new = new, row
-                for i in range(n - first):
-                    for r in range(degree + 1):
-                        curves[line, j, first + i, r] += row[i] * powers[k, r]
 
 
 @woven
@@ -268,69 +196,22 @@ def advance(tables, c, factors, t, y, term, image):
     first = 2 * pairs + single
     for k in range(2 * pairs, first):
         y[k] *= factors[k]
+    _advance_block(tables.block[c], n - first, tables.pace[c], t, y[first:], term, image)
+
+
+@uncounted
+def _advance_block(block, size, pace, t, y, term, image):
+    """Take the components of the block, by steps in which their series ends soon."""
     # The constant alone stays as it is.
-    if 1 < n - first <= SMALL:
-        parts = term[: tables.filled[c]]
-        _advance_small(tables.series[c], n - first, tables.piece[c], t, y[first:], parts)
-    elif n - first > 1:
-        _advance_block(tables.block[c], n - first, tables.piece[c], t, y[first:], term, image)
-
-
-@uncounted
-def fill_series(block, piece, series):
-    """Fill the terms of e^(block piece s), by columns, of a block up to `SMALL` components.
-
-    Returns how long the columns are, an even number of terms, before what is nothing.
-    """
-    n, filled, length = block.shape[0], 0, series.shape[1]
-    for i in range(n if n <= SMALL else 0):
-        for q in range(length):
-            series[i, q] = 1.0 if q == i else 0.0
-        for k in range(SMALL, length, SMALL):
-            for r in range(n):
-                for j in range(n):
-                    series[i, k + r] += block[r, j] * series[i, k - SMALL + j]
-                series[i, k + r] *= piece * SMALL / k
-                if not abs(series[i, k + r]) <= _NOTHING:
-                    filled = max(filled, k)
-    return (filled // (2 * SMALL) + 1) * 2 * SMALL
-
-
-@uncounted
-def _advance_small(series, size, piece, t, y, parts):
-    """Take the components of a small block, by its tabulated series."""
-    steps = max(math.ceil(t / piece - 1e-9), 1.0)
-    share, done = t / (steps * piece), 0.0
-    while done < steps:
-        for q in range(parts.shape[0]):
-            parts[q] = 0.0
-        for i in range(size):
-            u = y[i]
-            for q in range(parts.shape[0]):
-                parts[q] += series[i, q] * u
-        for r in range(size):
-            # Two sums that do not wait for one another.
-            even, odd, k = 0.0, 0.0, parts.shape[0] - 2 * SMALL + r
-            while k >= 0:
-                even = even * (share * share) + parts[k]
-                odd = odd * (share * share) + parts[k + SMALL]
-                k -= 2 * SMALL
-            y[r] = even + share * odd
-        done += 1.0
-
-
-@uncounted
-def _advance_block(block, size, piece, t, y, term, image):
-    """Take the components of the block, over pieces on which their series ends."""
-    steps = max(math.ceil(t / piece - 1e-9), 1.0)
-    h, done = t / steps, 0.0
+    steps = max(math.ceil(t * pace), 1.0) if size > 1 else 0.0
+    h, done = t / max(steps, 1.0), 0.0
     while done < steps:
         largest = 0.0
         for r in range(size):
             term[r] = y[r]
             largest = max(largest, abs(y[r]))
         k, rest = 0, 1.0
-        while rest > _NOTHING * largest and k <= DEGREE:
+        while rest > _NOTHING * largest and k < _MAX_TERMS:
             k += 1
             share, rest = h / k, 0.0
             for r in range(size):

@@ -9,7 +9,6 @@ module                responsibility
 ``several_meshes``    trains of gears: many coordinates, events of all meshes, by
 ``modal_frame``       the modes of every combination of contacts
 ``courses``           runs while speed and load change
-``course_arcs``       the same of a gear pair, by scalar closed forms
 ``course_chirps``     the harmonics of systems there
 ``course_steps``      harmonics of one degree of freedom there, by Taylor steps
 ``stable_repeats``    the period of a motion, by proof

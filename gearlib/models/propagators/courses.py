@@ -393,11 +393,8 @@ class CoursePair(_Course, piecewise_linear.Propagator):
 
 def propagator_of(model):
     """Return the propagator, by theta, of a model on its way."""
-    from gearlib.models.propagators.course_arcs import PairArcs
     from gearlib.models.propagators.course_steps import Steps
 
-    if "closed_form" in model.propagators.values():
-        return PairArcs(model, 1.0)
     if model.equation is not None and not model.equation.is_closed():
         return Steps(model)
     runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)

@@ -1,61 +1,31 @@
 """Modes of a combination of contacts, for the kernels of gear trains.
 
-The state obeys z' = A z with z = (q, q', 1, cos, sin, ...). Free rotations of the whole train come
-out first, with its linear modes. Of the rest the slow motions, whose eigenvalues may form Jordan
-blocks where meshes are apart, are split off by the real Schur form and stay a block; what is left
-is diagonalised. The constant and the harmonics add forced motions. Where the basis is badly
-conditioned, as it is close to a critical damping or to an undamped resonance, all stays one block,
-whose series the kernels sum: matrix exponentials.
-
-Threads share a frame. What it has made is finished when it is put there, and never written to
-again: all take the first that was there.
+The state obeys z' = A z with z = (q, q', 1, cos, sin, ...). In coordinates of the linear modes of
+the train, with its free rotations behind them, A has a basis in which fast motions turn or shrink
+one by one. The slowest motions, as many as it takes for a well-conditioned basis, stay together in
+a block whose series the kernels sum: free rotations, flights, the constant, modes near a critical
+damping or an undamped resonance.
 """
 
 import math
 from fractions import Fraction
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy.linalg
+from scipy.special import factorial
 
-from gearlib.kernels import exponential
-from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.several_meshes.filling import (
-    NOTHING,
-    fill_basis,
-    fill_distances,
-    fill_modes,
-)
-from gearlib.kernels.several_meshes.modal_arcs import BLOCKS, REACHES, forget, slot_of
+from gearlib.kernels.several_meshes.modal_arcs import REACHES, forget, slot_of
 from gearlib.kernels.several_meshes.train_system import matrix_of
 
 #: Terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
 _TERMS = 36
-#: Slow eigenvalues lie below the widest gap between these, over that of the reference mode; real
-#: ones, as of flights against damping, whose forced motion is far off, between the others.
-_SLOW, _SLOW_REAL = (1e-3, 3e-2), (0.3, 3.0)
-#: Decay of a single slow mode whose forced motion is not far off.
-_LEAST_CREEP = 1e-5
-#: Bases that are kept at most.
-_MOST = 64
-#: Static deflections beyond which the rounding of a basis, which every change of contact adds once
-#: more in the same direction, is taken out of it.
-_FAR = 8.0
-
-
-class Basis(NamedTuple):
-    """A basis of the moving components: z = out y, y = into z, f fast components before s slow.
-
-    Its arrays are not to be written to.
-    """
-
-    out: np.ndarray  #: shape (2 N, 2 N)
-    into: np.ndarray
-    pairs: np.ndarray  #: complex eigenvalues, positive imaginary parts
-    single: np.ndarray  #: real eigenvalues
-    block: np.ndarray  #: matrix of the slow ones, shape (s, s)
-    hidden: int  #: last slow components on which no distance depends
+#: Largest condition number of a basis.
+_CONDITION = 100.0
+#: Rates, over that of the reference mode, and over the fastest, below which motions are slow.
+_SLOW, _SLOW_SHARE = 1e-5, 1e-9
+#: Growth of a mode, and share of a motion in a distance, that is rounding.
+_ROUNDING = 1e-12
 
 
 @cache
@@ -87,11 +57,6 @@ def _exponentials(degree):
     return np.array(rows)
 
 
-@cache
-def _powers(degree):
-    return bernstein_matrix(degree)
-
-
 class Frame:
     """Coordinates in which bases are sought: linear modes of a train, free rotations behind them.
 
@@ -111,8 +76,7 @@ class Frame:
 
     def __init__(self, frequencies, shapes, rigid, mass):
         (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
-        self.elastic, self.far_off = (e := 2 * r), False
-        self._known: dict[bytes, Basis | None] = {}
+        self.elastic = e = 2 * r
         #: Tables between two runs, see `several_meshes.Propagator`.
         self.spare: list[tuple] = []
         self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
@@ -125,16 +89,7 @@ class Frame:
 
     def __getstate__(self):
         # Another process makes its own.
-        return vars(self) | {"_known": {}, "spare": []}
-
-    def loaded(self, system):
-        """Note whether the loads of a system deflect it far; return the frame."""
-        r, size = self.elastic // 2, len(self.out)
-        load = self.into[r : 2 * r, size // 2 :] @ system.free[size // 2 : size, size]
-        # Coordinates of modes are over their frequencies, once in the columns, once more here.
-        deflections = self.out[: size // 2, :r] @ (load / self.free[:r, r : 2 * r].diagonal())
-        self.far_off = bool(np.abs(deflections).max(initial=0.0) > _FAR)
-        return self
+        return vars(self) | {"spare": []}
 
     @classmethod
     def of_mesh(cls, model, system):
@@ -147,7 +102,7 @@ class Frame:
         whole = frame.into @ system.free[:size, :size] @ frame.out
         # Positions of free rotations move nothing.
         frame.free[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
-        return frame.loaded(system)
+        return frame
 
     @classmethod
     def of_train(cls, train, system):
@@ -184,165 +139,116 @@ class Frame:
                 a += (self.into @ system.push[j, effect, :, :size].T) @ grip
         return a
 
-    def basis_of(self, system, effects):
-        """Return the `Basis` of a combination of effects, which tunings and flanks may share."""
-        a = self.matrix(system, effects)
-        key = a.tobytes()
-        if key in (known := self._known):
-            return known[key]
-        found = self.basis(a)
-        if found is not None:
-            if self.far_off:
-                found = refined(found, system, effects)
-            for one in found[:-1]:
-                one.setflags(write=False)
-        if len(known) >= _MOST:
-            # Those that read the old ones go on with them.
-            self._known = known = {}
-        return known.setdefault(key, found)
 
-    def basis(self, a):
-        """Return the `Basis` of such a matrix; None where it is badly conditioned."""
-        e = self.elastic
-        # Dampers against the ground hold free rotations too.
-        if np.abs(a[:e, e:]).max(initial=0.0) > NOTHING * np.abs(a).max():
-            e = len(a)
-        out, into = self.out.copy(), self.into.copy()
-        # Of one layout: the kernel is compiled once.
-        parts = [np.ascontiguousarray(part) for part in _split(a[:e, :e])]
-        pairs, single, block, sound = fill_basis(a, *parts, out, into)
-        return Basis(out, into, pairs, single, block, len(a) - e) if sound else None
+def _basis(a):
+    """Return (rates of pairs, of real modes, P, inverse of P) of a matrix.
 
-
-def refined(basis, system, effects):
-    """Return a `Basis` of a combination of effects without the rounding of its computation.
-
-    One step of Newton's method with the residuals in long numbers; the block stays as it is.
+    Columns of P: real and negative imaginary part of each pair, real modes, slow motions. The
+    latter are what all left eigenvectors of fast modes annihilate. The slowest mode joins them
+    until P is well conditioned, so that they take in what has no eigenvectors of its own.
     """
-    size, long = len(basis.out), np.longdouble
-    out, into = basis.out.astype(long), basis.into.astype(long)
-    a = system.free[:size, :size].astype(long)
-    for j, effect in enumerate(effects):
-        if effect:
-            push, grip = (x[j, effect, :, :size].astype(long) for x in (system.push, system.grip))
-            a = a + push.T @ grip
-    k, f = 2 * basis.pairs.size, 2 * basis.pairs.size + basis.single.size
-    # Pairs as two complex amplitudes, that of w and that of its conjugate.
-    turn, rates = np.eye(size, dtype=complex), np.zeros(size, complex)
-    for i in range(0, k, 2):
-        turn[i : i + 2, i : i + 2] = (1.0, 1.0j), (1.0, -1.0j)
-    rates[:k:2], rates[1:k:2], rates[k:f] = basis.pairs, basis.pairs.conj(), basis.single
-    own = np.zeros((size, size), np.longdouble)
-    own[range(f), range(f)] = rates.real[:f]
-    own[range(0, k, 2), range(1, k, 2)] = -rates.imag[:k:2]
-    own[range(1, k, 2), range(0, k, 2)] = rates.imag[:k:2]
-    own[f:, f:] = basis.block
-    gram = into @ out
-    residual = turn @ (into @ (a @ out) - gram @ own).astype(float) @ np.linalg.inv(turn)
-    error, more = (gram - np.eye(size)).astype(float), np.zeros((size, size), complex)
-    apart = rates[None, :f] - rates[:f, None]
-    # Equal ones stay as they are: any vectors of them will do.
-    alike = np.abs(apart) <= 1e-6 * np.abs(rates[:f]).max(initial=0.0)
-    more[:f, :f] = np.where(alike, 0.0, residual[:f, :f] / np.where(alike, 1.0, apart))
-    for i in range(f if f < size else 0):
-        unlike = basis.block - rates[i] * np.eye(size - f)
-        more[i, f:] = np.linalg.solve(unlike.T, residual[i, f:])
-        more[f:, i] = -np.linalg.solve(unlike, residual[f:, i])
-    step, change = (np.linalg.inv(turn) @ more @ turn).real, residual.diagonal()
-    return basis._replace(
-        out=(out + basis.out @ step).astype(float),
-        into=(into - (step + error) @ basis.into).astype(float),
-        pairs=basis.pairs + change[:k:2],
-        single=basis.single + change[k:f].real,
-    )
+    rates, left, right = scipy.linalg.eig(a, left=True, right=True)
+    size, order = len(a), np.argsort(np.abs(rates), kind="stable")
+    limit = _SLOW + _SLOW_SHARE * np.abs(rates).max()
+    for slow in range(max(int((np.abs(rates) < limit).sum()), 1), size + 1):
+        fast = order[slow:]
+        if rates[fast].imag.sum() != 0.0:
+            continue  # a pair stays together
+        pairs, real = fast[rates[fast].imag > 0.0], fast[rates[fast].imag == 0.0]
+        p = np.stack([right[:, pairs].real, -right[:, pairs].imag], axis=2).reshape(size, -1)
+        dual = np.hstack([left[:, pairs].real, left[:, pairs].imag, left[:, real].real])
+        rest = scipy.linalg.null_space(dual.T, rcond=1e-13) if fast.size else np.eye(size)
+        p = np.hstack([p, right[:, real].real, rest])
+        if p.shape[1] == size and (np.linalg.cond(p) < _CONDITION or not fast.size):
+            break
+    return rates[pairs], rates[real].real, p, np.linalg.inv(p)
 
 
-def _gap(sizes, bounds):
-    """Return the middle of the widest gap between sizes, in the logarithm, between two bounds."""
-    edges = np.sort([*bounds, *sizes[(sizes > bounds[0]) & (sizes < bounds[1])]])
-    k = int(np.argmax(np.diff(np.log(edges))))
-    return math.sqrt(edges[k] * edges[k + 1])
+def _turned(rows, block, constant):
+    """Return (matrix, motions that no distance depends on) that turns the slow motions.
 
-
-def _split(a):
-    """Return (real and imaginary parts of fast eigenvalues, vectors, slow basis, its block).
-
-    Vectors, shape (e, f), as of LAPACK: real and imaginary part of a pair.
+    The constant, to which a functional of theirs is turned, comes last, before it those motions.
     """
-    n = len(a)
-    growth, speed, vectors = _eigen(a)
-    sizes, real = np.hypot(growth, speed), speed == 0.0
-    if sizes.min(initial=math.inf) >= _SLOW[1] and not (real & (sizes < _SLOW_REAL[1])).any():
-        return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
-    if real.all() and sizes.max() < _SLOW_REAL[0]:
-        # As most flights of one coordinate: no gap need be sought.
-        chosen = real
-    else:
-        slow, damped = _gap(sizes, _SLOW), _gap(sizes[real], _SLOW_REAL)
-        chosen = (sizes < slow) | (real & (sizes < damped))
-    # A single mode that creeps, as of a mesh with much damping, is a mode like the others.
-    creeps = chosen.sum() == 1 and real[chosen].all() and sizes[chosen].min() > _LEAST_CREEP
-    if creeps or not chosen.any():
-        return growth, speed, vectors, np.zeros((n, 0)), np.zeros((0, 0))
-    if chosen.all():
-        return np.zeros(0), np.zeros(0), np.zeros((n, 0)), np.eye(n), a
-    # As `scipy.linalg.schur` and `solve_sylvester` do, without their checks and second forms.
-    t, s, *_, q, _, code = lapack.dgees(
-        lambda x, y: math.hypot(x, y) < (slow if y else damped), a, sort_t=1
-    )
-    if code:
-        raise np.linalg.LinAlgError(f"the real Schur form was not found (info = {code})")
-    own, scale, _ = lapack.dtrsyl(t[:s, :s], t[s:, s:], -t[:s, s:], isgn=-1)
-    growth, speed, vectors = _eigen(t[s:, s:])
-    return growth, speed, (q[:, s:] + q[:, :s] @ (scale * own)) @ vectors, q[:, :s], t[:s, :s]
+    size = np.linalg.norm(constant)
+    others = scipy.linalg.null_space(constant[None])
+    observed = [rows @ others]
+    for _ in range(len(block) - 2):
+        observed.append(observed[-1] @ (others.T @ block @ others))
+    _, sizes, turn = np.linalg.svd(np.vstack(observed))
+    hidden = others.shape[1] - int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
+    return np.hstack([others @ turn.T, constant[:, None] / size**2]), hidden
 
 
-def _eigen(a):
-    """Return the eigenvalues' real and imaginary parts and the vectors, as of LAPACK."""
-    if not a.size:
-        return np.zeros(0), np.zeros(0), np.zeros((0, 0))
-    growth, speed, _, vectors, code = lapack.dgeev(a, compute_vl=0)
-    if code:
-        raise np.linalg.LinAlgError(f"eigenvalues were not found (info = {code})")
-    return growth, speed, vectors
-
-
-def _slow_waves(basis, inputs, frequencies):
-    """Return the responses of the slow components to the harmonics, shape (s, 2 h)."""
-    s = len(basis.block)
-    forces = (basis.into[len(basis.into) - s :] @ inputs).T.reshape(-1, 2, s)
-    unlike = 1j * frequencies[:, None, None] * np.eye(s) - basis.block
-    found = np.linalg.solve(unlike, (forces[:, 0] - 1j * forces[:, 1])[..., None])[..., 0]
-    return np.stack([found.real, -found.imag], axis=1).reshape(-1, s).T.copy()
-
-
-def add(tables, system, grid, frame, effects):
+def add(tables, system, frame, effects):
     """Add a combination of effects, int, shape (m,), to the tables; those that are full forget."""
-    n, h = len(system.free), system.harmonics.size
     if tables.known[0] == len(tables.keys):
         forget(tables)
-    c, a, moving = tables.known[0], np.empty((n, n)), n - 1 - 2 * h
-    matrix_of(system, effects, a)
-    # A load that grows is no mode: matrix exponentials.
-    basis = frame.basis_of(system, effects) if moving == len(frame.out) else None
+    c, n, moving = tables.known[0], len(system.free), len(frame.out)
+    whole = np.empty((n, n))
+    matrix_of(system, effects, whole)
+    a, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
+    a[:moving, :moving] = frame.matrix(system, effects)
+    a[:moving, moving:] = frame.into @ whole[:moving, moving:]
+    a[moving:, moving:] = whole[moving:, moving:]
+    # The constant and harmonics are scaled by the deflections that they cause.
+    r = frame.elastic // 2
+    frequencies = frame.free[range(r), range(r, 2 * r)]
+    forces = np.abs(a[r : 2 * r, moving:] / frequencies[:, None]).max(axis=0, initial=1.0)
+    scale = np.append(np.ones(moving), np.full(n - moving, 1.0 / forces.max()))
+    out[:moving, :moving], into[:moving, :moving] = frame.out, frame.into
+    out, into, a = out * scale, into / scale[:, None], a * scale / scale[:, None]
+    pairs, real, p, inverse = _basis(a)
+    first = 2 * pairs.size + real.size
+    out, into, block = out @ p, inverse @ into, inverse[first:] @ a @ p[:, first:]
     lines = np.stack([system.far, system.near])
-    degree = tables.curves.shape[4] - 1
-    reaches = REACHES[degree], BLOCKS[degree]
-    curves = _exponentials(degree), _powers(degree)
-    if basis is not None:
-        slow = np.zeros((len(basis.block), 2 * h))
-        if slow.size:
-            try:
-                slow = _slow_waves(basis, a[:moving, moving + 1 :], grid.spin)
-            except np.linalg.LinAlgError:
-                slow[:] = np.nan
-        if not fill_modes(tables, c, lines, a, basis, slow, grid.spin, reaches, *curves):
-            basis = None
-    if basis is None:
-        tables.into[c] = tables.out[c] = np.eye(n, tables.out.shape[2])
-        piece = BLOCKS[degree] * system.longest / exponential.REACH
-        fill_distances(tables, c, lines, np.zeros(0, complex), 0, a, piece, 0, *curves)
+    one = n - 1 - 2 * system.harmonics.size
+    turn, hidden = _turned((lines @ out[:, first:]).reshape(-1, n - first), block, out[one, first:])
+    back = np.linalg.inv(turn)
+    out[:, first:], into[first:], block = out[:, first:] @ turn, back @ into[first:], back @ block
+    block = block @ turn
+    block[-1], into[-1] = 0.0, 0.0
+    into[-1, one] = 1.0
+    rows, seen = lines @ out, n - 1 - hidden
+    # Zero but for rounding: it would make a constant move.
+    rows[..., seen : n - 1], block[: seen - first, seen - first : -1] = 0.0, 0.0
+    block[np.abs(block) < 1e-13 * np.abs(a).max()] = 0.0
+    _fill(tables, c, np.concatenate([pairs, real]), pairs.size, block, rows)
+    tables.out[c], tables.into[c] = 0.0, 0.0
+    tables.out[c, :, :n], tables.into[c, :, :n] = out.T, into.T
     tables.slots[slot_of(tables.slots, tables.keys, effects)] = c
     tables.keys[c] = effects
     tables.known[0] = c + 1
     return c
+
+
+def _fill(tables, c, rates, pairs, block, rows):
+    """Fill what tells the distances of combination c from its rates, slow block and rows."""
+    size, k = 2 * pairs, pairs + rates.size
+    degree = tables.curves.shape[4] - 1
+    # A high power hides the scales of the components of a block.
+    pace = np.linalg.norm(np.linalg.matrix_power(block, 16)) ** (1.0 / 16.0)
+    # Of slow motions too a piece is no longer than some period of the reference mode.
+    half = 0.5 * REACHES[degree] / max(np.abs(rates).max(initial=0.0), pace, 1.0)
+    exponentials = _exponentials(degree)
+    order = np.arange(len(exponentials))
+    terms = np.exp(half * rates)[:, None] * (half * rates[:, None]) ** order / factorial(order)
+    sizes = np.concatenate(
+        [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:k]], axis=-1
+    )
+    waves = sizes[..., None] * (terms @ exponentials)
+    curves = tables.curves[c]
+    curves[:, :, 0:size:2], curves[:, :, 1:size:2] = (
+        waves[:, :, :pairs].real,
+        -waves[:, :, :pairs].imag,
+    )
+    curves[:, :, size:k] = waves[:, :, pairs:].real
+    curves[:, :, k:] = 0.0
+    slow = rows[..., k:] @ scipy.linalg.expm(half * block)
+    for i, power in enumerate(exponentials):
+        curves[:, :, k:] += slow[..., None] * power
+        slow = slow @ block * (half / (i + 1))
+    tables.pairs[c], tables.single[c], tables.piece[c] = pairs, rates.size - pairs, 2.0 * half
+    tables.rates[c, : rates.size] = np.stack([rates.real, rates.imag], axis=1)
+    tables.block[c, : len(block), : len(block)], tables.pace[c] = block, pace
+    tables.swing[c, :, :, : rates.size], tables.level[c] = np.abs(sizes), rows[..., -1]
+    tables.steady[c] = (rates.real <= _ROUNDING).all() & ~rows[..., k:-1].any(axis=-1)

@@ -161,7 +161,7 @@ class Propagator(Base):
                 maps,
             )
             if code == MISSING:
-                add(tables, system, grid, self.frame, w.effects)
+                add(tables, system, self.frame, w.effects)
             elif code == BEYOND:
                 system, grid, w.place[UNTIL] = self.ahead(first, int(w.place[PERIOD]), spans)
                 forget_lengths(tables)
