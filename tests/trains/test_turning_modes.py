@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mpmath import mp
 from scipy.linalg import expm
 
 import gearlib
@@ -28,9 +27,7 @@ def combinations_of(train, tuning, rng, count=6):
         codes = rng.choice([1, 1, 0, -1], size=len(train.meshes))
         codes = np.where(propagator.grid.open & (codes < 0), 0, codes)
         effects = np.array([system.effect[code + 1, segment, j] for j, code in enumerate(codes)])
-        c = modal_frame.add(
-            propagator.spare[0][1], system, propagator.grid, propagator.frame, effects
-        )
+        c = modal_frame.add(propagator.spare[0][1], system, propagator.frame, effects)
         a = np.empty_like(system.free)
         matrix_of(system, effects, a)
         found.append((c, a, codes))
@@ -75,7 +72,7 @@ def test_a_critical_damping_falls_back_on_one_block(share):
     np.testing.assert_allclose(other.displacement[:, 0], one.displacement, rtol=0, atol=1e-11)
     c, _, codes = found[0]
     if (codes == 1).all():
-        assert (propagator.spare[0][1].pairs[c] == 0) == (share == 1.0)
+        assert propagator.spare[0][1].pairs[c] == 0
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-13, 1e-10, 1e-7, 1e-4, 1e-2])
@@ -92,8 +89,7 @@ def test_deviations_at_and_beside_an_undamped_resonance(apart):
         z = random_state(propagator, rng)
         for t in (0.3, 4.0):
             exact = expm(a * t) @ z
-            # Forced motions that nearly cancel lose at most six digits.
-            np.testing.assert_allclose(after(propagator, c, z, t)[0], exact, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(after(propagator, c, z, t)[0], exact, rtol=0, atol=1e-12)
         blocks.add(bool(propagator.spare[0][1].pairs[c] == 0))
     # One block only next to the resonance, or where nothing oscillates.
     assert True in blocks or apart > 1e-7
@@ -112,46 +108,3 @@ def test_a_lasting_contact_is_proven_and_no_polynomial_asked(monkeypatch):
     # The first is that of the run, which is then followed on.
     assert (run.contact == 1).all() and kept[0].clear.all()
     assert all((one.contact == 1).all() for one in kept)
-
-
-def test_a_refined_basis_has_no_more_than_the_rounding_of_its_numbers():
-    # Bearings 33 static deflections away: what a basis rounds counts at every change of contact.
-    model = gearlib.SixDegreePair(
-        pair=PAIR,
-        base_radii=(0.1, 0.1),
-        inertias=(0.1, 0.1),
-        masses=(17.0, 18.0),
-        bearing_stiffness=(1e7, 1.1e7, 1.3e7, 1.7e7),
-        bearing_damping=(500.0,) * 4,
-    )
-    propagator = model.propagator(0.9)
-    system, frame, size = propagator.system, propagator.frame, model.size
-    assert frame.far_off
-    unit, worst = 2.0**-53, []
-    for effect in range(system.push.shape[1]):
-        rough = frame.basis(frame.matrix(system, [effect]))
-        for basis in (rough, modal_frame.refined(rough, system, [effect])):
-            with mp.workdps(40):
-                out, into = mp.matrix(basis.out.tolist()), mp.matrix(basis.into.tolist())
-                a = mp.matrix(system.free[:size, :size].tolist())
-                for k in range(2):
-                    push = mp.matrix(system.push[0, effect, k, :size].tolist())
-                    a += push * mp.matrix(system.grip[0, effect, k, :size].tolist()).T
-                own = mp.matrix(size, size)
-                for k, rate in enumerate(basis.pairs.tolist()):
-                    own[2 * k, 2 * k] = own[2 * k + 1, 2 * k + 1] = rate.real
-                    own[2 * k, 2 * k + 1], own[2 * k + 1, 2 * k] = -rate.imag, rate.imag
-                first = size - len(basis.block)
-                own[first:size, first:size] = mp.matrix(basis.block.tolist())
-                inverse = np.array((into * out - mp.eye(size)).tolist(), float)
-                motion = np.array((a * out - out * own).tolist(), float)
-                sizes = [np.abs(np.array(x.tolist(), float)) for x in (a, own)]
-            parts = np.abs(basis.into) @ np.abs(basis.out)
-            away = np.abs(inverse).max(axis=0) / parts.max(axis=0)
-            parts = sizes[0] @ np.abs(basis.out) + np.abs(basis.out) @ sizes[1]
-            off = np.abs(motion[:, :first]).max(axis=0) / parts[:, :first].max(axis=0)
-            worst.append([away.max() / unit, off.max() / unit])
-    rough, refined = np.array(worst[::2]), np.array(worst[1::2])
-    # Two factors, each half a last place off.
-    assert (refined < 2.0).all()
-    assert (rough.max(axis=0) > 2.0 * refined.max(axis=0)).all()

@@ -10,6 +10,7 @@ damping or an undamped resonance.
 import math
 from fractions import Fraction
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -24,8 +25,24 @@ _TERMS = 36
 _CONDITION = 100.0
 #: Rates, over that of the reference mode, and over the fastest, below which motions are slow.
 _SLOW, _SLOW_SHARE = 1e-5, 1e-9
-#: Growth of a mode, and share of a motion in a distance, that is rounding.
+#: Bases that are kept.
+_MAX_BASES = 64
+#: Growth of a mode that is rounding.
 _ROUNDING = 1e-12
+
+
+class Basis(NamedTuple):
+    """A basis of a combination of contacts: z = out y, y = into z, n components.
+
+    Oscillating pairs come first, then real modes, then the slow motions with the constant last.
+    """
+
+    out: np.ndarray  #: shape (n, n)
+    into: np.ndarray  #: shape (n, n)
+    rates: np.ndarray  #: complex, of pairs and real modes
+    pairs: int
+    block: np.ndarray  #: matrix of the slow motions
+    rows: np.ndarray  #: distances from the far and near lines as functionals of y, (2, m, n)
 
 
 @cache
@@ -77,6 +94,7 @@ class Frame:
     def __init__(self, frequencies, shapes, rigid, mass):
         (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
         self.elastic = e = 2 * r
+        self._known: dict[bytes, Basis] = {}
         #: Tables between two runs, see `several_meshes.Propagator`.
         self.spare: list[tuple] = []
         self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
@@ -89,7 +107,7 @@ class Frame:
 
     def __getstate__(self):
         # Another process makes its own.
-        return vars(self) | {"spare": []}
+        return vars(self) | {"_known": {}, "spare": []}
 
     @classmethod
     def of_mesh(cls, model, system):
@@ -139,9 +157,52 @@ class Frame:
                 a += (self.into @ system.push[j, effect, :, :size].T) @ grip
         return a
 
+    def basis_of(self, system, effects):
+        """Return the `Basis` of a combination of effects, computed once for each matrix."""
+        whole = np.empty_like(system.free)
+        matrix_of(system, effects, whole)
+        key = whole.tobytes()
+        basis = self._known.get(key)
+        if basis is None:
+            basis = self._new_basis(system, effects, whole)
+            if len(self._known) >= _MAX_BASES:
+                self._known.clear()
+            self._known[key] = basis
+        return basis
 
-def _basis(a):
-    """Return (rates of pairs, of real modes, P, inverse of P) of a matrix.
+    def _new_basis(self, system, effects, whole):
+        """Return the `Basis` of a combination of effects and its matrix dz/dtheta = whole z."""
+        n, moving, r = len(whole), len(self.out), self.elastic // 2
+        a, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
+        a[:moving, :moving] = self.matrix(system, effects)
+        a[:moving, moving:] = self.into @ whole[:moving, moving:]
+        a[moving:, moving:] = whole[moving:, moving:]
+        # The constant and the harmonics are scaled by the deflections that they cause.
+        frequencies = self.free[range(r), range(r, 2 * r)]
+        deflections = np.abs(a[r : 2 * r, moving:] / frequencies[:, None])
+        scale = np.ones(n)
+        scale[moving:] /= deflections.max(initial=1.0)
+        out[:moving, :moving], into[:moving, :moving] = self.out, self.into
+        out, into, a = out * scale, into / scale[:, None], a * scale / scale[:, None]
+        rates, pairs, p, inverse = _split(a)
+        fast, one = pairs + rates.size, n - 1 - 2 * system.harmonics.size
+        out, into, block = out @ p, inverse @ into, inverse[fast:] @ a @ p[:, fast:]
+        lines = np.stack([system.far, system.near])
+        rows = (lines @ out).reshape(-1, n)
+        turn, hidden = _turned(rows[:, fast:], block, out[one, fast:], np.abs(rows).max())
+        back = np.linalg.inv(turn)
+        out[:, fast:], into[fast:], block = out[:, fast:] @ turn, back @ into[fast:], back @ block
+        block, rows, seen = block @ turn, lines @ out, n - 1 - hidden
+        # What is zero but for rounding would make the constant move.
+        block[-1], into[-1] = 0.0, 0.0
+        into[-1, one] = 1.0
+        rows[..., seen : n - 1], block[: seen - fast, seen - fast : -1] = 0.0, 0.0
+        block[np.abs(block) < 1e-13 * np.abs(a).max()] = 0.0
+        return Basis(out, into, rates, pairs, block, rows)
+
+
+def _split(a):
+    """Return (rates of pairs and real modes, number of pairs, P, inverse of P) of a matrix.
 
     Columns of P: real and negative imaginary part of each pair, real modes, slow motions. The
     latter are what all left eigenvectors of fast modes annihilate. The slowest mode joins them
@@ -161,13 +222,14 @@ def _basis(a):
         p = np.hstack([p, right[:, real].real, rest])
         if p.shape[1] == size and (np.linalg.cond(p) < _CONDITION or not fast.size):
             break
-    return rates[pairs], rates[real].real, p, np.linalg.inv(p)
+    return rates[np.concatenate([pairs, real])], pairs.size, p, np.linalg.inv(p)
 
 
-def _turned(rows, block, constant):
+def _turned(rows, block, constant, scale):
     """Return (matrix, motions that no distance depends on) that turns the slow motions.
 
-    The constant, to which a functional of theirs is turned, comes last, before it those motions.
+    The constant, to which a functional of theirs is turned, comes last, before it those motions,
+    whose share in the distances is small beside their `scale`.
     """
     size = np.linalg.norm(constant)
     others = scipy.linalg.null_space(constant[None])
@@ -175,7 +237,7 @@ def _turned(rows, block, constant):
     for _ in range(len(block) - 2):
         observed.append(observed[-1] @ (others.T @ block @ others))
     _, sizes, turn = np.linalg.svd(np.vstack(observed))
-    hidden = others.shape[1] - int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
+    hidden = others.shape[1] - int((sizes > 1e-9 * scale).sum())
     return np.hstack([others @ turn.T, constant[:, None] / size**2]), hidden
 
 
@@ -183,38 +245,10 @@ def add(tables, system, frame, effects):
     """Add a combination of effects, int, shape (m,), to the tables; those that are full forget."""
     if tables.known[0] == len(tables.keys):
         forget(tables)
-    c, n, moving = tables.known[0], len(system.free), len(frame.out)
-    whole = np.empty((n, n))
-    matrix_of(system, effects, whole)
-    a, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
-    a[:moving, :moving] = frame.matrix(system, effects)
-    a[:moving, moving:] = frame.into @ whole[:moving, moving:]
-    a[moving:, moving:] = whole[moving:, moving:]
-    # The constant and harmonics are scaled by the deflections that they cause.
-    r = frame.elastic // 2
-    frequencies = frame.free[range(r), range(r, 2 * r)]
-    forces = np.abs(a[r : 2 * r, moving:] / frequencies[:, None]).max(axis=0, initial=1.0)
-    scale = np.append(np.ones(moving), np.full(n - moving, 1.0 / forces.max()))
-    out[:moving, :moving], into[:moving, :moving] = frame.out, frame.into
-    out, into, a = out * scale, into / scale[:, None], a * scale / scale[:, None]
-    pairs, real, p, inverse = _basis(a)
-    first = 2 * pairs.size + real.size
-    out, into, block = out @ p, inverse @ into, inverse[first:] @ a @ p[:, first:]
-    lines = np.stack([system.far, system.near])
-    one = n - 1 - 2 * system.harmonics.size
-    turn, hidden = _turned((lines @ out[:, first:]).reshape(-1, n - first), block, out[one, first:])
-    back = np.linalg.inv(turn)
-    out[:, first:], into[first:], block = out[:, first:] @ turn, back @ into[first:], back @ block
-    block = block @ turn
-    block[-1], into[-1] = 0.0, 0.0
-    into[-1, one] = 1.0
-    rows, seen = lines @ out, n - 1 - hidden
-    # Zero but for rounding: it would make a constant move.
-    rows[..., seen : n - 1], block[: seen - first, seen - first : -1] = 0.0, 0.0
-    block[np.abs(block) < 1e-13 * np.abs(a).max()] = 0.0
-    _fill(tables, c, np.concatenate([pairs, real]), pairs.size, block, rows)
+    c, n, basis = tables.known[0], len(system.free), frame.basis_of(system, effects)
+    _fill(tables, c, basis.rates, basis.pairs, basis.block, basis.rows)
     tables.out[c], tables.into[c] = 0.0, 0.0
-    tables.out[c, :, :n], tables.into[c, :, :n] = out.T, into.T
+    tables.out[c, :, :n], tables.into[c, :, :n] = basis.out.T, basis.into.T
     tables.slots[slot_of(tables.slots, tables.keys, effects)] = c
     tables.keys[c] = effects
     tables.known[0] = c + 1
