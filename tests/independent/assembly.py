@@ -1,5 +1,7 @@
 """A system in parts: matrices, loads, stiffness and contacts, in the numbers of a context."""
 
+import json
+
 import mpmath
 import numpy as np
 
@@ -64,7 +66,7 @@ def flank(row, stiffness, material, constant=0, waves=(), friction=0, turns=0):
 
 
 class System:
-    """Matrices, loads and contacts to be filled; `plain` returns what `program` takes."""
+    """Matrices, loads and contacts to be filled; `json` returns what `equations` take."""
 
     def __init__(self, context, size):
         self.context, self.n = context, size
@@ -102,16 +104,14 @@ class System:
         phase = contact["rate"] * phase
         return stiffness_series(self.context, side["course"], phase, phase)[0]
 
-    def plain(self):
-        """Return dicts and lists."""
+    def json(self):
+        """Return the system as JSON; numbers of many digits are texts."""
         names = ("mass", "stiffness", "damping", "load", "contacts", "forces", "shaking")
         names += ("length", "speed", "force")
-        return _lists({name: getattr(self, name) for name in names})
+        return json.dumps({name: getattr(self, name) for name in names}, default=_encoded)
 
 
-def _lists(value):
-    if isinstance(value, dict):
-        return {key: _lists(item) for key, item in value.items()}
+def _encoded(value):
     if isinstance(value, np.ndarray):
         return value.tolist()
-    return [_lists(item) for item in value] if isinstance(value, (list, tuple)) else value
+    return mpmath.nstr(value, mpmath.mp.dps + 5)

@@ -53,7 +53,7 @@ class Motion:
     def __init__(self, claim):
         self.claim = claim
         self.system = system_of(described(claim), _exact(claim["tuning"]), mp)
-        self.equations = Equations(self.system.plain(), mp)
+        self.equations = Equations(self.system.json(), mp)
         names, n = claim["coordinates"], self.system.n
         assert len(names) == n
         self.kept = [i for i, name in enumerate(names) if name not in claim["fixed"]]

@@ -178,8 +178,7 @@ class Equations:
     """The equations of a system in units of its length, by phase, solved for accelerations."""
 
     def __init__(self, system, context=mpmath.fp):
-        system = json.loads(system) if isinstance(system, str) else system
-        system = numbers(system, context)
+        system = numbers(json.loads(system), context)
         self.context, self.n = context, len(system["load"])
         self.speed, self.length, self.force = (system[k] for k in ("speed", "length", "force"))
         digits = 16.5 if context is mpmath.fp else mpmath.mp.dps

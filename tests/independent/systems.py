@@ -57,7 +57,7 @@ def system_of(model, tuning, context=mpmath.fp):
 
 def equations_of(model, tuning, context=mpmath.fp):
     """Return the equations of a description for the program."""
-    return Equations(system_of(model, tuning, context).plain(), context)
+    return Equations(system_of(model, tuning, context).json(), context)
 
 
 def start_of(model, tuning, state, context=mpmath.fp):
@@ -224,7 +224,7 @@ class RunUp:
 
     def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
         self.system = system_of(model, 1.0, context)
-        self.equations = Equations(self.system.plain(), context)
+        self.equations = Equations(self.system.json(), context)
         self.pieces = program.courses(self.equations, speed, load, turn, push)
 
     def end(self, seconds):
