@@ -10,8 +10,8 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.geometry import Mesh, SpurGear, planetary_set
 from tests.geometry.teeth import Flanks, Gear, Machine, distance
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
+from tests.independent import equations
+from tests.independent.systems import describe, system_of
 
 WIDTH = 0.02
 
@@ -120,29 +120,29 @@ def check(train, machine):
 
 
 def takes_power_out(train, machine, contacts, rng):
-    """Assert that friction, as the second code has it, opposes how the teeth of a machine slide.
+    """Assert that friction, as `tests.independent` has it, opposes the sliding of the teeth.
 
     On the coast side the model keeps the line of action of the drive side.
     """
     meshes = [dataclasses.replace(m, friction=(0.05, 0.08), backlash=1e-5) for m in train.meshes]
     supported = {"mass": 1.0, "support_stiffness": 1e8}
     bodies = [dataclasses.replace(body, **supported) for body in train.bodies]
-    assembled = machine_of(describe(train.replace(meshes=meshes, bodies=bodies)), 0.9)
+    assembled = system_of(describe(train.replace(meshes=meshes, bodies=bodies)), 0.9)
     for mesh, contact in zip(contacts, assembled.contacts, strict=True):
         driver = mesh[0]
         rows = np.array(assembled.fixed(driver))
-        for side, code in ((contact.drive, 1), (contact.coast, -1)):
+        for side, code in zip(contact["sides"], (1, -1), strict=True):
             flanks = Flanks(machine, mesh, code < 0)
             begin, pitch, end = machine.passes(mesh, code < 0)
             # The pair of teeth that is nearest to the pitch point tells the way.
             for at in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
                 turn = at * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
                 slip = flanks.slip(flanks.point(0, machine.middles[driver] + turn))
-                way = contact.sense(assembled.context, side, math.tau * at / contact.rate)
+                way = equations.sense(1, side["turns"], math.tau * at)
                 # Pressed by a distance of the sign of its code: force on the driver, over C d.
-                x, y = -code * side.friction * way * (rows @ contact.across)
+                x, y = -code * side["friction"] * way * (rows @ contact["across"])
                 least = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
-                assert math.hypot(x, y) == pytest.approx(abs(side.friction), rel=1e-9)
+                assert math.hypot(x, y) == pytest.approx(abs(side["friction"]), rel=1e-9)
                 assert x * slip.real + y * slip.imag <= -least
 
 

@@ -1,6 +1,6 @@
 """Statistics of run-ups by other means, and the balance of their energy.
 
-Energy by the matrices and flanks of `tests.references`, on the time courses of the library.
+Energy by the matrices and flanks of `tests.independent`, on the time courses of the library.
 """
 
 import numpy as np
@@ -57,9 +57,9 @@ def test_energy_is_in_balance(model, tuning):
         push = acceleration.of_train(model) * model.static_deflection
     t, q = course_of(model, speed, load, push, 1024)
     code, moved = reference(model, speed, load, push), np.diff(q, axis=0)
-    machine, context = code.machine, code.context
+    system = code.system
     # On straight lines of speed and load their middles count; between samples the motion is smooth.
-    middle = (t[:-1] + t[1:]) / 2.0 * code.omega
+    middle = (t[:-1] + t[1:]) / 2.0 * system.speed
     v = moved / np.diff(t)[:, None]
     # From the middle of the first step to that of the last.
     moved[[0, -1]] /= 2.0
@@ -67,36 +67,36 @@ def test_energy_is_in_balance(model, tuning):
     which = np.searchsorted([piece.end for piece in code.pieces], middle)
     own = [code.pieces[k] for k in which]
     share = np.array([p.load + p.slope * (at - p.begin) for p, at in zip(own, middle, strict=True)])
-    pull = np.array([p.acceleration for p in own]) * code.omega**2
-    brought = share @ (moved @ machine.load) + pull @ (moved @ (machine.mass @ push))
-    lost = np.einsum("ti,ij,tj->t", v, machine.damping, v)
+    pull = np.array([p.acceleration for p in own]) * system.speed**2
+    brought = share @ (moved @ system.load) + pull @ (moved @ (system.mass @ push))
+    lost = np.einsum("ti,ij,tj->t", v, system.damping, v)
     at_ends = v[[0, -1]], (q[:-1] + q[1:])[[0, -1]] / 2.0
     stored = sum(
         np.einsum("ti,ij,tj->t", x, matrix, x) / 2.0
-        for x, matrix in zip(at_ends, (machine.mass, machine.stiffness), strict=True)
+        for x, matrix in zip(at_ends, (system.mass, system.stiffness), strict=True)
     )
     phases = np.array([p.about(at)[0] for p, at in zip(own, middle, strict=True)])
-    cuts = np.concatenate([code.cuts(piece)[:-1] for piece in code.pieces]) / code.omega
-    for one in machine.contacts:
-        for side, now in ((one.drive, 1), (one.coast, -1)):
-            g, slide = q @ side.row + side.constant, v @ side.row
+    cuts = np.concatenate([code.cuts(piece)[:-1] for piece in code.pieces]) / system.speed
+    for contact in system.contacts:
+        film = contact["film"][0]
+        for side, now in zip(contact["sides"], (1, -1), strict=True):
+            g, slide = q @ side["row"] + side["constant"], v @ side["row"]
             pressed = np.maximum(now * g, 0.0)
             # Of a step in which contact comes or goes a share counts.
             ends = np.abs(g[:-1]) + np.abs(g[1:])
             touches = np.where(
                 g[:-1] * g[1:] > 0.0, pressed[1:] > 0.0, (pressed[:-1] + pressed[1:]) / ends
             )
-            c = np.array([one.level(context, side, at, at)[0] for at in phases])
+            c = np.array([system.level(contact, side, at) for at in phases])
             square = pressed**2
-            lost += one.film[0] * slide**2 * (now == 1)
-            lost += (side.material[0] - one.film[0]) * slide**2 * touches
+            lost += film * slide**2 * (now == 1)
+            lost += (side["material"][0] - film) * slide**2 * touches
             stored += c[[0, -1]] * (square[:-1] + square[1:])[[0, -1]] / 4.0
             # What changes the stiffness works on the flanks: where it switches, or all the time.
             jumps, at = np.diff(c), t[1:-1]
-            if one.linear:
-                places = np.searchsorted(middle / code.omega, cuts)
-                kept = (places > 0) & (places < middle.size)
-                jumps, at = jumps[places[kept] - 1], cuts[kept]
+            places = np.searchsorted(middle / system.speed, cuts)
+            kept = (places > 0) & (places < middle.size)
+            jumps, at = jumps[places[kept] - 1], cuts[kept]
             brought += jumps @ np.interp(at, t, square) / 2.0
     lost = lost @ spans
     wrong = brought - lost - (stored[1] - stored[0])

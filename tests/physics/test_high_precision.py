@@ -9,10 +9,9 @@ import pytest
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair
 from gearlib.studies.trials import high_precision, problems, references
+from tests.independent.systems import describe, move
 from tests.paper import CONFIG
 from tests.references import of_pair
-from tests.references.described_models import describe
-from tests.references.reference_motion import move
 
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
 #: Of 50 digits ten may go to the growth of rounding over six periods of bouncing.
@@ -69,14 +68,14 @@ PAIR = GearPair(
         {"quadratic_damping": 0.75, "backlash_cubic_damping": 0.1875},
     ],
 )
-def test_nonlinear_damping_against_the_second_code(dampings):
+def test_nonlinear_damping_against_the_independent_program(dampings):
     model = OneDegreePair(pair=PAIR, **dampings)
     with mpmath.workdps(40):
         expected = move(describe(model), 0.75, 2, (0.0, -1.0), context=mpmath.mp)
         found = high_precision.run(model, 0.75, 2, 36, (0.0, -1.0))
         events = [(one.before, one.after) for one in expected.events]
         assert [event[1:] for event in found.events] == events and events
-        end = expected.mesh_state(2)
+        end = expected.mesh_state()
         off = max(abs(digits_of(a) - b) for a, b in zip(found.state, end, strict=True))
         # Of 36 digits some go to the growth of rounding.
         assert off < mpmath.mpf(10) ** -28

@@ -1,4 +1,4 @@
-"""Order maps of run-ups: against spectra, a second code, the balance of powers."""
+"""Order maps of run-ups: against spectra, the independent program, the balance of powers."""
 
 import math
 
@@ -25,7 +25,7 @@ OTHERS = {
 
 
 def by_quadrature(model, run, speed, load, orders):
-    """Return coefficients of the first revolution: the motion of a second code at Gauss's nodes."""
+    """Return coefficients of the first revolution, of `tests.independent` at Gauss's nodes."""
     train, teeth = model.train or model, float(model.periods_per_revolution)
     push = [0.0] if model.size == 2 else acceleration.of_train(train) * model.static_deflection
     code = reference(model, speed, load, push)
@@ -34,7 +34,8 @@ def by_quadrature(model, run, speed, load, orders):
     rate, slope = first * turn, (last - first) * turn / end
     span = math.tau * teeth
     stop = 2.0 * span / (rate + math.sqrt(rate**2 + 2.0 * slope * span))
-    marks = [t / code.omega for piece in code.pieces for t in (piece.begin, *code.cuts(piece))]
+    marks = [t for piece in code.pieces for t in (piece.begin, *code.cuts(piece))]
+    marks = np.array(marks) / code.system.speed
     marks = np.unique([*marks, stop, *run.event_time.values])
     # An arc may be long for the modes of bearings.
     marks = np.unique(np.concatenate([marks[:-1], marks[1:], 0.5 * (marks[1:] + marks[:-1])]))
@@ -49,7 +50,7 @@ def by_quadrature(model, run, speed, load, orders):
 
 
 @pytest.mark.parametrize(("name", "tuning"), [("pair", 0.45), *((one, 0.85) for one in OTHERS)])
-def test_a_ramp_agrees_with_a_quadrature_of_a_second_code(name, tuning):
+def test_a_ramp_agrees_with_a_quadrature_of_the_independent_program(name, tuning):
     model = OTHERS[name]
     rpm = float(model.speed(tuning))
     seconds = math.tau / float(model.mesh_frequency(tuning)) * 2.2 * model.periods_per_revolution

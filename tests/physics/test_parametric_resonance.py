@@ -9,10 +9,9 @@ from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, tongues
 from gearlib.analysis.tongues import find, hill_tongues, meissner, no_loss
+from tests.independent.systems import describe, move
 from tests.properties.known_models import EVERYTHING, gears
 from tests.references import map_of_contact
-from tests.references.described_models import describe
-from tests.references.reference_motion import move
 
 PAPER = (1.569, 0.5879)
 #: Contact ratio, stiffness ratio, damping ratio; in the last two the softer stretch is over-damped.
@@ -202,7 +201,7 @@ def test_one_harmonic_is_mathieu(kappa, orders):
         assert max(misses) < 1e-14 / (one.stop - one.start)
 
 
-def test_a_table_against_the_second_code():
+def test_a_table_against_the_independent_program():
     phase = tuple(np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False).tolist())
     table = Tabulated(phase, (4.0, 3.8, 3.0, 2.4, 2.6, 2.2, 3.1, 3.6))
     high, kappa, ratio = table.ratios()
@@ -213,7 +212,7 @@ def test_a_table_against_the_second_code():
     whole = OneDegreePair(pair=pair.replace(backlash=0.0, backlash_damping=pair.material_damping),
                           profile=table)  # fmt: skip
     ends = [move(describe(whole), nu, 1, z).state for z in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
-    matrix = np.array(ends[1:] - ends[0]).T
+    matrix = (np.array(ends[1:]) - ends[0]).T
     # The rounding of a period, over the slope of a determinant.
     assert np.linalg.det(matrix + np.eye(2)) == pytest.approx(0.0, abs=1e-10)
     assert 0.01 < float(data.closing_damping[0]) < 0.2

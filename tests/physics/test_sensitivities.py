@@ -16,6 +16,8 @@ from gearlib import (
     sensitivities,
     simulate,
 )
+from tests.independent import differences
+from tests.independent.systems import describe
 from tests.properties.known_models import (
     CHAIN,
     DAMPED,
@@ -26,8 +28,7 @@ from tests.properties.known_models import (
     STRIKING,
     Known,
 )
-from tests.references import Stored, reference_slopes
-from tests.references.described_models import describe
+from tests.references import Stored
 
 REFERENCES = Stored("sensitivities")
 #: Variables of a run in the order in which the references have them.
@@ -79,9 +80,7 @@ def test_derivatives_of_runs_against_many_digits(name):
         names,
         tuning=tuning,
     )
-    rows = REFERENCES.rows(
-        reference_slopes.of_run, describe(model), tuning, periods, state, list(names)
-    )
+    rows = REFERENCES.rows(differences.of_run, describe(model), tuning, periods, state, list(names))
     for parameter, row in zip(names, rows, strict=True):
         row = np.array(row, float)
         for variable in VARIABLES:
@@ -109,7 +108,7 @@ def test_derivatives_of_an_orbit_and_its_multipliers():
     start = tuple(
         round(float(x), 6) for x in periodic_orbit(OTHER, 0.88, guess=(0.096, -2.833)).state
     )
-    rows = REFERENCES.rows(reference_slopes.of_orbit, describe(OTHER), 0.88, 1, start, list(names))
+    rows = REFERENCES.rows(differences.of_orbit, describe(OTHER), 0.88, 1, start, list(names))
     for name, row in zip(names, rows, strict=True):
         expected = np.array(row, float)
         off = np.abs(found[f"d_value_d_{name}"].values - expected).max()
@@ -126,7 +125,7 @@ def test_derivative_of_a_fold():
 
     guess = tuple(round(float(x), 6) for x in fold(pair))
     found = sensitivities(lambda model: fold(model)[-1], pair, "material_damping")
-    rows = REFERENCES.rows(reference_slopes.of_fold, describe(pair), 1, guess, ["material_damping"])
+    rows = REFERENCES.rows(differences.of_fold, describe(pair), 1, guess, ["material_damping"])
     assert float(found.d_value_d_material_damping) == pytest.approx(float(rows[0][0]), rel=1e-6)
 
 

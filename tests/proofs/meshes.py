@@ -1,11 +1,92 @@
-"""The laws of motion of a gear pair for the second program, and what an arc of a motion does.
+"""Dual numbers of intervals, the laws of motion of a gear pair in them, and arcs of a motion.
 
 It shares no code with gearlib.
 """
 
 from mpmath import iv, mp
 
-from tests.proofs.duals import Dual, cosine, exp, sine
+iv.dps = mp.dps = 50
+
+
+class Dual:
+    """An interval with its derivatives by all unknowns, if it has any."""
+
+    def __init__(self, value, slopes=()):
+        self.value, self.slopes = value, slopes
+
+    def _with(self, value, rate, other=None, other_rate=0):
+        mine = [s * rate for s in self.slopes]
+        theirs = [s * other_rate for s in other.slopes] if other is not None else []
+        if mine and theirs:
+            mine = [a + b for a, b in zip(mine, theirs, strict=True)]
+        return Dual(value, mine or theirs)
+
+    def __add__(self, other):
+        other = dual(other)
+        return self._with(self.value + other.value, 1, other, 1)
+
+    def __sub__(self, other):
+        return self + dual(other) * -1
+
+    def __mul__(self, other):
+        other = dual(other)
+        return self._with(self.value * other.value, other.value, other, self.value)
+
+    def inverse(self):
+        value = 1 / self.value
+        return self._with(value, -value * value)
+
+    def __truediv__(self, other):
+        return self * dual(other).inverse()
+
+    def __rtruediv__(self, other):
+        return self.inverse() * other
+
+    def __rsub__(self, other):
+        return self * -1 + other
+
+    def __neg__(self):
+        return self * -1
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    @property
+    def middle(self):
+        return float(self.value.mid)
+
+    def __gt__(self, number):
+        return self.value.a > number
+
+    def __lt__(self, number):
+        return self.value.b < number
+
+
+def dual(number):
+    """Return a number as a dual number without derivatives."""
+    return number if isinstance(number, Dual) else Dual(number)
+
+
+def zero():
+    return Dual(iv.mpf(0))
+
+
+def exp(number):
+    value = iv.exp(number.value)
+    return number._with(value, value)
+
+
+def cosine(number):
+    return number._with(iv.cos(number.value), -iv.sin(number.value))
+
+
+def sine(number):
+    return number._with(iv.sin(number.value), iv.cos(number.value))
+
+
+def duals(box):
+    """Return the numbers of a box as unknowns."""
+    n = len(box)
+    return [Dual(value, [iv.mpf(int(i == j)) for j in range(n)]) for i, value in enumerate(box)]
 
 
 class Mesh:

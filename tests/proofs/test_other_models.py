@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import gearlib
+from tests.independent.certificates import Motion
 from tests.paper import PAPER
 from tests.proofs.candidates import extrema_apart, never_right, random_other_orbit
 from tests.proofs.checker import faults
-from tests.proofs.trains_in_50_digits import Motion
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 FORCED = gearlib.OneDegreePair(

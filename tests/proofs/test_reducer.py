@@ -10,9 +10,9 @@ import numpy as np
 
 import gearlib
 from gearlib.studies import certificates_of_trains
+from tests.independent.certificates import Motion
 from tests.paper import PAPER
 from tests.proofs.test_train_certificates import LIGHT, claim
-from tests.proofs.trains_in_50_digits import Motion
 
 #: Whether what takes many seconds is run as well.
 LONG = "GEARLIB_CERTIFICATES" in os.environ

@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib.analysis.proofs.certificate_files import number
 from tests.paper import PAPER
-from tests.proofs.ranges import range_faults
+from tests.proofs.checker import range_faults
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 DOUBLED = gearlib.GearPair.from_ratios(

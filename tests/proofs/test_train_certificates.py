@@ -21,8 +21,8 @@ from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import _bounds, check_contacts
 from gearlib.analysis.proofs.train_laws import TrainLaws
 from gearlib.analysis.proofs.train_numbers import parts_of
+from tests.independent.certificates import Motion
 from tests.paper import PAPER
-from tests.proofs.trains_in_50_digits import Motion
 from tests.properties.known_models import EVERYTHING, gears
 from tests.trains.random_trains import random_problem
 

@@ -19,8 +19,10 @@ from gearlib import (
 )
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c, twenty
-from tests.references.described_models import describe
-from tests.references.reference_motion import turning_state
+from tests.independent.equations import Piece
+from tests.independent.program import first_codes
+from tests.independent.series import Step
+from tests.independent.systems import describe, equations_of
 from tests.trains.random_trains import chain_with_everything, random_problem, symmetric_problem
 
 
@@ -199,19 +201,42 @@ def random_trains_case(seed):
     return Case(model, tuning, tuple((state / scale).tolist()))
 
 
+def turning_state(equations, phase, contact, miss, q, v):
+    """Return a start from which a drive side turns at a phase, `miss` over its line; or None.
+
+    Other coordinates are those of (q, v) at that phase, in units. None: it does not turn upwards.
+    """
+    there, side = Piece(phase, phase, phase, 1.0), equations.contacts[contact].drive
+    row = np.zeros(q.size)
+    for i, x in side.row:
+        row[i] = x
+    q = q + row * (miss - equations.distance(side, q, phase)) / (row @ row)
+    v = v - row * equations.rate(side, v, phase) / (row @ row)
+    state, t = [*q.tolist(), *v.tolist()], phase
+    codes, _ = first_codes(equations, there, state, phase)
+    codes[contact] = 1
+    if Step(equations, there, t, state, codes, phase).curve(side)[2] <= 0:
+        return None
+    while t > 0:
+        step = Step(equations, there, t, state, codes, phase / 2)
+        h = step.length(t)
+        state, t = step.at(-h), t - h
+    return state
+
+
 def grazing_start(rng, train, tuning, state):
     """Return a start, rates by theta, from which a distance soon turns 1e-10 ... 1e-5 off its line.
 
     `state` is near which it is looked for.
     """
-    description, n = describe(train), train.size // 2
+    equations, n = equations_of(describe(train), tuning), train.size // 2
     at = 0.5 * min(train.segments.starts[1], 0.2)
     for _ in range(100):
         depth = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-10.0, -5.0)
-        q = (state[:n] + rng.normal(0.0, 1.0, n)) * train.static_deflection
-        v = rng.normal(0.0, 1.0 / tuning, n) * train.static_deflection
+        q = state[:n] + rng.normal(0.0, 1.0, n)
+        v = rng.normal(0.0, 1.0 / tuning, n)
         j = int(rng.integers(len(train.meshes)))
-        found = turning_state(description, tuning, at, j, depth, q, v)
+        found = turning_state(equations, at, j, depth, q, v)
         if found is not None:
             return found * np.repeat([1.0, tuning], n)
     raise ValueError("no distance turns upwards")

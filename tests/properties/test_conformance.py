@@ -1,4 +1,4 @@
-"""Every model against the independent code of `tests.references`: motions, orbits, derivatives.
+"""Every model against the program of `tests.independent`: motions, orbits, derivatives.
 
 ``GEARLIB_TRAINS=500`` takes so many random trains in place of a few: some minutes.
 """
@@ -16,6 +16,8 @@ from mpmath import mp, mpf
 import gearlib
 from gearlib import periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import multipliers_of, product
+from tests.independent import program
+from tests.independent.systems import describe, equations_of, move
 from tests.properties.cases import CASES, random_trains_case
 from tests.properties.known_models import (
     CHAIN,
@@ -28,8 +30,6 @@ from tests.properties.known_models import (
     gears,
 )
 from tests.properties.test_properties import FEW, allowed
-from tests.references.described_models import describe
-from tests.references.reference_motion import move
 
 SAMPLES = 16
 EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
@@ -48,7 +48,7 @@ def merged(rows):
 
 def by_mesh(motion):
     """Return contact -> rows (before, after, phase) of a motion of the reference."""
-    found = {j: [] for j in range(len(motion.machine.contacts))}
+    found = {j: [] for j in range(len(motion.equations.contacts))}
     for event in motion.events:
         found[event.contact].append((event.before, event.after, float(event.phase)))
     return {j: merged(rows) for j, rows in found.items()}
@@ -66,15 +66,15 @@ def events_of(run, count):
 def same_motion(case, run, motion, within):
     """Assert that a run, recorded from its start, is a motion of the reference."""
     assert int(run.status) == 0
-    machine, periods = motion.machine, case.periods
-    ours, theirs = events_of(run, len(machine.contacts)), by_mesh(motion)
+    periods, theirs = case.periods, by_mesh(motion)
+    ours = events_of(run, len(theirs))
     for j in ours:
         assert [row[:2] for row in ours[j]] == [row[:2] for row in theirs[j]], j
         for one, other in zip(ours[j], theirs[j], strict=True):
             # Next to a grazing a phase has half of the digits of the state.
             assert abs(one[2] - other[2]) < 1e5 * within
     several = "mesh" in run.dims
-    end = motion.state if several else motion.mesh_state(periods)
+    end = motion.state if several else motion.mesh_state()
     scale = max(1.0, np.abs(end).max())
     np.testing.assert_allclose(run.final_state, end, rtol=0, atol=within * scale)
     assert (run.displacement.values.size > 0) and len(motion.record.samples) > 0
@@ -95,14 +95,8 @@ def same_motion(case, run, motion, within):
             expected = [row[3][i] for row in rows.values()]
             atol = 10.0 * within * scale
             np.testing.assert_allclose(run[name], expected, rtol=0, atol=atol, err_msg=name)
-    force = machine.length * machine.force_unit
-    for name, pick, values, unit in (
-        (EXTREMA[0], max, motion.record.heights, machine.length),
-        (EXTREMA[1], min, motion.record.heights, machine.length),
-        (EXTREMA[2], max, motion.record.forces, force),
-        (EXTREMA[3], min, motion.record.forces, force),
-    ):
-        expected = [pick(one) / unit for one in values]
+    for name, pick, values in zip(EXTREMA, (max, min) * 2, np.repeat([0, 1], 2), strict=True):
+        expected = [pick(row) for row in (motion.record.heights, motion.record.forces)[values]]
         atol = 10.0 * within * scale
         np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=atol, err_msg=name)
     for i, name in enumerate(TIMES):
@@ -113,11 +107,12 @@ def same_motion(case, run, motion, within):
 def of_reference(case, **options):
     """Return the motion of a case, sampled beside the switches."""
     phases = 2.0 * math.pi * np.arange(case.periods * SAMPLES) / SAMPLES
+    state = case.model.start_state(case.state) if isinstance(case.state, str) else case.state
     return move(
         describe(case.model),
         case.tuning,
         case.periods,
-        case.state,
+        state,
         recorded=case.periods,
         phases=phases.tolist(),
         **options,
@@ -206,12 +201,13 @@ ORBITS = {
 def reference_map(model, tuning, period, state):
     """Return the central differences of the reference over an orbit, all components."""
     state, columns = np.array(state), []
+    equations = equations_of(describe(model), tuning)
     for j in range(state.size):
         ends = []
         for side in (1.0, -1.0):
             other = state.copy()
             other[j] += side * 1e-6
-            ends.append(move(describe(model), tuning, period, tuple(other)).state)
+            ends.append(np.array(program.move(equations, period, other).state))
         columns.append((ends[0] - ends[1]) / 2e-6)
     return np.stack(columns, axis=1)
 
@@ -224,7 +220,7 @@ def test_orbits_multipliers_and_certificates(name):
     _closes(model, tuning, orbit)
     motion = move(describe(model), tuning, orbit.period, tuple(orbit.state))
     reduce, lift = model.reduction()
-    away = reduce @ (motion.state - orbit.state)
+    away = reduce @ (np.array(motion.state) - orbit.state)
     np.testing.assert_allclose(away, 0.0, atol=1e-10 * max(1.0, np.abs(orbit.state).max()))
     differences = reference_map(model, tuning, orbit.period, orbit.state)
     found = np.linalg.eigvals(reduce @ differences @ lift)
@@ -303,5 +299,5 @@ def _overlaps(model, tuning, orbit, proven):
         for event, other in zip(events, theirs, strict=True):
             assert inside(event.phase, other.phase)
         if not several:
-            end = motion.mesh_state(orbit.period)
+            end = motion.mesh_state()
             assert inside(end[0], proven.displacement) and inside(end[1], proven.velocity)

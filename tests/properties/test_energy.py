@@ -1,6 +1,6 @@
 """Energy: kept by every model where nothing takes it, and in balance where teeth change.
 
-The energy of a state of the library is written by the matrices and flanks of `tests.references`.
+The energy of a state of the library is written by the matrices and flanks of `tests.independent`.
 """
 
 import math
@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 import gearlib
 from gearlib import DeadZoneOscillator, OneDegreePair, simulate
+from tests.independent.systems import describe, system_of
 from tests.properties.cases import CASES
 from tests.properties.known_models import UNDAMPED, gears
 from tests.properties.test_properties import FEW
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
 
 CONSTANT = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6)
 _FREE = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
@@ -68,18 +67,18 @@ CONSERVATIVE = {
 }
 
 
-def energy(machine, state):
+def energy(system, state):
     """Return the energy of a state over that of the unit of length, by the matrices of it alone."""
-    n, tau = machine.n, 0.0
-    q, v = state[:n] * machine.length, state[n:] * machine.length * machine.speed
-    total = 0.5 * (v @ machine.mass @ v + q @ machine.stiffness @ q) - machine.load @ q
-    for contact in machine.contacts:
-        for side, sign in ((contact.drive, 1.0), (contact.coast, -1.0)):
-            pressed = max(sign * machine.distance(side, q, tau), 0.0)
-            square, cube = contact.powers
-            c = contact.level(machine.context, side, tau, tau)[0]
+    n = system.n
+    q, v = state[:n] * system.length, state[n:] * system.length * system.speed
+    total = 0.5 * (v @ system.mass @ v + q @ system.stiffness @ q) - system.load @ q
+    for contact in system.contacts:
+        for side, sign in zip(contact["sides"], (1.0, -1.0), strict=True):
+            pressed = max(sign * system.distance(side, q, 0.0), 0.0)
+            square, cube = contact["powers"]
+            c = system.level(contact, side, 0.0)
             total += c * pressed**2 * (1 / 2 + square * pressed / 3 + cube * pressed**2 / 4)
-    return total / (machine.force_unit * machine.length**2)
+    return total / (system.force * system.length**2)
 
 
 @pytest.mark.parametrize("name", CONSERVATIVE)
@@ -89,13 +88,13 @@ def test_energy_is_kept_where_nothing_takes_it(name):
         # Beside rest, by so much in every coordinate.
         rng, beside = np.random.default_rng(2), model.start_state("static")
         start = tuple(beside + start * rng.normal(size=beside.size))
-    nu, machine = 0.9, machine_of(describe(model), 0.9)
+    nu, system = 0.9, system_of(describe(model), 0.9)
     run = simulate(model, nu, periods=12, record_periods=12, initial_state=start)
     assert set(run.event_to.values) >= {-1, 1} and run.sizes["event"] > 12
     propagator = model.propagator(nu)
     state, energies = propagator.start(start), []
     for _ in range(13):
-        energies.append(energy(machine, state))
+        energies.append(energy(system, state))
         state = propagator.maps(state, 1, 10**5)[0]
     # Some hundred events, each placed to rounding times the energies of the parts.
     size = max(1.0, np.abs(energies).max())

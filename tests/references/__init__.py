@@ -1,18 +1,6 @@
-"""An independent second code for every model, and what of it lies in files.
+"""References in 50 digits, and what of them lies in files.
 
-==========================  ======================================================================
-module                      responsibility
-==========================  ======================================================================
-``described_models``        a model as plain values, from its public attributes
-``reference_equations``     the equations of motion, assembled from a description
-``reference_trains``        the same of gear trains
-``reference_motion``        a motion event by event, in floats or many digits
-``reference_run_up``        the same along a course of speed and load, and by scipy
-``reference_slopes``        derivatives in 50 digits, by differences
-``reference_elimination``   gain, offset and shaft phase of a sensor by least squares
-==========================  ======================================================================
-
-None of them imports the library. References in 50 digits that take long lie in files, 20 of their
+Motions are those of `tests.independent`. References that take long lie in files, 20 of their
 digits; what is not there, as where another machine draws other random numbers, is computed, with a
 warning. `make references` renews the files; `test_references.py` computes some entries anew in
 every test.
@@ -25,7 +13,7 @@ from pathlib import Path
 
 import mpmath
 
-from tests.references.reference_motion import move
+from tests.independent.systems import move
 
 mpmath.mp.dps = 50
 FOLDER = Path(__file__).parent
@@ -51,8 +39,8 @@ def propagate(epsilon, kappa, beta, beta_m, backlash, tuning, periods, state=(0.
             "backlash_damping": 2 * mpmath.mpf(beta_m),
         }
         motion = move(pair, tuning, periods, state, context=mpmath.mp)
-        events = [(one.phase, one.before, one.after, one.rate) for one in motion.events]
-        return (*motion.mesh_state(periods), events)
+        events = [(event.phase, event.before, event.after, event.rate) for event in motion.events]
+        return (*motion.mesh_state(), events)
 
 
 def of_pair(pair, tuning, periods, state=(0.0, 0.0)):
@@ -62,44 +50,34 @@ def of_pair(pair, tuning, periods, state=(0.0, 0.0)):
     return propagate(*ratios, tuning, periods, state)
 
 
+def free_map(decay, square, t):
+    """Return the map of (x, x') over t of x'' + 2 decay x' + square x = 0, in closed form."""
+    root = mpmath.sqrt(mpmath.mpc(decay * decay - square))
+    cosh, sinh = mpmath.cosh(root * t), mpmath.sinh(root * t) / root if root else t
+    rows = [[cosh + decay * sinh, sinh], [-square * sinh, cosh - decay * sinh]]
+    return (mpmath.matrix(rows) * mpmath.exp(-decay * t)).apply(mpmath.re)
+
+
 def map_of_contact(contact_ratio, stiffness_ratio, damping, tuning):
     """Return the map of (x, dx/dtau) over a period of a mesh that is never lost."""
     epsilon, kappa, beta, nu = map(
         mpmath.mpf, map(mpmath.mpmathify, (contact_ratio, stiffness_ratio, damping, tuning))
     )
     mean = kappa + (1 - kappa) * (epsilon - 1)
-    half = mpmath.pi * (epsilon - 1), 2 * mpmath.pi * (2 - epsilon)
-    matrix = mpmath.eye(2)
-    for c, length in ((1, half[0]), (kappa, half[1]), (1, half[0])):
-        # The closed form by complex roots of the characteristic equation.
-        root = mpmath.sqrt(mpmath.mpc(beta**2 - c / mean)) / nu
-        a = beta / nu
-        cosh, sinh = mpmath.cosh(root * length), mpmath.sinh(root * length) / root
-        decay = mpmath.exp(-a * length)
-        rows = [[cosh + a * sinh, sinh], [-c / mean / nu**2 * sinh, cosh - a * sinh]]
-        matrix = mpmath.matrix(rows) * decay * matrix
-    return matrix.apply(mpmath.re)
+    half = mpmath.pi * (epsilon - 1)
+    high, low = free_map(beta / nu, 1 / mean / nu**2, half), kappa / mean / nu**2
+    return high * free_map(beta / nu, low, 2 * (mpmath.pi - half)) * high
 
 
 def from_rest(decay, square, load, x, t):
-    """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x.
-
-    Its rates and where it rests are of floats, all else in 50 digits.
-    """
+    """Return (x, x') after t of x'' + 2 decay x' + square x = load from rest at x."""
     with mpmath.workdps(50):
+        decay, square, load, x, t = map(mpmath.mpf, (decay, square, load, x, t))
+        matrix = free_map(decay, square, t)
         if not square:
-            final = load / (2 * decay)
-            gone = -mpmath.expm1(-2 * decay * t)
-            return x + final * t - final * gone / (2 * decay), final * gone
+            return x + load * (t - matrix[0, 1]) / (2 * decay), load * matrix[0, 1]
         rest = load / square
-        away, root = x - rest, mpmath.sqrt(mpmath.mpc(decay * decay - square))
-        if not root:
-            left = mpmath.exp(-decay * t) * away
-            return rest + left * (1 + decay * t), -left * decay * decay * t
-        one, other = -decay + root, -decay - root
-        waves = [mpmath.exp(rate * t) * away / (one - other) for rate in (one, other)]
-        end = one * waves[1] - other * waves[0]
-        return rest + mpmath.re(end), mpmath.re(one * other * (waves[1] - waves[0]))
+        return rest + matrix[0, 0] * (x - rest), matrix[1, 0] * (x - rest)
 
 
 class Stored:

@@ -1,7 +1,7 @@
 """Trains whose stiffnesses and inertias lie twelve decades apart: modes, free motions, balance.
 
 Natural frequencies are held against those of the same bodies in 60 digits, by the code of
-`tests.references`, with radii that are exact multiples of their tooth numbers.
+`tests.independent`, with radii that are exact multiples of their tooth numbers.
 """
 
 import math
@@ -15,8 +15,7 @@ from mpmath import mpf
 
 import gearlib
 from gearlib import Body, GearPair, GearTrain, Mesh, Shaft
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
+from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 KINDS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
@@ -57,7 +56,7 @@ def graded_train(kind, seed):
 
 
 def exact(train):
-    """Return the machine of `tests.references` in the digits of mpmath, its radii of one pitch."""
+    """Return the system of `tests.independent` in the digits of mpmath, its radii of one pitch."""
     description = describe(train)
     gears = [body for body in description["bodies"] if body["teeth"]]
     pitches = [body["base_radius"] / body["teeth"] for body in gears]
@@ -65,7 +64,7 @@ def exact(train):
     if np.ptp(pitches) < 1e-12 * pitches[0]:
         for body in gears:
             body["base_radius"] = body["teeth"] * mpf(pitches[0])
-    return machine_of(description, 1.0, mpmath.mp)
+    return system_of(description, 1.0, mpmath.mp)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -93,18 +92,18 @@ def test_natural_frequencies_have_all_digits(kind, seed):
 def test_static_forces_have_all_digits(kind):
     train = graded_train(kind, 0)
     with mpmath.workdps(60):
-        machine = exact(train)
-        whole = machine.modes()[2]
+        system = exact(train)
+        whole = system.modes()[2]
         load = [mpf(float(value)) for value in train.structure.load]
         # One gear held: what its torque lacks to balance is rounding.
-        held = machine.names.index((train.reference_mesh.pinion, "u"))
-        kept = [i for i in range(machine.n) if i != held]
+        held = system.names.index((train.reference_mesh.pinion, "u"))
+        kept = [i for i in range(system.n) if i != held]
         inner = mpmath.matrix(whole[np.ix_(kept, kept)].tolist())
-        q = machine.zeros(machine.n)
+        q = system.zeros(system.n)
         q[kept] = list(mpmath.lu_solve(inner, mpmath.matrix([load[i] for i in kept])))
         forces = [
-            mesh.mean_stiffness * (contact.drive.row @ q)
-            for mesh, contact in zip(train.meshes, machine.contacts, strict=True)
+            mesh.mean_stiffness * (contact["sides"][0]["row"] @ q)
+            for mesh, contact in zip(train.meshes, system.contacts, strict=True)
         ]
     largest = float(max(abs(force) for force in forces))
     own = float(abs(forces[train.mesh_names.index(train.reference)]))

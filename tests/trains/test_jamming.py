@@ -1,6 +1,6 @@
 """Both flanks of a mesh at once: a run either says so, or keeps them apart at every instant.
 
-Samples are judged by distances that the code of `tests.references` writes down for itself, of
+Samples are judged by distances that the program of `tests.independent` writes down for itself, of
 motions in which nothing looks at the other flank. ``GEARLIB_JAMMED=400`` takes so many
 random trains in place of a few: some minutes.
 """
@@ -16,8 +16,7 @@ import gearlib
 from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh, SixDegreePair
 from gearlib.data import status
 from gearlib.kernels.several_meshes.train_system import may_close
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
+from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import edge_problem
 
 COUNT = int(os.environ.get("GEARLIB_JAMMED", "40"))
@@ -48,19 +47,19 @@ def overlap(train, tuning, states, periods):
 
     states : ndarray, shape (k, n), coordinates in static deflections at equal steps of the phase.
     """
-    machine = machine_of(describe(train), tuning)
+    system = system_of(describe(train), tuning)
     phases = 2.0 * math.pi * periods * np.arange(len(states)) / len(states)
 
     def distances(side):
-        found = states @ side.row + side.constant / machine.length
-        for frequency, cosine, sine in side.waves:
+        found = states @ side["row"] + side["constant"] / system.length
+        for frequency, cosine, sine in side["waves"]:
             wave = cosine * np.cos(frequency * phases) + sine * np.sin(frequency * phases)
-            found += wave / machine.length
+            found += wave / system.length
         return found
 
     found = [
-        np.minimum(distances(one.drive), -distances(one.coast) if one.coast else -math.inf)
-        for one in machine.contacts
+        np.minimum(distances(drive), -distances(coast[0]) if coast else -math.inf)
+        for drive, *coast in (contact["sides"] for contact in system.contacts)
     ]
     return np.stack(found, axis=1)
 

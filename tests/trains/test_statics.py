@@ -9,9 +9,8 @@ import pytest
 
 from gearlib import idler, planetary, split_power_reducer, two_stage
 from gearlib.models.trains.statics import equilibrium
+from tests.independent.systems import describe, system_of
 from tests.paper import PAPER
-from tests.references.described_models import describe
-from tests.references.reference_equations import machine_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 
@@ -20,19 +19,19 @@ def rests(train):
 
     Springs only push, so that no other forces do that: their energy is convex.
     """
-    found, machine = equilibrium(train), machine_of(describe(train), 1.0)
+    found, system = equilibrium(train), system_of(describe(train), 1.0)
     assert not found.wedged.any()
-    stiffness, load = machine.still
+    stiffness, load = system.still
     left, size = load - stiffness @ found.q, np.abs(load) + np.abs(stiffness) @ np.abs(found.q)
-    for contact, force, code in zip(machine.contacts, found.force, found.contact, strict=True):
-        near, far = (machine.distance(side, found.q, 0.0) for side in contact.sides)
+    for contact, force, code in zip(system.contacts, found.force, found.contact, strict=True):
+        near, far = (system.distance(side, found.q, 0.0) for side in contact["sides"])
         # A flank that just touches fits either way, to a millionth of a millionth of the gaps.
         assert {1: near >= -1e-17, 0: near < 1e-17 and far > -1e-17, -1: far <= 1e-17}[code]
-        side, way = (contact.drive, near) if code >= 0 else (contact.coast, far)
-        level = contact.level(machine.context, side, 1e-12, 1e-12)[0]
+        side, way = contact["sides"][int(code < 0)], near if code >= 0 else far
+        level = system.level(contact, side, 1e-12)
         # Of displacements far larger than the distance.
         assert force == pytest.approx(level * way if code else 0.0, abs=1e-12 * size.max())
-        left, size = left - force * side.row, size + abs(force * side.row)
+        left, size = left - force * side["row"], size + abs(force * side["row"])
     np.testing.assert_allclose(left, 0.0, rtol=0, atol=1e-12 * size.max())
     return found.contact
 

@@ -1,4 +1,4 @@
-"""The second code knows nothing of the library; stored references, some of each file anew."""
+"""The independent program shares nothing with the library; stored references, some anew."""
 
 import subprocess
 import sys
@@ -6,6 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from tests.independent import differences
+from tests.independent.systems import describe
 from tests.physics import test_random_meshes
 from tests.physics import test_sensitivities as derivatives
 from tests.references import (
@@ -14,18 +16,17 @@ from tests.references import (
     key_of,
     numbers,
     propagate,
-    reference_slopes,
     row_texts,
     texts,
 )
-from tests.references.described_models import describe
 
 ACCURACY, RANDOM = Stored("accuracy"), test_random_meshes.REFERENCES
 
 
-def test_the_second_code_shares_nothing_with_the_library():
-    modules = [f"tests.references.{path.stem}" for path in FOLDER.glob("[a-z]*.py")]
-    assert len(modules) > 6
+def test_the_independent_program_shares_nothing_with_the_library():
+    files = list((FOLDER.parent / "independent").glob("*.py"))
+    modules = ["tests.references", *(f"tests.independent.{path.stem}" for path in files)]
+    assert len(modules) > 4
     # The package of the tests chooses the instruction set before anything else.
     code = (
         "import sys, tests\nbefore = set(sys.modules)\n"
@@ -35,7 +36,7 @@ def test_the_second_code_shares_nothing_with_the_library():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-    texts_of = [path.read_text("utf-8") for path in FOLDER.glob("*.py")]
+    texts_of = [path.read_text("utf-8") for path in [*FOLDER.glob("*.py"), *files]]
     assert not [text for text in texts_of if "import gearlib" in text or "from gearlib" in text]
 
 
@@ -57,7 +58,7 @@ def test_stored_derivatives_are_those_of_many_digits(name):
     (model, tuning, state, periods), names = derivatives.CASES[name]
     arguments = describe(model), tuning, periods, state
     stored = derivatives.REFERENCES.entries[key_of(("of_run", *arguments, list(names)))]
-    assert row_texts(reference_slopes.of_run(*arguments, names[:1])) == stored[:1]
+    assert row_texts(differences.of_run(*arguments, names[:1])) == stored[:1]
 
 
 def test_every_case_of_the_random_meshes_is_stored_once():

@@ -1,0 +1,143 @@
+"""Derivatives of motions, orbits and folds by differences of motions in many digits.
+
+Of a step of 1e-16 in 34 digits one difference keeps 16. Orbits and folds are solved for on both
+sides, in 50 digits.
+"""
+
+import copy
+
+import mpmath
+from mpmath import mp, mpf
+
+from tests.independent import program
+from tests.independent.assembly import mean_stiffness
+from tests.independent.systems import equations_of, move
+
+mp.dps = 50
+_STEP, _APART, _SHORT = mpf(10) ** -22, mpf(10) ** -10, mpf(10) ** -16
+
+
+def columns(model, tuning, periods, state):
+    """Return what is differentiated, dict of lists: as the variables of a run of the library."""
+    motion = move(model, tuning, periods, state, context=mp, recorded=1)
+    record = motion.record
+    several = model["kind"] == "GearTrain"
+    table = {"final_state": list(motion.state if several else motion.mesh_state())}
+    for name, values in (("displacement", record.heights), ("dynamic_force", record.forces)):
+        table[f"{name}_max"] = [max(contact) for contact in values]
+        table[f"{name}_min"] = [min(contact) for contact in values]
+    for i, name in enumerate(("normal", "backlash", "inverse", "min_stiffness")):
+        table[f"fraction_{name}"] = [times[i] / (2 * mp.pi) for times in record.times]
+    last = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
+    table["event_phase"] = [event.phase for event in last]
+    table["event_velocity"] = [event.rate for event in last]
+    return table
+
+
+def paths(model, name):
+    """Return what a parameter of the library moves: path in the description -> by what."""
+    if " of " in name:
+        field, rest = name.split(" of ", 1)
+        kind, label = rest.split(" ", 1)
+        group = {"body": "bodies", "mesh": "meshes"}[kind]
+        return {(group, [item["name"] for item in model[group]].index(label), field): 1}
+    if "[" in name:
+        field, index = name[:-1].split("[")
+        return {(field, int(index)): 1}
+    if model["kind"] == "DeadZoneOscillator":
+        followers = {
+            "upper_stiffness": ["lower_stiffness"],
+            "damping": ["upper_damping", "lower_damping"],
+        }[name]
+        return {(key,): 1 for key in (name, *followers) if model[key] == model[name]}
+    root = ("pair",) if name in model.get("pair", ()) else ()
+    if name == "backlash_ratio":
+        return {(*root, "backlash"): model["load"] / mean_stiffness(model)}
+    return {(*root, name): 1}
+
+
+def changed(model, tuning, name, share):
+    """Return (description, tuning, step) with a parameter grown by a share of its size."""
+    if name == "tuning":
+        return model, mpf(tuning) * (1 + share), mpf(tuning) * share
+    other, step = copy.deepcopy(model), share
+    for path, slope in paths(model, name).items():
+        inner = other
+        for key in path[:-1]:
+            inner = inner[key]
+        step = share if name == "backlash_ratio" else share * (abs(inner[path[-1]]) or 1)
+        inner[path[-1]] = slope * step + inner[path[-1]]
+    return other, tuning, step
+
+
+def of_run(model, tuning, periods, state, names):
+    """Return the derivatives of `columns` by parameters of the library, a list each."""
+    with mp.workdps(34):
+        base, rows = columns(model, tuning, periods, state), []
+        for name in names:
+            other, nu, step = changed(model, tuning, name, _SHORT)
+            moved, row = columns(other, nu, periods, state), []
+            for key in sorted(base):
+                same = len(moved[key]) == len(base[key])
+                values = moved[key] if same else [mp.nan] * len(base[key])
+                row += [(b - a) / step for a, b in zip(base[key], values, strict=True)]
+            rows.append(row)
+    return rows
+
+
+def _flow(model, tuning, period):
+    """Return the motion of a model of one degree over some periods, a function of its state."""
+    equations = equations_of(model, tuning, mp)
+    return lambda state: program.move(equations, period, state).state
+
+
+def orbit_of(model, tuning, period, guess, iterations=4):
+    """Return (state, map of small deviations) of an orbit of one degree of freedom."""
+    start = list(map(mpf, guess))
+    return program.orbit(_flow(model, tuning, period), start, _STEP, iterations)
+
+
+def _sides(model, tuning, name, value):
+    """Return the central difference of lists of numbers by a parameter."""
+    both = []
+    for sign in (1, -1):
+        other, nu, step = changed(model, tuning, name, sign * _APART)
+        both.append(value(other, nu))
+    return [(b - a) / (2 * step) for a, b in zip(*both, strict=True)]
+
+
+def of_orbit(model, tuning, period, guess, names):
+    """Return the derivatives of state, real and imaginary parts of both multipliers, a row each."""
+
+    def parts(other, nu):
+        state, matrix = orbit_of(other, nu, period, guess)
+        # Largest first and with positive imaginary part first.
+        roots = program.multipliers(matrix)
+        roots.sort(key=lambda mu: (-float(abs(mu)), -mpmath.im(mu)))
+        return [*state, *map(mpmath.re, roots), *map(mpmath.im, roots)]
+
+    return [_sides(model, tuning, name, parts) for name in names]
+
+
+def _fold(model, period, guess):
+    """Return the tuning of a fold: an orbit whose map has the multiplier 1."""
+
+    def miss(unknowns):
+        *state, tuning = unknowns
+        end, matrix = program.period_map(_flow(model, tuning, period), state, _STEP)
+        away = [a - b for a, b in zip(end, state, strict=True)]
+        return [*away, mpmath.det(matrix - mpmath.eye(2))]
+
+    unknowns, step = list(map(mpf, guess)), mpf(10) ** -11
+    for _ in range(5):
+        left, jacobian = program.period_map(miss, unknowns, step)
+        change = mpmath.lu_solve(jacobian, mpmath.matrix(left))
+        unknowns = [a - b for a, b in zip(unknowns, change, strict=True)]
+    return unknowns[2]
+
+
+def of_fold(model, period, guess, names):
+    """Return the derivatives of the tuning of a fold, one row."""
+    return [
+        _sides(model, 1.0, name, lambda other, _: [_fold(other, period, guess)]) for name in names
+    ]

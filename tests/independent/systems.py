@@ -1,0 +1,251 @@
+"""The system of a described model, as `equations` takes it; its equations written anew.
+
+A description is a model as plain values, such as JSON has, from its public attributes.
+"""
+
+import dataclasses
+
+import mpmath
+import numpy as np
+
+from tests.independent import program
+from tests.independent.assembly import (
+    System,
+    contact,
+    course,
+    flank,
+    harmonics,
+    mean_stiffness,
+    number,
+    rectangle,
+)
+from tests.independent.equations import Equations
+from tests.independent.trains import Train
+
+
+def describe(model):
+    """Return a model as dicts, lists and numbers; ``kind`` is the name of its class.
+
+    Of a train also where the stiffness of its meshes begins, which the teeth decide
+    (`tests/geometry/test_phases_by_teeth.py`).
+    """
+    description = _plain(model)
+    if description["kind"] == "GearTrain":
+        description |= {name: dict(getattr(model, name)) for name in ("phases", "inverse_phases")}
+    return description
+
+
+def _plain(value):
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        fields = {name: _plain(getattr(value, name)) for name in names}
+        return {"kind": type(value).__name__, **fields}
+    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
+
+
+def system_of(model, tuning, context=mpmath.fp):
+    """Return the `System` of a description at a tuning."""
+    make = {
+        "GearPair": _one_degree,
+        "OneDegreePair": _one_degree,
+        "DeadZoneOscillator": _oscillator,
+        "SixDegreePair": _six_degrees,
+        "GearTrain": Train,
+    }[model["kind"]]
+    return make(number(model, context), context.mpf(tuning), context)
+
+
+def equations_of(model, tuning, context=mpmath.fp):
+    """Return the equations of a description for the program."""
+    return Equations(system_of(model, tuning, context).json(), context)
+
+
+def start_of(model, tuning, state, context=mpmath.fp):
+    """Return all components, in units, for a state of the library: of six degrees by the mesh."""
+    system = system_of(model, tuning, context)
+    if model["kind"] == "SixDegreePair" and len(state) != 2 * system.n:
+        return _from_mesh(system, number(model, context), state)
+    return list(state)
+
+
+def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options):
+    """Return the motion of a description, see `program.move`."""
+    equations = equations_of(model, tuning, context)
+    return program.move(equations, periods, start_of(model, tuning, state, context), **options)
+
+
+def _one_degree(model, tuning, context):
+    """Return m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
+    pair, system = model.get("pair", model), System(context, 1)
+    extra = model if "pair" in model else {}
+    mean, m, unit = mean_stiffness(pair), pair["reduced_mass"], system.unit(0)
+    system.length, system.force = pair["load"] / mean, mean
+    system.speed = tuning * context.sqrt(mean / m)
+    system.inertia(unit, m)
+    system.load = unit * pair["load"]
+    if extra:
+        system.forces, system.shaking = (
+            [(n, [a], [b]) for n, a, b in harmonics(extra[name])]
+            for name in ("excitation", "deviation")
+        )
+    names = ("quadratic_damping", "cubic_damping")
+    material = [pair["material_damping"], *(extra.get(name, 0) for name in names)]
+    film = [pair["backlash_damping"], *(extra.get(f"backlash_{name}", 0) for name in names)]
+    stiffness = profile(pair, extra.get("profile", {"kind": "Rectangular"}), context)
+    far = context.isfinite(pair["backlash"])
+    sides = [
+        flank(unit, stiffness, material),
+        far and flank(unit, stiffness, material, constant=pair["backlash"]),
+    ]
+    powers = extra.get("quadratic_stiffness", 0), extra.get("cubic_stiffness", 0)
+    system.contacts.append(contact(sides, film, powers=powers))
+    return system
+
+
+def _oscillator(model, tuning, context):
+    """Return x'' + d x' + e x + P(x, t) = F + waves + f''; both edges have their own numbers."""
+    system, whole = System(context, 1), 2 * context.pi
+    unit = system.unit(0)
+    system.length, system.speed, system.force = context.mpf(1), tuning, context.mpf(1)
+    system.inertia(unit, 1)
+    system.spring(unit, model["ground_stiffness"])
+    system.load = unit * model["load"]
+    system.forces, system.shaking = (
+        [(n, [a], [b]) for n, a, b in harmonics(model[name])] for name in ("forcing", "deviation")
+    )
+
+    def side(which):
+        law = model[f"{which}_stiffness"]
+        if not isinstance(law, dict):
+            stiffness = course([context.mpf(0)], [(law, 0)], whole)
+        elif law["kind"] == "Steps":
+            stiffness = course(law["phase"], [(value, 0) for value in law["stiffness"]], whole)
+        else:
+            rows = harmonics(law["harmonics"])
+            stiffness = course([context.mpf(0)], [(law["mean"], 0)], whole, rows)
+        material = [model[f"{which}_damping"], 0, 0]
+        return flank(unit, stiffness, material, constant=-model[f"{which}_edge"])
+
+    sides = [side("upper"), context.isfinite(model["lower_edge"]) and side("lower")]
+    # The displacement counts from 0, not from the edge.
+    system.contacts.append(contact(sides, [model["damping"], 0, 0], zero=-model["upper_edge"]))
+    return system
+
+
+def _six_degrees(model, tuning, context):
+    """Return Eq. (3) and (4): u3, u2 and the bearing motions y3, z3, y2, z2 that are free."""
+    pair, bearings = model["pair"], model["bearing_stiffness"]
+    free = [i for i in range(4) if context.isfinite(bearings[i])]
+    system, mean = System(context, 2 + len(free)), mean_stiffness(pair)
+    system.length, system.force = pair["load"] / mean, mean
+    system.speed = tuning * context.sqrt(mean / pair["reduced_mass"])
+    coast, across = system.unit(0) + system.unit(1), system.zeros(system.n)
+    drive = coast
+    for j, (inertia, r) in enumerate(zip(model["inertias"], model["base_radii"], strict=True)):
+        system.inertia(system.unit(j), inertia / r**2)
+        system.load = system.load + system.unit(j) * (model["torques"][j] / r)
+    for k, i in enumerate(free):
+        row, gear = system.unit(2 + k), i // 2
+        system.inertia(row, model["masses"][gear])
+        system.spring(row, bearings[i], model["bearing_damping"][i])
+        if i % 2:
+            across = across + (1 - 2 * gear) * row
+        else:
+            drive = drive + (1 - 2 * gear) * row
+    (e3, e2), delta = model["eccentricities"], model["run_out_phase"]
+    run_out = [
+        (context.mpf(1) / teeth, e * cosine, e * sine)
+        for e, teeth, cosine, sine in (
+            (e3, model["teeth"][0], 0, 1),
+            # -e2 sin(Delta - phi2)
+            (e2, model["teeth"][1], -context.sin(delta), context.cos(delta)),
+        )
+        if e
+    ]
+    moving, laws = model["moving_backlash"], [rectangle(pair, context)]
+    laws.append([pair["material_damping"], 0, 0])
+    turns = model["pitch_phase"] / (2 * context.pi)
+    waves, mu = run_out + harmonics(model["deviation"]), model["friction"]
+    sides = [flank(drive, *laws, 0, waves, mu[0], turns)]
+    waves = ([] if moving else run_out) + harmonics(model["inverse_deviation"])
+    row = coast if moving else drive
+    sides.append(flank(row, *laws, pair["backlash"], waves, mu[1], turns))
+    if not context.isfinite(pair["backlash"]):
+        sides.pop()
+    system.contacts.append(contact(sides, [pair["backlash_damping"], 0, 0], across=across))
+    return system
+
+
+def _from_mesh(system, model, state):
+    """Return all components for a displacement and rate of the mesh, all in units."""
+    q, v, n = system.zeros(system.n), system.zeros(system.n), system.n
+    if model["preload"]:
+        rows = [i for i in range(4) if system.context.isfinite(model["bearing_stiffness"][i])]
+        for k, i in enumerate(rows):
+            if i % 2 == 0:
+                sign = -1 if i == 0 else 1
+                q[2 + k] = sign * model["pair"]["load"] / model["bearing_stiffness"][i]
+    shares = [r**2 / j for r, j in zip(model["base_radii"], model["inertias"], strict=True)]
+    drive = system.contacts[0]["sides"][0]
+    slow = state[1] * system.length - sum(f * b for f, _, b in drive["waves"])
+    missing = state[0] * system.length - system.distance(drive, q, 0)
+    for i in range(2):
+        q[i] += shares[i] / sum(shares) * missing
+        v[i] += shares[i] / sum(shares) * slow
+    return (np.concatenate([q, v]) / system.length).tolist()[: 2 * n]
+
+
+def profile(pair, shape, context):
+    """Return the course of the stiffness of a pair with a profile of Eq. (1), cut or tabulated."""
+    kind, whole = shape["kind"], 2 * context.pi
+    if kind == "Rectangular":
+        return rectangle(pair, context)
+    if kind == "Fourier":
+        swing = pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / 2
+        rows = []
+        for n in range(1, shape["harmonics"] + 1):
+            sine = context.sin(n * context.pi * (pair["contact_ratio"] - 2))
+            rows.append((n, swing * 4 / (context.pi * n) * (-1) ** n * sine, 0))
+        return course([context.mpf(0)], [(mean_stiffness(pair), 0)], whole, rows)
+    phases = [*shape["phase"], shape["phase"][0] + whole]
+    values = [*shape["stiffness"], shape["stiffness"][0]]
+    rows = list(zip(phases, phases[1:], values, values[1:], strict=False))
+    scale = mean_stiffness(pair) * 2 * whole / sum((u - t) * (a + b) for t, u, a, b in rows)
+    return course(
+        phases[:-1], [(a * scale, (b - a) / (u - t) * scale) for t, u, a, b in rows], whole
+    )
+
+
+class RunUp:
+    """A described model along a course: rows of s and rpm, rows of s and shares of the load.
+
+    `turn`: rad/s of the mesh for 1 rpm; `push`: accelerations of coordinates, m/s^2 for 1 rad/s^2.
+    """
+
+    def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
+        self.system = system_of(model, 1.0, context)
+        self.equations = Equations(self.system.json(), context)
+        self.pieces = program.courses(self.equations, speed, load, turn, push)
+
+    def end(self, seconds):
+        """End the course early."""
+        last = self.equations.context.mpf(seconds) * self.system.speed
+        kept = [piece for piece in self.pieces if piece.begin < last]
+        self.pieces = [piece._replace(end=min(piece.end, last)) for piece in kept]
+
+    def cuts(self, piece):
+        """Return the times, in units, at which stiffness or sliding changes, and the end."""
+        return program.cuts_of(self.equations, piece)
+
+    def move(self, q, v, times):
+        """Return (displacements at rising times in s, events) from coordinates in m and rates.
+
+        Displacements are in m, shape (times, contacts); events (time, contact, before, after).
+        """
+        length, omega = self.system.length, self.system.speed
+        state = [x / length for x in (*q, *v)]
+        phases = [self.equations.context.mpf(t) * omega for t in times]
+        motion = program.follow(self.equations, self.pieces, state, times=phases)
+        kind = float if self.equations.context is mpmath.fp else object
+        moved = np.array([row[1] for row in motion.record.samples], kind) * length
+        return moved, [(event.phase / omega, *event[1:4]) for event in motion.events]

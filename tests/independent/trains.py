@@ -1,0 +1,270 @@
+"""The system of a gear train, from its description.
+
+Displacements: of a body along x, y and the arc u of its base circle; of a planet along and across
+the radius of its pin, seen from the carrier. Springs, masses and distances are rows over them, by
+the formulas of Lin & Parker, J. Vib. Acoust. 121 (1999) 316-321.
+"""
+
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+
+from tests.independent.assembly import (
+    System,
+    contact,
+    flank,
+    harmonics,
+    mean_stiffness,
+    rectangle,
+)
+
+
+def speeds_of(model):
+    """Return name -> speed in radians per radian of reference mesh phase, by tooth numbers."""
+    teeth = {body["name"]: body["teeth"] for body in model["bodies"]}
+    first = next(mesh for mesh in model["meshes"] if mesh["name"] == model["reference"])
+    speeds = {first["pinion"]: Fraction(1, teeth[first["pinion"]])}
+    links = [
+        (a, b, Fraction(teeth[a], teeth[b]) * (1 if mesh["internal"] else -1))
+        for mesh in model["meshes"]
+        for a, b in [(mesh["pinion"], mesh["wheel"])]
+    ] + [(*shaft["bodies"], Fraction(1)) for shaft in model["shafts"]]
+    for _ in links:
+        for a, b, ratio in links:
+            if a in speeds:
+                speeds.setdefault(b, speeds[a] * ratio)
+            elif b in speeds:
+                speeds[a] = speeds[b] / ratio
+    driving = next((mesh for mesh in model["meshes"] if mesh["driving"]), first)
+    if _pinion_drives(driving, speeds) != (driving["driving"] in (None, driving["pinion"])):
+        speeds = {name: -speed for name, speed in speeds.items()}
+    return {name: speeds.get(name, Fraction(0)) for name in teeth}
+
+
+def _pinion_drives(mesh, speeds):
+    """Return whether the pinion pushes where drive-side flanks touch."""
+    # Pushed counterclockwise the first gear, of an internal mesh the wheel, touches there if 1.
+    first = mesh["wheel"] if mesh["internal"] else mesh["pinion"]
+    return (speeds[first] * mesh["direction"] > 0) != mesh["internal"]
+
+
+class Train(System):
+    """The system of a described train; `still`: stiffness and load without the turning frame."""
+
+    def __init__(self, model, tuning, context):
+        self.model, self.bodies = model, {body["name"]: body for body in model["bodies"]}
+        self.names = []
+        for name, body in self.bodies.items():
+            springs = [*body["support_stiffness"], body["torsional_stiffness"]]
+            axes = zip("xyu", springs, strict=True)
+            self.names += [(name, axis) for axis, k in axes if context.isfinite(k)]
+        super().__init__(context, len(self.names))
+        self.speeds = speeds_of(model)
+        self.add_bodies()
+        for shaft in model["shafts"]:
+            self.add_shaft(shaft)
+        self.contacts = [self.mesh(mesh) for mesh in model["meshes"]]
+        self.still = self.stiffness, self.load
+        self.set_units(tuning)
+        if model["gyroscopic"]:
+            self.turn()
+
+    def row(self, name, axis):
+        key = (name, axis)
+        return self.unit(self.names.index(key)) if key in self.names else self.zeros(self.n)
+
+    def pin(self, body):
+        """Return the rows of the pin of a planet, radial and tangential."""
+        c, s = self.context.cos(body["angle"]), self.context.sin(body["angle"])
+        x, y, u = (self.row(body["carrier"], axis) for axis in "xyu")
+        return c * x + s * y, c * y - s * x + u
+
+    def axes(self, name):
+        """Return the rows of an axis along its own x and y; of rigid pins those of the pin."""
+        body = self.bodies[name]
+        rows = [self.row(name, axis) for axis in "xy"]
+        if body["carrier"]:
+            for i, pin in enumerate(self.pin(body)):
+                if not self.context.isfinite(body["support_stiffness"][i]):
+                    rows[i] = pin
+        return rows
+
+    def rotated(self, body, x, y):
+        """Return the components along x and y of the frame of what a body has along its own."""
+        angle = body["angle"] if body["carrier"] else self.context.mpf(0)
+        c, s = self.context.cos(angle), self.context.sin(angle)
+        return c * x - s * y, s * x + c * y
+
+    def fixed(self, name):
+        """Return the rows of an axis along x and y of the frame."""
+        return self.rotated(self.bodies[name], *self.axes(name))
+
+    def add_bodies(self):
+        for name, body in self.bodies.items():
+            r, rows, turn = body["base_radius"], self.axes(name), self.row(name, "u")
+            pins = self.pin(body) if body["carrier"] else (0, 0)
+            for i, row in enumerate(rows):
+                if body["mass"] is not None:
+                    self.inertia(row, body["mass"])
+                if self.context.isfinite(body["support_stiffness"][i]):
+                    values = body["support_stiffness"][i], body["support_damping"][i]
+                    self.spring(row - pins[i], *values)
+            self.inertia(turn, body["inertia"] / r**2)
+            if self.context.isfinite(body["torsional_stiffness"]):
+                self.spring(turn / r, body["torsional_stiffness"], body["torsional_damping"])
+            self.load = self.load + turn * (body["torque"] / r)
+
+    def add_shaft(self, shaft):
+        a, b = shaft["bodies"]
+        twist = [self.row(name, "u") / self.bodies[name]["base_radius"] for name in (a, b)]
+        self.spring(twist[0] - twist[1], shaft["stiffness"], shaft["damping"])
+        for x, y in zip(self.fixed(a), self.fixed(b), strict=True):
+            self.spring(x - y, shaft["bending_stiffness"], shaft["bending_damping"])
+
+    def turn(self):
+        """Add the forces of the frame: Coriolis, centrifugal, and of supports that stand still."""
+        first = self.model["meshes"][self.reference]["pinion"]
+        w = self.model["carrier_ratio"] * self.fraction(self.speeds[first]) * self.speed
+        for name, body in self.bodies.items():
+            (x, y), m = self.axes(name), body["mass"] or 0
+            carrier = self.bodies.get(body["carrier"])
+            # m w^2 r out on the pin goes on with the carrier: across it acts on what does not.
+            lag = y - self.row(carrier["name"], "u") if carrier else y
+            self.damping = self.damping - 2 * m * w * (np.outer(x, y) - np.outer(y, x))
+            self.stiffness = self.stiffness - m * w**2 * (np.outer(x, x) + np.outer(lag, lag))
+            if carrier:
+                self.load = self.load + m * w**2 * carrier["base_radius"] * x
+            else:
+                cx, cy = body["support_damping"]
+                drag = cy * np.outer(y, x) - cx * np.outer(x, y)
+                self.stiffness = self.stiffness + w * drag
+
+    def line(self, mesh):
+        """Return the unit vector of the line of action, by -sin, cos of psi -+ a."""
+        context, way = self.context, mesh["direction"]
+        if mesh["line_of_action"] is not None:
+            return context.cos(mesh["line_of_action"]), context.sin(mesh["line_of_action"])
+        a = mesh["pressure_angle"] * (1 if mesh["internal"] else -1)
+        psi = (mesh["position"] or 0) + way * a
+        return -way * context.sin(psi), way * context.cos(psi)
+
+    def mesh(self, mesh):
+        """Return the contact of a mesh."""
+        context, way = self.context, mesh["direction"]
+        ends = (mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)
+        if mesh["internal"]:
+            ends = (mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)
+        (first, _, turn), (second, *_) = ends
+        # A way w past the pitch point the first gear slides on the second by (W1 - W2) k x w;
+        # along the line of action contact goes as the base circle of the first does.
+        leads = 1 if way * turn * self.speeds[first] > 0 else -1
+        slides = leads * (1 if self.speeds[first] > self.speeds[second] else -1)
+        row, across, turned, constant, run_out = self.distances(mesh, ends)
+        name, pinion, sides = mesh["name"], mesh["pinion"], []
+        rate = self.fraction(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
+        shifts = self.model["phases"][name], self.model["inverse_phases"][name]
+        pitch = mesh["pitch_phase"] / (2 * context.pi)
+        pitch = shifts[0] + (pitch if _pinion_drives(mesh, self.speeds) else -pitch)
+        # The other flank of a leading tooth follows by its thickness, or the space of the other.
+        thick = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
+        thick = thick[::-1] if mesh["internal"] else thick
+        pitches = pitch, pitch + leads * (thick[0] + 1 - thick[1]) / 2
+        for i, deviation in enumerate(("deviation", "inverse_deviation")):
+            waves = []
+            # With phases of the drive side: of cos(n (x - g)) and sin.
+            for n, a, b in harmonics(mesh[deviation]):
+                lag = 2 * context.pi * n * shifts[0]
+                c, s = context.cos(lag), context.sin(lag)
+                waves.append((n * rate, a * c - b * s, a * s + b * c))
+            # What supports give, run-out and offsets of axes may not close the backlash, Eq. (4).
+            moving = i == 1 and mesh["moving_backlash"]
+            edge = mesh["error"] if moving else constant
+            # Friction pushes down the slide: on the coast side, pressed by d < 0, the other way.
+            friction = (1 - 2 * i) * mesh["friction"][i]
+            edge = edge + mesh["backlash"] if i else edge
+            waves = waves if moving else waves + run_out
+            stiffness, material = rectangle(mesh, context, shifts[i]), mesh["material_damping"]
+            laws = stiffness, [material, 0, 0], edge, waves, friction, pitches[i]
+            sides.append(flank(turned if moving else row, *laws))
+        if not context.isfinite(mesh["backlash"]):
+            sides.pop()
+        film = [mesh["backlash_damping"], 0, 0]
+        return contact(sides, film, rate, across=across * slides)
+
+    def fraction(self, value):
+        return self.context.mpf(value.numerator) / value.denominator
+
+    def distances(self, mesh, ends):
+        """Return rows along and across the line of action, of the turning alone, and offsets.
+
+        The last are the constant of the distance and its waves by run-out.
+        """
+        context, (ex, ey), way = self.context, self.line(mesh), mesh["direction"]
+        row, across, constant = self.zeros(self.n), self.zeros(self.n), mesh["error"]
+        #: by the turning of the gears, and of a carrier with its pins: a coast side that moves
+        turned, run_out = self.zeros(self.n), []
+        for name, sign, turn in ends:
+            body, (x, y) = self.bodies[name], self.fixed(name)
+            turning = way * turn * self.row(name, "u")
+            row = row + sign * (ex * x + ey * y) + turning
+            across = across + sign * (ex * y - ey * x)
+            turned = turned + turning
+            if body["carrier"]:
+                px, py = self.rotated(body, *self.pin(body))
+                turned = turned + sign * (ex * px + ey * py)
+            ox, oy = self.rotated(body, *body["offset"])
+            constant += sign * (ex * ox + ey * oy)
+            # e (cos, sin)(speed tau + phase + psi) along the line
+            size, at = sign * body["eccentricity"], body["eccentricity_phase"]
+            if size:
+                c, s = self.rotated(body, size * context.cos(at), size * context.sin(at))
+                rate = self.fraction(self.speeds[name])
+                run_out.append((rate, ex * c + ey * s, ey * c - ex * s))
+        return row, across, turned, constant, run_out
+
+    def modes(self):
+        """Return (squared frequencies, shapes as columns, stiffness) at mean stiffness, at rest."""
+        context, (stiffness, _) = self.context, self.still
+        for gears, mesh in zip(self.contacts, self.model["meshes"], strict=True):
+            row = gears["sides"][0]["row"]
+            stiffness = stiffness + mean_stiffness(mesh) * np.outer(row, row)
+        if context is mpmath.fp:
+            root = np.linalg.inv(np.linalg.cholesky(self.mass))
+            squares, shapes = np.linalg.eigh(root @ stiffness @ root.T)
+        else:
+            root = mpmath.cholesky(mpmath.matrix(self.mass.tolist())) ** -1
+            root = np.array(root.tolist(), object)
+            pair = mpmath.eigsy(mpmath.matrix((root @ stiffness @ root.T).tolist()))
+            squares, shapes = (np.array(part.tolist(), object) for part in pair)
+            squares = squares.ravel()
+            order = np.argsort(squares)
+            squares, shapes = squares[order], shapes[:, order]
+        return squares, root.T @ shapes, stiffness
+
+    def set_units(self, tuning):
+        """Set units: the static deflection of the reference mesh, and the tuning's frequency."""
+        model, names = self.model, [mesh["name"] for mesh in self.model["meshes"]]
+        self.reference = names.index(model["reference"])
+        if "derived" in model:
+            # As a certificate takes them.
+            self.length, self.force = model["derived"]["length"], 1
+            self.speed = tuning * model["derived"]["omega"]
+            return
+        squares, shapes, _ = self.modes()
+        elastic = np.array([abs(w) > 1e-9 * max(squares) for w in squares], bool)
+        squares, shapes = squares[elastic], shapes[:, elastic]
+        line = self.contacts[self.reference]["sides"][0]["row"]
+        self.force = mean_stiffness(model["meshes"][self.reference])
+        parts = (line @ shapes) * (self.load @ shapes) / squares
+        deflection = abs(sum(parts))
+        there = deflection > 1e-9 * sum(abs(part) for part in parts)
+        self.length = deflection if there else self.context.mpf("1e-6")
+        if model["reference_frequency"] is not None:
+            self.speed = tuning * 2 * self.context.pi * model["reference_frequency"]
+            return
+        share = self.force * (line @ shapes) ** 2 / squares
+        # Modes of one frequency count as one.
+        energy = [sum(share[abs(squares - w) < 1e-6 * w]) for w in squares]
+        best = next(i for i, e in enumerate(energy) if e > 0.999999 * max(energy))
+        self.speed = tuning * self.context.sqrt(squares[best])
