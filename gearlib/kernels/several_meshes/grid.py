@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.kernels.polynomial import MAX_DEPTH, bernstein_matrix
 from gearlib.kernels.several_meshes.modal_arcs import DEGREE
-from gearlib.kernels.several_meshes.sparse_series import sparse_of
+from gearlib.kernels.several_meshes.sparse_series import price_of, sparse_of
 from gearlib.kernels.several_meshes.train_system import may_close
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
@@ -91,8 +91,12 @@ def grid_of(system):
     return Grid(length, kind, *own, **sparse_of(system), chirp=np.empty(0), pace=0)
 
 
-def work_of(n, wide, m, degree=DEGREE, series=False):
-    """Return `Work` for n components, filled up to `wide`, m meshes, and power series if wanted."""
+def work_of(n, wide, m, degree=DEGREE, wanted=False):
+    """Return `Work` for n components, filled up to `wide`, m meshes and polynomials.
+
+    With what the series takes where modes may cost more, or where it is `wanted`.
+    """
+    series = wanted or price_of(n) > 0
     terms = np.zeros((degree + 1 if series else 0, wide))
     distances = np.zeros((2, m, degree + 2 if series else 0))
     return Work(

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.kernels.jit import uncounted, woven
+from gearlib.kernels.several_meshes.sparse_series import price_of
 
 #: Degree of the polynomials of distances over a piece, the least and the most: where changing modes
 #: costs more than roots, as of many components, long pieces pay.
@@ -43,6 +44,8 @@ class Modes(NamedTuple):
 
     known: np.ndarray  #: int, (combinations, turns) in use, shape (2,)
     slots: np.ndarray  #: int, where to look for a key: index of the combination or -1
+    steps: np.ndarray  #: int, of the series of a combination that would have this slot
+    price: np.ndarray  #: int, how many of them its modes cost, shape (1,)
     keys: np.ndarray  #: int8, effects of all meshes, shape (c, m)
     pairs: np.ndarray  #: int, oscillating pairs, shape (c,)
     single: np.ndarray  #: int, real modes behind them, shape (c,)
@@ -76,10 +79,15 @@ def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
     wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
     each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
     c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
-    slots = 2 ** math.ceil(math.log2(4 * c))
+    # Combinations without modes are counted too.
+    slots, price = 2**14 if price_of(n) else 1, price_of(n)
+    while slots < 4 * c:
+        slots *= 2
     return Modes(
         np.zeros(2, np.int64),
         np.full(slots, -1, np.int64),
+        np.zeros(slots, np.int64),
+        np.full(1, price),
         np.empty((c, meshes), np.int8),
         np.zeros(c, np.int64),
         np.zeros(c, np.int64),
@@ -125,6 +133,7 @@ def forget(tables):
     """Empty the tables."""
     tables.known[:] = 0
     tables.slots[:] = -1
+    tables.steps[:] = 0
     tables.at[:] = -1
 
 

@@ -133,13 +133,14 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                     w.clear[j] = False
                 slot = slot_of(tables.slots, tables.keys, w.effects)
                 c = tables.slots[slot]
-                if grid.chirp.shape[0] > 0:
+                if c < 0 and tables.steps[slot] < tables.price[0]:
                     c = SERIES
                 full = recording and 0 < events.shape[0] < w.place[FOUND] + m
                 if c == -1 or full:
                     w.ahead[0] = left
                     return MISSING if c == -1 else FULL
                 if c == SERIES:
+                    tables.steps[slot] += 1 + vectors.shape[0]
                     piece = expand(system, grid, w.effects, w.z, w.terms)
                     fill_distances_of(system, grid, w.terms, w.distances)
                 else:
@@ -169,6 +170,7 @@ def go(system, grid, tables, w, number, limit, vectors, recording, summary, samp
                 for i in range(vectors.shape[0]):
                     go_by_series(system, grid, w.effects, length, vectors[i], w.terms)
                 if best > 1.0 and left > 0.0:
+                    # Modes may pay by now.
                     c = -1
                     continue
             else:

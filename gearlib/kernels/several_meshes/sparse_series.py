@@ -1,6 +1,8 @@
-"""Motions whose phase is quadratic in time, as of harmonics during a run-up: power series.
+"""Combinations of contacts without modes: the power series of the state, by what is not zero.
 
-No modes describe them. The series of the state is summed by what is not zero.
+Modes of many coordinates cost as much as a thousand steps of the series, and a train of many meshes
+that part one after the other hardly ever sees a combination again. So it goes by the series until
+the steps in a combination have cost as much as its modes would: never more than twice the least.
 """
 
 import math
@@ -16,15 +18,24 @@ SERIES = -2
 REACH = 6.0
 #: Largest last term of a series, as a share of the state.
 _LAST = 2e-17
+#: Components from which modes have to pay, and steps of the series for modes, over their square.
+_MANY, _PRICE = 60, 0.015
+
+
+def price_of(n):
+    """Return how many steps of the series the modes of n components cost; 0: fewer than count."""
+    return int(_PRICE * n * n) if n >= _MANY else 0
 
 
 def sparse_of(system, wanted=False):
     """Return the fields of a `Grid` that say what is not zero: of `free` by rows, of the meshes.
 
-    It comes first, `count` and `touched` of it; empty where the series is not `wanted`.
+    It comes first, `count` and `touched` of it; empty where modes cost less than they save and the
+    series is not `wanted`.
     """
     names = "columns", "count", "places", "touched", "values"
-    if not wanted:
+    n = system.free.shape[0]
+    if not (price_of(n) or wanted):
         none = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
         return dict(zip(names, (*none, *none, np.zeros((0, 0))), strict=True))
     moved = (system.near != 0.0) | (system.far != 0.0)

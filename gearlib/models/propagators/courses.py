@@ -28,6 +28,8 @@ _STRETCH = 512
 _SAME_PHASE = 1e-12
 #: Of a mesh period, as far from ratios of small numbers as there is: the golden section.
 _INSTANT = 0.3819660112501051
+#: A price that no number of steps of the series comes to.
+_NO_MODES = 2**62
 
 
 class Piece(NamedTuple):
@@ -289,6 +291,13 @@ class _Course:
             return self.laws
         first = (0, self.laws.first_segment.size - 1) if self.long else ()
         return chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+
+    def taken(self):
+        """Return tables for one run; of harmonics on a course there are no modes."""
+        tables = super().taken()  # type: ignore[misc]
+        if self.laws.harmonics.size:
+            tables.price[0] = _NO_MODES
+        return tables
 
     def _between(self, piece, cut, theta):
         """Return the components between the rates and the constant at the begin of a `Cut`."""
