@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.analysis.proofs import candidate, orbits
+from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.windows import Windows
@@ -38,12 +38,12 @@ def test_derivatives_through_contacts_at_once():
     """Held against those in the order that was found: differences across windows say nothing."""
     orbit = orbit_of("branches")
     with precision(420):
-        proof = orbits.Proof(orbit, *candidate.listed_contacts(orbit))
-        windows = Windows(proof.path, proof.codes, proof.phases)
+        proof = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
+        windows = Windows(proof.path, proof.phases)
         assert windows.any() and len(proof.phases) == 8
-        n = 2 * len(proof.laws.kept)
+        n = proof.laws.state_count
         unknowns = [*(v.mid() for v in proof.box), *(p.mid() for p in proof.phases)]
-        ordered = proof.path.monodromy(proof.path.equations(unknowns, proof.scale, 420)[1])
+        ordered = proof.path.monodromy(proof.path.equations(unknowns)[1])
         _, rows = windows.equations([v.mid() for v in proof.box])
         for i, j in itertools.product(range(n), repeat=2):
             assert abs(rows[i][j] + (i == j) - ordered[i, j]).mid() < 1e-13

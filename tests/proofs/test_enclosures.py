@@ -2,59 +2,40 @@
 
 import math
 
-import mpmath
 import pytest
 from flint import acb, arb, arb_mat
 
 import gearlib
 from gearlib.analysis.proofs import krawczyk, ranges
+from gearlib.analysis.proofs.arc_laws import ArcLaws, moved
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.candidate import listed_contacts
-from gearlib.analysis.proofs.closed_laws import ClosedLaw
-from gearlib.analysis.proofs.multipliers import eigenvalues, judge
-from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.train_laws import TrainLaws
+from gearlib.analysis.proofs.multipliers import eigenvalues, verdict
+from gearlib.analysis.proofs.orbits import listed_contacts
+from gearlib.analysis.proofs.path import Path, first_column
 from tests.paper import PAPER
 from tests.proofs import test_train_certificates
 
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
-@pytest.mark.parametrize("damping", [0.4, 1.0])
-def test_waves_of_all_dampings_next_to_the_critical_one(damping):
-    """Stiffnesses on either side of the square of the damping, in one ball."""
-    time, apart = 1.3, 0.05
-    with mpmath.workdps(50), precision(160) as arb:
-        law = ClosedLaw(arb(damping**2, apart), damping, 0)
-        found = law.waves(arb(time))
-        for share in (-0.999, -0.5, 0.5, 0.999):
-            square = mpmath.mpf(damping) ** 2 + share * mpmath.mpf(apart) - mpmath.mpf(damping) ** 2
-            root, decay = mpmath.sqrt(square), mpmath.exp(-mpmath.mpf(damping) * time)
-            waves = mpmath.cos(root * time), mpmath.sin(root * time) / root
-            for ball, wave in zip(found, waves, strict=True):
-                assert ball.contains(arb(mpmath.nstr(mpmath.re(decay * wave), 45)))
-        # No wider than the values spread, but for the bend.
-        assert float(found[1].rad()) < 1.2 * math.exp(-damping * time) * apart * time**3 / 6.0
-
-
 @pytest.mark.parametrize("case, share", [("parametric resonance", 0.5), ("chain", 0.3)])
 def test_frames_keep_boxes_from_being_wrapped(case, share):
     orbit, radius = test_train_certificates.found(case), 1e-9
     with precision(160) as arb:
-        laws = TrainLaws(orbit.pair, orbit.tuning)
-        given = laws, *listed_contacts(orbit), orbit.period
-        framed, bare = Path(*given), Path(*given, framed=False)
-        start = [*laws.start(orbit.state), *framed.guess]
+        laws = ArcLaws(orbit.pair, orbit.tuning)
+        path = Path(laws, *listed_contacts(orbit), orbit.period)
+        start = [*laws.initial_state(orbit.state), *path.guess]
         box = [arb(value.mid(), radius) for value in start]
-        wide, wider = (
-            max(float(value.rad()) for value in path.equations(box, 1 / laws.tuning, 160)[0])
-            for path in (framed, bare)
-        )
-        assert wide < share * wider
-        if not framed.guess:
+        n = laws.state_count
+        wide = max(float(value.rad()) for value in path.equations(box)[0])
+        state, last = first_column(path.start(box[:n], n)), 0
+        for node, phase in zip(path.nodes, path.phases(box[n:]), strict=True):
+            state, last = moved(node.law, state, (phase - last) * path.scale), phase
+        assert wide < share * max(float(v.rad()) for v in (laws.basis * state).entries()[:n])
+        if not path.guess:
             # Without contacts all is linear: a box about the image turns with it, in n dimensions
             # no wider than that by sqrt(n).
-            slopes = framed.equations([value.mid() for value in start], 1 / laws.tuning, 160)[1]
+            slopes = path.equations([value.mid() for value in start])[1]
             image = max(sum(float(abs(entry.mid())) for entry in row) for row in slopes)
             assert wide < math.sqrt(len(slopes)) * image * radius
 
@@ -70,13 +51,13 @@ def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch
         return [x + next(away), *others], inverse
 
     def noted(path, arcs, *given):
-        boxes.append(arcs[0][0].entries()[:2])
+        boxes.append((path.laws.basis * arcs[0][0]).entries()[:2])
 
     with precision(128) as arb:
         part = ranges._Range(orbit, *listed_contacts(orbit))
         ends = [1 / arb(nu) for nu in (0.9, 0.900001)]
-        systems = [part.system(end) for end in ends]
-        inside = [krawczyk.enclose(one, *polish(one, part.here, ranges.FOLD)) for one in systems]
+        systems = [part.path(end).equations for end in ends]
+        inside = [krawczyk.enclose(one, *polish(one, part.reached)) for one in systems]
         monkeypatch.setattr(ranges, "check_contacts", noted)
         monkeypatch.setattr(krawczyk, "polish", beside)
         part._piece(ends[0].union(ends[1]), ends[1], None)
@@ -104,8 +85,12 @@ def test_multiple_eigenvalues_are_enclosed():
         assert ball.contains(one) and abs(complex(ball.mid()) - value) < 1e-15
     # Alone, so real; of the two that meet it is not known.
     assert values[0].imag == 0 and values[3].imag.rad() > 0
-    assert judge(values)[0] == "unstable" and judge(values[3:])[0] == "stable"
-    assert judge(values[1:])[0] == "undecided"
+    for part, stability in (
+        (values, "unstable"),
+        (values[3:], "stable"),
+        (values[1:], "undecided"),
+    ):
+        assert verdict(part, matrix, None)[0] == stability
 
 
 def test_eigenvalues_of_all_matrices_of_a_ball():

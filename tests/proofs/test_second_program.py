@@ -6,7 +6,6 @@ import math
 import pytest
 
 import gearlib
-from gearlib.analysis.proofs.certificate_files import number
 from tests.paper import PAPER
 from tests.proofs.checker import range_faults
 
@@ -63,10 +62,10 @@ def test_a_range_with_bounces_is_confirmed_and_one_that_is_changed_is_refused():
     assert range_faults(part(whole, [backwards])) == ["order"]
     two = part(whole, pieces[:2])
     # A box beside the orbit, one that is too wide, one that is too narrow.
-    beside = [number(float.fromhex(pieces[1]["centre"][0]) + 0.1), *pieces[1]["centre"][1:]]
+    beside = [(float.fromhex(pieces[1]["centre"][0]) + 0.1).hex(), *pieces[1]["centre"][1:]]
     assert "pieces" in changed(two, 1, centre=beside)
     for share in (100.0, 1e-3):
-        radii = [number(share * float.fromhex(radius)) for radius in pieces[1]["radii"]]
+        radii = [(share * float.fromhex(radius)).hex() for radius in pieces[1]["radii"]]
         assert "pieces" in changed(two, 1, radii=radii)
     fewer = [piece | {name: piece[name][:2] for name in ("centre", "radii")} for piece in pieces]
     assert "pieces" in range_faults(part(whole, fewer[:1]) | {"pattern": [1]})

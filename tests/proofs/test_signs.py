@@ -10,11 +10,10 @@ import pytest
 from scipy.linalg import expm
 
 import gearlib
-from gearlib.analysis.proofs import candidate, orbits
+from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import flint, precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.closed_laws import ClosedLaw
-from gearlib.analysis.proofs.path import DRIVE
+from gearlib.analysis.proofs.models_in_balls import DRIVE
 from gearlib.analysis.proofs.signs import check_arc, check_contacts
 from tests.paper import PAPER
 
@@ -27,12 +26,20 @@ def arc(law, x, w, t, *crossed, code=1, line=0.0):
     `crossed` says of both ends whether the line is crossed there, `code` is the contact code.
     """
     with precision(160) as arb:
-        law, z = ClosedLaw(*law), flint().arb_mat([[x], [w], [1]])
-        rows = [[None, flint().arb_mat([[1, 0, -line]])]]
-        laws = SimpleNamespace(distances=rows, moving=[False], mesh_names=["mesh"])
+        stiffness, damping, load = law
+        matrix = [[0, 1, 0], [-stiffness, -2.0 * damping, load], [0, 0, 0]]
+        law = flint().arb_mat(matrix)
+        start = flint().arb_mat([[x], [w], [1]])
+        mesh = SimpleNamespace(clearance_varies=False, has_backlash=True)
+        laws = SimpleNamespace(
+            distances=[[None, flint().arb_mat([[1, 0, -line]])]],
+            numbers=SimpleNamespace(meshes=[mesh]),
+            mesh_names=["mesh"],
+        )
         marks = [(0, DRIVE) if mark else None for mark in crossed or (False, False)]
         try:
-            check_arc(laws, law, z, law.go(z, arb(t)), arb(t), [code], marks, 0.0)
+            end = (law * arb(t)).exp() * start
+            check_arc(laws, law, start, end, arb(t), [code], marks, 0.0)
         except Uncertain as reason:
             assert reason.args[0] == "grazing"
             return False
@@ -106,7 +113,7 @@ def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
 def test_contacts_out_of_order_or_at_a_switch_are_noticed():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
-        one = orbits.Proof(orbit, *candidate.listed_contacts(orbit))
+        one = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
         arcs, given = one.arcs, one.path.phases(one.phases)
         check_contacts(one.path, arcs, one.ends, given)
         lost, gained = (i for i, node in enumerate(one.path.nodes) if node.before != node.after)

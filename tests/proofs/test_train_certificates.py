@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -13,14 +14,13 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.proofs import krawczyk
+from gearlib.analysis.proofs.arc_laws import ArcLaws
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.candidate import listed_contacts
 from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.orbits import FOLD, REACH, Proof
+from gearlib.analysis.proofs.models_in_balls import numbers_of
+from gearlib.analysis.proofs.orbits import REACH, Proof, listed_contacts
 from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.signs import _bounds, check_contacts
-from gearlib.analysis.proofs.train_laws import TrainLaws
-from gearlib.analysis.proofs.train_numbers import parts_of
+from gearlib.analysis.proofs.signs import bounds_of, check_contacts
 from tests.independent.certificates import Motion
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
@@ -174,7 +174,7 @@ def test_excitation_in_balls_is_that_of_the_kernels():
     flank = {"friction": (0.05, 0.05), "pitch_phase": 0.4, "tooth_thickness": (0.52, 0.47)}
     train = train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
     frequencies, waves, constants = train.excitation
-    for j, mesh in enumerate(parts_of(train).meshes):
+    for j, mesh in enumerate(numbers_of(train, 1.0).meshes):
         for side in (0, 1):
             found = [mesh.waves.get(Fraction(f).limit_denominator(10**6)) for f in frequencies]
             found = [value for row in found for value in (row[side] if row else (0.0, 0.0))]
@@ -182,8 +182,8 @@ def test_excitation_in_balls_is_that_of_the_kernels():
             gap = constants[side, j] + (0.0 if side else train.meshes[j].backlash)
             assert float(mesh.constants[side]) == pytest.approx(gap, rel=0, abs=1e-20)
         phases = train.inverse_phases[mesh.name], train.phases[mesh.name]
-        assert tuple(map(float, mesh.phases)) == phases
-        assert float(mesh.pitches[1]) * math.tau == pytest.approx(-0.4, abs=1e-15)
+        assert tuple(map(float, mesh.timing.phases)) == phases
+        assert float(mesh.timing.pitches[1]) * math.tau == pytest.approx(-0.4, abs=1e-15)
 
 
 def small_random_orbit(seed):
@@ -267,15 +267,15 @@ def test_what_is_beyond_the_proof_is_refused_by_name(monkeypatch):
     turning = gearlib.planetary(turning=True, gyroscopic=True)
     refused = gearlib.certify(replace(orbit, pair=turning))
     assert refused.status == "model" and "frame" in refused.message
-    monkeypatch.setattr("gearlib.analysis.proofs.path._MOST", 10)
+    monkeypatch.setattr("gearlib.analysis.proofs.path.MAX_ARCS", 10)
     refused = gearlib.certify(orbit)
     assert refused.status == "together" and "too many" in refused.message
 
 
 def check(path, unknowns):
     """Prove the contacts of a path."""
-    phases = path.phases(unknowns[2 * len(path.laws.kept) :])
-    check_contacts(path, *path.states(unknowns, 1 / path.laws.tuning), phases)
+    _, _, arcs, ends = path.equations(unknowns)
+    check_contacts(path, arcs, ends, path.phases(unknowns[path.laws.state_count :]))
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])
@@ -285,13 +285,10 @@ def test_contacts_that_are_not_listed_are_seen(tuning):
     The lower dip lies within a piece, at whose ends nothing is seen of it.
     """
     with precision(128):
-        laws = TrainLaws(gearlib.idler(LIGHT), tuning)
+        laws = ArcLaws(gearlib.idler(LIGHT), tuning)
         path = Path(laws, [1, 1], [], 1)
-        start = laws.start(found("parametric resonance").state)
-        system = lambda u: path.equations(u, 1 / laws.tuning)  # noqa: E731
-        centre, inverse = krawczyk.polish(system, start, FOLD)
-        box = krawczyk.enclose(system, centre, inverse)
-        assert box
+        start = laws.initial_state(found("parametric resonance").state)
+        box = krawczyk.enclose(path.equations, *krawczyk.polish(path.equations, start))
         with pytest.raises(Uncertain) as error:
             check(path, box)
         assert error.value.args[0] == "grazing"
@@ -318,15 +315,15 @@ def test_contacts_that_are_not_listed_are_seen_where_others_coincide(backlash, s
 def test_contacts_in_another_order_are_seen():
     orbit = found("idler")
     with precision(128):
-        laws = TrainLaws(orbit.pair, orbit.tuning)
+        laws = ArcLaws(orbit.pair, orbit.tuning)
         events = [(float(one.phase), one) for one in gearlib.certify(orbit).events]
         names = orbit.pair.mesh_names
         events = [(at, names.index(one.mesh), one.before, one.after) for at, one in events]
         right = Path(laws, [0, 1], events, 1)
-        system = lambda u: right.equations(u, 1 / laws.tuning)  # noqa: E731
-        box, _ = krawczyk.polish(system, [*laws.start(orbit.state), *right.guess], FOLD)
+        start = [*laws.initial_state(orbit.state), *right.guess]
+        box, _ = krawczyk.polish(right.equations, start)
         check(right, box)
-        n = 2 * len(laws.kept)
+        n = laws.state_count
         turned = [*box[:n], box[n], box[n + 2], box[n + 1], box[n + 3]]
         with pytest.raises(Uncertain) as error:
             check(right, turned)
@@ -348,10 +345,17 @@ def test_an_orbit_taken_twice_is_refused():
 
 def test_play_that_closes_is_looked_for():
     """Where it changes, both flanks have to be where they belong."""
-    for code, fixed, moving in ((1, 1, 2), (0, 2, 2), (-1, 1, 2)):
-        assert len(_bounds(code, ("coast", "drive"), False)) == fixed
-        assert len(_bounds(code, ("coast", "drive"), True)) == moving
-    assert len(_bounds(1, (None, "drive"), True)) == len(_bounds(0, (None, "drive"), True)) == 1
+    for model, coast, counts in (
+        (chain(), "coast", (2, 2, 2)),
+        (moving(), "coast", (2, 2, 2)),
+        (branches(), "coast", (2, 1, 1)),
+        (branches(), None, (1, 1, 0)),
+    ):
+        rows = [[coast, "drive"]] * len(model.meshes)
+        laws = SimpleNamespace(numbers=numbers_of(model, 1.0), distances=rows)
+        for code, count in zip((0, 1, -1), counts, strict=True):
+            found = bounds_of(laws, [code] * len(rows))
+            assert sum(bound.mesh == 0 for bound in found) == count, (code, found)
 
 
 def test_of_which_meshes_the_play_changes():
@@ -365,18 +369,19 @@ def test_of_which_meshes_the_play_changes():
             deviation=one,
             inverse_deviation=coast,
         )
-        assert parts_of(six).meshes[0].moving == changes
+        assert numbers_of(six, 1.0).meshes[0].clearance_varies == changes
     for inverse, changes in ((one, False), (other, True)):
         train = branches()
         mesh = replace(train.meshes[0], deviation=one, inverse_deviation=inverse)
         train = train.replace(meshes=[mesh, *train.meshes[1:]])
-        assert [mesh.moving for mesh in parts_of(train).meshes] == [changes, False]
+        found = [mesh.clearance_varies for mesh in numbers_of(train, 1.0).meshes]
+        assert found == [changes, False]
 
 
 @pytest.mark.parametrize("ratio, low", [(1.0, True), (2.0, False)])
 def test_a_stiffness_that_never_switches(ratio, low):
     train = branches()
     meshes = [replace(mesh, contact_ratio=ratio) for mesh in train.meshes]
-    for mesh in parts_of(train.replace(meshes=meshes)).meshes:
-        assert mesh.cuts() == set()
-        assert all(mesh.low(1, Fraction(k, 8)) == low for k in range(8))
+    (segment,) = numbers_of(train.replace(meshes=meshes), 1.0).segments
+    levels = [level for sides in segment.conditions for level, _ in sides]
+    assert segment.phase == 0 and levels == [int(low)] * 4

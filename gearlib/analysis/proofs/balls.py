@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
 
-#: Bits where few will do: for derivatives, for polynomials, and where a radius is looked for.
-COARSE = 64
-
 
 def flint():
     """Return the module of python-flint.
@@ -39,9 +36,29 @@ def precision(bits):
         yield module.arb
 
 
-def middle(values):
-    """Return the midpoints of balls, as exact balls."""
-    return [value.mid() for value in values]
+def ball_of(fraction):
+    """Return a fraction as a ball."""
+    return flint().arb(fraction.numerator) / fraction.denominator
+
+
+def column_of(values):
+    """Return a matrix of one column."""
+    return flint().arb_mat([[value] for value in values])
+
+
+def matrix_of(array):
+    """Return a matrix of balls from an array of two dimensions."""
+    return flint().arb_mat(array.tolist())
+
+
+def identity(n):
+    """Return the unit matrix."""
+    return flint().arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+
+
+def norm(matrix):
+    """Return the largest sum of magnitudes in a row, an upper bound."""
+    return max(sum(map(abs, row), flint().arb(0)).upper() for row in matrix.tolist())
 
 
 @dataclass(frozen=True)
@@ -69,10 +86,6 @@ class Enclosure:
         off = abs(exact.subtract(shown, centre))
         radius = Context(prec=2, rounding="ROUND_UP").add(radius, off)
         return f"{shown} +- {radius}"
-
-    def as_list(self):
-        """Return both ends as texts."""
-        return [str(self.low), str(self.high)]
 
 
 def enclosure(ball, digits):

@@ -5,6 +5,9 @@ its eigenvalues lie in the discs of Gershgorin about the diagonal, m of them in 
 together and meet no other (Varga, *Gersgorin and His Circles*, 2004).
 """
 
+from functools import reduce
+from itertools import chain
+
 from gearlib.analysis.proofs.balls import flint
 from gearlib.analysis.proofs.certificate_files import Uncertain
 
@@ -15,92 +18,56 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 def eigenvalues(matrix):
     """Return enclosures of all eigenvalues, the largest first: complex balls."""
     module = flint()
-    whole = module.acb_mat(matrix)
-    _, vectors = whole.mid().eig(right=True, algorithm="approx")
+    complex_matrix = module.acb_mat(matrix)
+    _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
     try:
-        near = vectors.mid().solve(whole * vectors.mid())
+        diagonal = vectors.mid().solve(complex_matrix * vectors.mid())
     except ZeroDivisionError:
         raise Uncertain("precision", "the eigenvectors of the map are not told apart") from None
-    discs = []
-    for i in range(near.nrows()):
-        radius = sum(
-            (abs(near[i, j]).upper() for j in range(near.ncols()) if j != i), module.arb(0)
-        )
-        discs.append(near[i, i] + _square(radius))
-    found = []
-    while discs:
-        # Each of the discs that hang together holds none, or one, or more of their eigenvalues.
-        cluster, others = [discs.pop()], discs
-        while True:
-            joined = [disc for disc in others if any(disc.overlaps(one) for one in cluster)]
-            if not joined:
-                break
-            others = [disc for disc in others if not any(disc.overlaps(one) for one in cluster)]
-            cluster += joined
-        discs = others
-        whole = cluster[0]
-        for one in cluster[1:]:
-            whole = whole.union(one)
-        found += [whole] * len(cluster)
-    found = [_real(one, found) for one in found]
-    return sorted(found, key=lambda one: (-float(abs(one).mid()), -float(one.imag.mid())))
+    clusters: list = []
+    for i, row in enumerate(diagonal.tolist()):
+        radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))
+        ball = module.arb(0, radius.upper())
+        disc = row[i] + module.acb(ball, ball)
+        # Discs that hang together hold as many eigenvalues as they are, each none, one or more.
+        touching = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
+        clusters = [cluster for cluster in clusters if cluster not in touching]
+        clusters.append([disc, *chain(*touching)])
+    values = []
+    for cluster in clusters:
+        values += [reduce(lambda a, b: a.union(b), cluster)] * len(cluster)
+    values = [_real(value, values) for value in values]
+    return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
 
 
-def _square(radius):
-    ball = flint().arb(0, radius.upper())
-    return flint().acb(ball, ball)
-
-
-def _real(one, found):
+def _real(value, values):
     """Return an eigenvalue with the imaginary part 0 where its conjugate can be no other one."""
-    conjugate = flint().acb(one.real, -one.imag)
-    if sum(conjugate.overlaps(other) for other in found) == 1 and conjugate.overlaps(one):
-        return flint().acb(one.real)
-    return one
+    conjugate = flint().acb(value.real, -value.imag)
+    if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
+        return flint().acb(value.real)
+    return value
 
 
-def judge(multipliers):
-    """Return (stability, reason) from the enclosures of all multipliers."""
-    if any(abs(one) > 1 for one in multipliers):
+def verdict(multipliers, matrix, determinant):
+    """Return (stability, reason) from a map of small deviations and its multipliers.
+
+    Where the determinant is known, trace and determinant of two multipliers are judged, by Jury's
+    conditions.
+    """
+    outside = any(abs(value) > 1 for value in multipliers)
+    inside, name = all(abs(value) < 1 for value in multipliers), "all"
+    if matrix.nrows() == 2 and determinant is not None:
+        trace, name = abs(matrix[0, 0] + matrix[1, 1]), "both"
+        outside = determinant > 1 or trace > 1 + determinant
+        inside = determinant < 1 and trace < 1 + determinant
+        if determinant == 1 and trace < 2:
+            return (
+                "undecided",
+                "nothing is damped on its way: both multipliers lie on the unit circle, exactly, "
+                "and decide nothing",
+            )
+    if outside:
         return "unstable", "a multiplier lies outside the unit circle"
-    if all(abs(one) < 1 for one in multipliers):
-        return "stable", "all multipliers lie inside the unit circle"
+    if inside:
+        return "stable", f"{name} multipliers lie inside the unit circle"
     return UNDECIDED
-
-
-def of_two(trace, determinant):
-    """Return the eigenvalues of a map of two components, the larger first."""
-    module, half = flint(), trace / 2
-    acb, square = module.acb, half * half - determinant
-    if square < 0:
-        root = (-square).sqrt()
-        return acb(half, root), acb(half, -root)
-    if square > 0:
-        root = square.sqrt()
-        # The larger root without cancellation, the other by the product.
-        large = half + root if trace > 0 else half - root
-        return acb(large), acb(determinant / large)
-    size = module.arb(0, abs(square).upper().sqrt().upper())
-    return (acb(half + size, size),) * 2
-
-
-def judge_two(trace, determinant):
-    """Return (stability, reason): Jury's conditions on trace and determinant."""
-    if determinant > 1 or abs(trace) > 1 + determinant:
-        return "unstable", "a multiplier lies outside the unit circle"
-    if determinant < 1 and abs(trace) < 1 + determinant:
-        return "stable", "both multipliers lie inside the unit circle"
-    if determinant == 1 and abs(trace) < 2:
-        return (
-            "undecided",
-            "nothing is damped on its way: both multipliers lie on the unit circle, exactly, and "
-            "decide nothing",
-        )
-    return UNDECIDED
-
-
-def verdict(matrix, determinant):
-    """Return (stability, reason) from a map of small deviations and its determinant."""
-    if matrix.nrows() == 2:
-        return judge_two(matrix[0, 0] + matrix[1, 1], determinant)
-    return judge(eigenvalues(matrix))

@@ -1,45 +1,39 @@
 """`certify`: a periodic orbit proven to exist, with its contacts, its multipliers and stability."""
 
 import math
-from functools import partial
 from itertools import pairwise, product
-from typing import Any
 
 from gearlib import checks
-from gearlib.analysis.orbits.shooting import check_orbit
+from gearlib.analysis.orbits.shooting import check_orbit, resting
 from gearlib.analysis.proofs import krawczyk
-from gearlib.analysis.proofs.balls import COARSE, digits_of, enclosure, flint, precision
-from gearlib.analysis.proofs.candidate import check_model, laws_of, listed_contacts
+from gearlib.analysis.proofs.arc_laws import ArcLaws
+from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
+    ContactEvent,
+    MeshEvent,
     Refusal,
     TrainCertificate,
-    TrainFacts,
     Uncertain,
-    listed,
 )
-from gearlib.analysis.proofs.extrema import extrema
-from gearlib.analysis.proofs.multipliers import eigenvalues, judge, judge_two, of_two
+from gearlib.analysis.proofs.models_in_balls import model_reader
+from gearlib.analysis.proofs.multipliers import eigenvalues, verdict
 from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.signs import check_contacts
-from gearlib.analysis.proofs.windows import Windows, close
+from gearlib.analysis.proofs.signs import check_contacts, extrema
+from gearlib.analysis.proofs.windows import Windows, smallest_interval
+from gearlib.data.status import JAMMED, MESSAGES
+from gearlib.kernels import orbit as columns
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.
 REACH = 1e-8
-#: Bits beyond the digits asked for, where contacts come together too; how often they are doubled.
-_GUARD, _MORE, _DOUBLINGS = 64, 320, 3
-#: Status and sentence where the derivative is singular.
-FOLD = (
-    "fold",
-    "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
-)
-#: How often contacts at nearly one phase are put into another order; what is near, and the bits
-#: that tell most of them apart.
-_ORDERS, _NEAR, _SORTING = 3, 1e-9, 96
+#: Bits beyond the digits asked for, where contacts come together too, because windows of contacts
+#: at once widen from one to the next; how often the bits are doubled.
+_GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
+#: How often contacts at nearly one phase are put into another order.
+_MAX_ORDERS = 4
 #: By how much derivatives in an order and through windows may differ.
-_SAME = 2.0**-32
-#: A box that shows how large a box about the orbit may be, and how often a smaller one is tried.
-_SMALL, _TRIES = 2.0**-24, 20
+_DERIVATIVE_TOLERANCE = 2.0**-32
 
 
 def certify(orbit, digits=30):
@@ -78,74 +72,68 @@ def certify(orbit, digits=30):
     """
     check_orbit(orbit)
     digits = checks.integer("digits", digits, 10, 300)
+    flint()
     try:
-        check_model(orbit.pair)
         contacts = listed_contacts(orbit)
-        return proven(digits, lambda: Proof(orbit, *contacts).certificate(digits))
+        try:
+            return _certificate(orbit, contacts, digits, _GUARD_BITS)
+        except Uncertain as reason:
+            if reason.args[0] != "together":
+                raise
+            return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
     except Uncertain as reason:
         return Refusal(*reason.args)
 
 
-def proven(digits, step):
-    """Return what a step gives, with more bits where contacts come together."""
-    try:
-        return first_with(digits, step)
-    except Uncertain as reason:
-        if reason.args[0] != "together":
-            raise
-        # Windows of contacts at once widen from one to the next.
-        return first_with(digits, step, _MORE)
-
-
-def first_with(digits, step, guard=_GUARD):
-    """Return what a step gives at the first precision at which it reaches the digits.
-
-    `step` returns (what it gives, digits reached); `guard` are the first bits beyond the digits.
-    """
-    bits, reached = math.ceil(digits / math.log10(2.0)) + guard, 0
-    for _ in range(_DOUBLINGS):
+def _certificate(orbit, contacts, digits, guard_bits):
+    """Return the certificate at the first precision at which it reaches the digits."""
+    bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
+    for _ in range(_MAX_DOUBLINGS):
         with precision(bits):
-            found, reached = step()
+            certificate, reached = Proof(orbit, *contacts).certificate(digits)
         if reached >= digits:
-            return found
+            return certificate
         bits *= 2
     raise Uncertain("precision", f"only {reached} digits were reached, not {digits}")
 
 
-def _enclosed(system, centre, inverse, given):
-    """Return the box with one orbit, of state and phases, and its distance from a given state."""
-    box = krawczyk.enclose(system, centre, inverse)
-    if box is None:
-        raise Uncertain(*FOLD)
-    moved = max(abs(a - b).upper() for a, b in zip(box, given, strict=False))
-    if not moved < REACH:
-        raise Uncertain(
-            "distance",
-            f"the nearest orbit found lies {float(moved):.2g} static deflections from the "
-            f"candidate; {REACH:g} is allowed",
+def listed_contacts(orbit):
+    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
+
+    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods; the
+    candidate has to list them. A model without a proof is refused.
+    """
+    model, state, period = orbit.pair, orbit.state, orbit.period
+    model_reader(model)
+    table, summary, _, status = model.propagator(orbit.tuning).recorded(state, period, MAX_EVENTS)
+    if status == JAMMED:
+        raise Uncertain("jammed", MESSAGES[JAMMED])
+    events = [
+        (
+            2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
+            # Behind the columns of every event the mesh, where there are several.
+            int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
+            int(row[columns.EVENT_FROM]),
+            int(row[columns.EVENT_TO]),
         )
-    return box, moved
+        for row in table
+    ]
+    codes = resting(summary[..., columns.X_MIN], summary[..., columns.X_MAX], *model.flank_lines)
+    pattern = pattern_of(codes, events)
+    for _, mesh, before, _ in reversed(events):
+        codes[mesh] = before
+    if pattern != tuple(orbit.pattern):
+        raise Uncertain(
+            "contacts",
+            f"the motion from the candidate has the contacts {pattern}, not the listed "
+            f"{tuple(orbit.pattern)}",
+        )
+    return codes, events
 
 
-def pattern_of(codes, contacts):
+def pattern_of(codes, events):
     """Return the contact codes in the order met, as those of an `Orbit`."""
-    return (contacts[0][2], *(one[3] for one in contacts)) if contacts else tuple(codes)
-
-
-def state_of(laws, box, scale, digits):
-    """Return the enclosures of displacement and dx/dtau, of a train tuples of all coordinates."""
-    within = partial(enclosure, digits=digits)
-    if not laws.framed:
-        return within(box[0]), within(box[1] * scale)
-    return tuple(tuple(map(within, half)) for half in laws.spread(box, scale))
-
-
-def train_of(laws, codes):
-    """Return the `TrainFacts` of the laws of a train; None: of one degree of freedom."""
-    if not laws.framed:
-        return None
-    fixed = tuple(laws.coordinates[i] for i in laws.fixed)
-    return TrainFacts(laws.mesh_names, tuple(codes), laws.coordinates, fixed, laws.derived)
+    return (events[0][2], *(event[3] for event in events)) if events else tuple(codes)
 
 
 class Proof:
@@ -153,106 +141,76 @@ class Proof:
 
     def __init__(self, orbit, codes, events):
         self.orbit, self.codes = orbit, tuple(codes)
-        self.laws = laws = laws_of(orbit.pair, orbit.tuning)
-        self.scale = 1 / laws.tuning
-        if orbit.period % laws.repeats:
+        self.laws = laws = ArcLaws(orbit.pair, orbit.tuning)
+        if orbit.period % laws.common_period:
             raise Uncertain(
                 "period",
-                f"the excitation repeats after {laws.repeats} mesh periods, not after "
+                f"the excitation repeats after {laws.common_period} mesh periods, not after "
                 f"{orbit.period}",
             )
-        given = laws.start(orbit.state)
-        self.centre, inverse = self._polished(given, events)
-        system, n = self.system, len(given)
-        windows = Windows(self.path, codes, self.centre[n:]) if laws.framed else None
-        if windows and windows.any():
+        candidate, n = laws.initial_state(orbit.state), laws.state_count
+        centre, inverse = self._polished(candidate, events)
+        system = self.path.equations
+        windows = Windows(self.path, centre[n:])
+        if windows.any():
             system = windows.equations
-            self._check_derivative(windows)
-            self.centre, inverse = krawczyk.polish(system, self.centre[:n], FOLD)
-        else:
-            windows = None
-        self.box, self.moved = _enclosed(system, self.centre, inverse, given)
-        if windows:
-            self.phases, self.speeds, self.ends, self.map = windows.proven(self.box)
+            self._check_derivative(windows, centre)
+            centre, inverse = krawczyk.polish(system, centre[:n])
+        #: Enclosure of the state at tau = 0, and of the contacts' phases where there is no window.
+        self.box = krawczyk.enclose(system, centre, inverse)
+        self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
+        if not self.distance < REACH:
+            raise Uncertain(
+                "distance",
+                f"the nearest orbit found lies {float(self.distance):.2g} static deflections from "
+                f"the candidate; {REACH:g} is allowed",
+            )
+        if windows.any():
+            _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
+            self.map, self.determinant = flint().arb_mat(rows), None
             system = windows.equations_or_nothing
         else:
             self.phases = self.box[n:]
-            self.arcs, self.ends = self.path.states(self.box, self.scale)
-            self.speeds = check_contacts(
-                self.path, self.arcs, self.ends, self.path.phases(self.phases)
-            )
-            _, rows = self.path.equations(self.box, self.scale, flint().ctx.prec)
-            self.map = self.path.monodromy(rows)
+            _, rows, self.arcs, self.ends = system(self.box)
+            phases = self.path.phases(self.phases)
+            self.speeds = check_contacts(self.path, self.arcs, self.ends, phases)
+            self.map, self.determinant = self.path.monodromy(rows), self.path.determinant(self.arcs)
         self._check_period()
-        # Few bits suffice for a radius, but not for windows.
-        with precision(flint().ctx.prec if windows or not laws.framed else COARSE):
-            self.radius = self._radius(system, inverse)
+        self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
-    def system(self, unknowns):
-        """Return the equations at the tuning of the orbit."""
-        return self.path.equations(unknowns, self.scale)
-
-    def _check_derivative(self, windows):
+    def _check_derivative(self, windows, centre):
         """Hold the derivative through windows against that in the one order that was found.
 
         Differences would say nothing: at another place than their middle windows are as wide as the
         step to it.
         """
-        n = 2 * len(self.laws.kept)
-        residuals, rows = self.system(self.centre)
-        krawczyk.check_derivative(self.system, self.centre, residuals)
-        ordered = self.path.monodromy(rows)
-        _, rows = windows.equations(self.centre[:n])
+        residuals, rows, *_ = self.path.equations(centre)
+        krawczyk.check_derivative(self.path.equations, centre, residuals)
+        ordered, n = self.path.monodromy(rows), self.laws.state_count
+        _, rows = windows.equations(centre[:n])
         for i, j in product(range(n), repeat=2):
-            apart = ordered[i, j] - (i == j) - rows[i][j]
-            if not abs(apart).lower() < _SAME * max(1, abs(ordered[i, j])):
+            difference = ordered[i, j] - (i == j) - rows[i][j]
+            if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(ordered[i, j])):
                 raise Uncertain(*krawczyk.WRONG)
 
-    def _radius(self, system, inverse, small=_SMALL):
-        """Return the radius of uniqueness; `small` is one that shows how large it may be."""
-        n = len(self.centre)
-        for _ in range(_TRIES):
-            shift = krawczyk.image(system, self.centre, [small] * n, inverse, [0] * n)
-            # The share of a box that its image fills grows with the box.
-            share = float(max(abs(s) for s in shift).upper()) / small
-            if share < 1.0:
-                break
-            small *= _SMALL
-        largest = min(krawczyk.LARGEST, small / _SMALL, 0.5 * small / max(share, small))
-        return krawczyk.uniqueness(system, self.centre, inverse, FOLD, largest)
-
-    def _path(self, events, framed=None):
-        return Path(self.laws, self.codes, events, self.orbit.period, framed=framed)
-
-    def _polished(self, given, events):
+    def _polished(self, state, events):
         """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
-        n = len(given)
-        start, events = self._ordered(given, events)
-        for _ in range(_ORDERS):
-            self.path = self._path(events)
-            centre, inverse = krawczyk.polish(self.system, [*start, *self.path.guess], FOLD)
+        for _ in range(_MAX_ORDERS):
+            self.path = Path(self.laws, self.codes, events, self.orbit.period)
+            centre, inverse = krawczyk.polish(self.path.equations, [*state, *self.path.guess])
+            state, phases = centre[: len(state)], centre[len(state) :]
             # What coincides has no order.
-            if all(a - b < close() for a, b in pairwise(centre[n:])):
+            if all(a - b < smallest_interval() for a, b in pairwise(phases)):
                 break
-            events = [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
+            order = sorted(range(len(phases)), key=phases.__getitem__)
+            events = [(phases[i], *events[i][1:]) for i in order]
         return centre, inverse
-
-    def _ordered(self, start, events):
-        """Return state and events; where floats may have mixed up their order, in a better one."""
-        phases = [phase for phase, *_ in events]
-        if len(self.codes) == 1 or not any(b - a < _NEAR for a, b in pairwise(phases)):
-            return start, events
-        with precision(_SORTING):
-            self.path = self._path(events, framed=False)
-            centre, _ = krawczyk.polish(self.system, [*start, *self.path.guess], FOLD)
-        n = len(start)
-        return centre[:n], [(centre[n + i], *events[i][1:]) for i in _order(centre[n:])]
 
     def _check_period(self):
         """Refuse an orbit that repeats earlier: the states at the ends of its repeats differ."""
-        period, repeats, n = self.orbit.period, self.laws.repeats, 2 * len(self.laws.kept)
-        for count, node in enumerate(self.path.ends, start=1):
-            part = count * repeats
+        period, n = self.orbit.period, self.laws.state_count
+        for count, node in enumerate(self.path.period_ends, start=1):
+            part = count * self.laws.common_period
             end = (self.laws.basis * self.ends[node]).entries()[:n]
             if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
                 plural = "s" * (part > 1)
@@ -261,67 +219,61 @@ class Proof:
                     f"it repeats after {part} mesh period{plural} already, not after {period}",
                 )
 
+    def contacts(self):
+        """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
+        contacts = [node for node in self.path.nodes if node.phase is None]
+        return [
+            (phase, node.mesh, node.before, node.after, speed * self.path.scale)
+            for node, phase, speed in zip(contacts, self.phases, self.speeds, strict=True)
+        ]
+
     def certificate(self, digits):
         """Return (the `Certificate` or `TrainCertificate`, the digits that its enclosures have)."""
-        laws, contacts, within = self.laws, self.contacts(), partial(enclosure, digits=digits)
-        kind, own, multipliers, (stability, reason) = (
-            self._of_train() if laws.framed else self._of_one_degree(contacts)
-        )
-        numbers = [ball for half in laws.spread(self.box, self.scale) for ball in half]
-        numbers += [ball for phase, *_, speed in contacts for ball in (phase, speed)]
-        numbers += [part for one in multipliers for part in (one.real, one.imag)]
-        numbers += [value for value in own.values() if isinstance(value, flint().arb)]
-        displacement, velocity = state_of(laws, self.box, self.scale, digits)
-        found = kind(
+        balls: list = []
+
+        def enclosed(value):
+            if isinstance(value, (list, tuple)):
+                return tuple(map(enclosed, value))
+            if isinstance(value, flint().acb):
+                return enclosed((value.real, value.imag))
+            balls.append(value)
+            return enclosure(value, digits)
+
+        one_degree, contacts = self.laws.one_degree, self.contacts()
+        names = self.laws.mesh_names
+        events = []
+        for phase, mesh, before, after, speed in contacts:
+            values = enclosed(phase), before, after, enclosed(speed)
+            event = ContactEvent(*values) if one_degree else MeshEvent(*values, names[mesh])
+            events.append(event)
+        state = self.laws.all_coordinates(self.box, self.path.scale)
+        displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
+        multipliers = eigenvalues(self.map)
+        stability, reason = verdict(multipliers, self.map, self.determinant)
+        if one_degree:
+            least, largest = extrema(self.path, self.arcs, self.ends)
+            facts = {
+                "pattern": pattern_of(self.codes, contacts),
+                "displacement_min": enclosed(least),
+                "displacement_max": enclosed(largest),
+                "trace": enclosed(self.map[0, 0] + self.map[1, 1]),
+                "determinant": enclosed(self.determinant),
+            }
+        else:
+            facts = vars(self.laws.train_facts(self.codes))
+        certificate = (Certificate if one_degree else TrainCertificate)(
             pair=self.orbit.pair,
-            tuning=self.orbit.tuning,
+            tuning=float(self.orbit.tuning),
             period=self.orbit.period,
             displacement=displacement,
             velocity=velocity,
-            events=listed(contacts, digits, laws.mesh_names if laws.framed else ()),
+            events=tuple(events),
             radius=self.radius,
-            moved=float(self.moved),
-            multipliers=tuple((within(one.real), within(one.imag)) for one in multipliers),
+            moved=float(self.distance),
+            multipliers=enclosed(multipliers),
             stability=stability,
             reason=reason,
             digits=digits,
-            **{
-                name: within(value) if isinstance(value, flint().arb) else value
-                for name, value in own.items()
-            },
+            **facts,
         )
-        return found, min(map(digits_of, numbers))
-
-    def contacts(self):
-        """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
-        return [
-            (phase, node.mesh, node.before, node.after, speed * self.scale)
-            for node, phase, speed in zip(
-                self.path.contacts(), self.phases, self.speeds, strict=True
-            )
-        ]
-
-    def _of_one_degree(self, contacts):
-        """Return (record, what it has of its own, multipliers, stability with its reason)."""
-        determinant = self.path.determinant([t for _, t in self.arcs])
-        trace = self.map[0, 0] + self.map[1, 1]
-        least, most = extrema(self.path, self.arcs, self.ends)
-        own = {
-            "pattern": (*self.codes, *(after for *_, after, _ in contacts)),
-            "displacement_min": least,
-            "displacement_max": most,
-            "trace": trace,
-            "determinant": determinant,
-        }
-        return Certificate, own, of_two(trace, determinant), judge_two(trace, determinant)
-
-    def _of_train(self):
-        """Return the same of a train."""
-        multipliers = eigenvalues(self.map)
-        own = vars(train_of(self.laws, self.codes))
-        return TrainCertificate, own, multipliers, judge(multipliers)
-
-
-def _order(phases: Any):
-    """Return the numbers of phases in their order."""
-    return sorted(range(len(phases)), key=phases.__getitem__)
+        return certificate, min(map(digits_of, balls))

@@ -1,0 +1,318 @@
+"""Masses, springs, loads and meshes of a model in balls, from numbers that are taken as exact.
+
+    M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
+
+Exact are the floating-point numbers of a `GearPair`, of a `SixDegreePair` and of a `GearTrain` in
+SI units, and those of the `Equation` of other models of one degree of freedom in its own units. Of
+a train the mesh phases, counted in mesh periods, static deflection and reference frequency, which
+the library derives, are exact too. Speeds are fractions of tooth numbers.
+"""
+
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gearlib.analysis.proofs.balls import ball_of, flint
+from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.models.trains import turning
+from gearlib.models.trains.elastic import linear
+from gearlib.models.trains.structure import Numbers, far_lines
+from gearlib.models.trains.two_gears import TwoGears
+from gearlib.models.trains.waves import excited
+
+#: Numbers of the two sides of a tooth, as in tables of the models.
+COAST, DRIVE = 0, 1
+
+
+class MeshTiming(NamedTuple):
+    """When stiffness and sliding of a mesh change; pairs are (coast side, drive side)."""
+
+    overlap: Fraction  #: contact ratio - 1
+    switches: bool  #: whether the two levels of stiffness differ
+    slides: bool  #: whether there is friction
+    rate: Fraction = Fraction(1)  #: mesh periods in one of the reference mesh
+    phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
+    pitches: tuple = (Fraction(0), Fraction(0))  #: sliding turns, after the drive side's phase
+
+    def changes(self):
+        """Return the phases in mesh periods at which stiffness or sliding changes."""
+        phases = set()
+        if self.switches and 0 < self.overlap < 1:
+            phases = {middle + s * self.overlap / 2 for middle in self.phases for s in (1, -1)}
+        if self.slides:
+            turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
+            phases |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
+        return phases
+
+    def condition(self, side, phase):
+        """Return (number of the stiffness level, 0 upper or 1 lower, sliding sign) at a phase."""
+        distance = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
+        since_turn = (phase - self.phases[DRIVE] - self.pitches[side]) % 1
+        is_low = self.overlap == 0 or distance > self.overlap / 2
+        return int(is_low), 1 if since_turn < Fraction(1, 2) else -1
+
+
+class MeshNumbers(NamedTuple):
+    """One mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
+
+    name: str
+    rows: tuple  #: b: the distance of the flanks is b q + constant + waves
+    constants: tuple  #: backlash included; of the coast side None where there is none
+    stiffness: tuple  #: levels of both sides
+    damping: tuple  #: in contact, of both sides
+    backlash_damping: Any
+    has_backlash: bool = True  #: without it the flank lines of both sides are one
+    timing: Any = None  #: `MeshTiming`; None: the model has its own segments
+    waves: dict = {}  #: frequency by phase, `Fraction` -> rows (cosine, sine) of both sides
+    sliding_row: Any = None  #: the way of the axes' sliding past the pitch point; None: no friction
+    friction: tuple = (0, 0)
+    clearance_varies: bool = False  #: so that it might close
+
+
+class Segment(NamedTuple):
+    """A part of the excitation's period in which all coefficients are constant."""
+
+    phase: Any  #: where it begins, a ball
+    conditions: list  #: of each mesh, of both sides (number of the level, sliding sign)
+
+
+class ModelNumbers(NamedTuple):
+    """A model of n coordinates; matrices are arrays of balls."""
+
+    coordinates: tuple  #: their names
+    mass: np.ndarray
+    stiffness: np.ndarray  #: of all but the meshes, as is the damping
+    damping: np.ndarray
+    load: np.ndarray
+    meshes: tuple
+    segments: list
+    length: Any  #: the unit of displacements
+    frequency: Any  #: the unit of the tuning, rad/s
+    springs: tuple  #: in floats all but the meshes: functionals, shape (s, n), and stiffnesses
+    masses: tuple  #: in floats functionals and masses
+    force_waves: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
+    derived: dict = {}  #: numbers that the library derives from the model, here exact ones
+
+    def modes(self):
+        """Return free motions and natural modes in contact, a `Linear` model of floats."""
+        rows = [[float(value) for value in mesh.rows[DRIVE]] for mesh in self.meshes]
+        levels = [max(map(float, mesh.stiffness[DRIVE])) for mesh in self.meshes]
+        directions, values = self.springs
+        return linear((np.vstack([directions, rows]), np.append(values, levels)), self.masses)
+
+    def stiffness_in_contact(self):
+        """Return the stiffness with all meshes in contact at their upper levels, shape (n, n)."""
+        total = self.stiffness.copy()
+        for mesh in self.meshes:
+            total += mesh.stiffness[DRIVE][0] * np.outer(mesh.rows[DRIVE], mesh.rows[DRIVE])
+        return total
+
+
+def model_reader(model):
+    """Return the function of (model, tuning) that reads a model; refuse one without a proof."""
+    if model.equation is not None:
+        if model.mesh is model:
+            return _of_pair
+        if model.equation.is_piecewise_linear():
+            return _of_equation
+    else:
+        readers = {"several_meshes": _of_train, "piecewise_linear": _of_six_degrees}
+        reader = readers.get(model.propagators.get("exact"))
+        if reader is _of_train and model.gyroscopic:
+            raise Uncertain(
+                "model",
+                "no proof is written for a train whose axes feel the turning of their frame",
+            )
+        if reader is not None:
+            return reader
+    raise Uncertain(
+        "model",
+        "proofs are written for trains, and for one degree of freedom with linear phases of "
+        f"contact, not for this {type(model).__name__}",
+    )
+
+
+def numbers_of(model, tuning):
+    """Return the `ModelNumbers` of a model at a tuning."""
+    return model_reader(model)(model, tuning)
+
+
+def ball_numbers():
+    """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
+    arb = flint().arb
+
+    def cos_sin(angle):
+        sine, cosine = arb(angle).sin_cos()
+        return cosine, sine
+
+    def polar(x, y):
+        return (x * x + y * y).sqrt(), arb.atan2(y, x)
+
+    return Numbers(object, arb, cos_sin, polar, arb.pi())
+
+
+def segments_of(meshes, common_period):
+    """Return the `Segment`s until all repeats; their ends are exact fractions of a period."""
+    starts = {Fraction(0)}
+    for rate, changes in ((timing.rate, timing.changes()) for timing in meshes):
+        for count in range(int(common_period * rate)):
+            starts |= {(change % 1 + count) / rate for change in changes}
+    ordered, segments = sorted(starts), []
+    for start, end in zip(ordered, [*ordered[1:], Fraction(common_period)], strict=True):
+        conditions = [
+            [timing.condition(side, (start + end) / 2 * timing.rate) for side in (COAST, DRIVE)]
+            for timing in meshes
+        ]
+        segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
+    return segments
+
+
+def _of_one_degree(mass, ground, load, mesh, segments, **values):
+    """Return the numbers of one coordinate with one mesh; `values` are units and waves."""
+    arb = flint().arb
+    return ModelNumbers(
+        ("displacement",),
+        np.array([[mass]]),
+        np.array([[ground]]),
+        np.array([[arb(0)]]),
+        np.array([load]),
+        (mesh,),
+        segments,
+        springs=(np.ones((1, 1)), np.array([float(ground)])),
+        masses=(np.ones((1, 1)), np.array([float(mass)])),
+        **values,
+    )
+
+
+def _units(pair):
+    """Return static deflection and natural frequency of a `GearPair` in balls."""
+    arb = flint().arb
+    kappa, overlap = arb(pair.stiffness_ratio), arb(pair.contact_ratio) - 1
+    mean = arb(pair.max_stiffness) * (kappa * (1 - overlap) + overlap)
+    return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
+
+
+def _of_pair(pair, tuning):
+    arb, unit_row = flint().arb, (flint().arb(1),)
+    upper = arb(pair.max_stiffness)
+    mesh = MeshNumbers(
+        "mesh",
+        (unit_row, unit_row),
+        (arb(pair.backlash) if math.isfinite(pair.backlash) else None, arb(0)),
+        ((upper, upper * pair.stiffness_ratio),) * 2,
+        (arb(pair.material_damping),) * 2,
+        arb(pair.backlash_damping),
+        pair.backlash > 0.0,
+        MeshTiming(Fraction(pair.contact_ratio) - 1, pair.stiffness_ratio != 1.0, False),
+    )
+    return _of_one_degree(
+        arb(pair.reduced_mass),
+        arb(0),
+        arb(pair.load),
+        mesh,
+        segments_of([mesh.timing], 1),
+        **_units(pair),
+    )
+
+
+def _of_equation(model, tuning):
+    arb, equation = flint().arb, model.equation
+    unit_row, sides = (arb(1),), equation.sides()
+    far_damping, backlash_damping, near_damping = map(arb, equation.damping[:, 0].tolist())
+    near, far = ([arb(level) for level in side.lines[:, 0].tolist()] for side in sides)
+    mesh = MeshNumbers(
+        "mesh",
+        (unit_row, unit_row),
+        (-arb(equation.lower) if math.isfinite(equation.lower) else None, -arb(equation.upper)),
+        (far, near),
+        (far_damping, near_damping),
+        backlash_damping,
+        equation.lower < equation.upper,
+    )
+    starts, waves, square = [0.0, *sides[0].breaks[1:-1].tolist()], {}, arb(tuning) ** 2
+    rows = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
+    # A deviation f acts by its inertia, f''.
+    rows += [(n, -square * n**2 * a, -square * n**2 * b) for n, a, b in equation.deviation.tolist()]
+    for order, *parts in rows:
+        wave = waves.setdefault(Fraction(order), np.full((2, 1), arb(0)))
+        wave[:, 0] += parts
+    return _of_one_degree(
+        arb(1),
+        arb(equation.ground),
+        arb(equation.load),
+        mesh,
+        [Segment(arb(at), [[(i, 1), (i, 1)]]) for i, at in enumerate(starts)],
+        length=arb(1),
+        frequency=arb(1),
+        force_waves=waves,
+    )
+
+
+def _of_train(train, tuning, train_in_floats=None):
+    arb, numbers = flint().arb, ball_numbers()
+    floats = (train_in_floats or train).structure
+    structure = train.assembled(numbers)
+    coast_rows = far_lines(structure, train.by_name, train.meshes, numbers)
+    waves, constants = excited(train, structure.arms, numbers)
+    meshes = []
+    for j, mesh in enumerate(train.meshes):
+        upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
+        # In turns, rounded once and exact from there on.
+        pitch = Fraction(train.pitch_phases[mesh.name] / math.tau)
+        timing = MeshTiming(
+            Fraction(mesh.contact_ratio) - 1,
+            mesh.stiffness_ratio != 1.0,
+            any(mesh.friction),
+            train.rates[j],
+            (Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
+            (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
+        )
+        meshes.append(
+            MeshNumbers(
+                mesh.name,
+                (coast_rows[j], structure.lines[j]),
+                (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
+                ((upper, upper * mesh.stiffness_ratio),) * 2,
+                (arb(mesh.known_damping),) * 2,
+                arb(mesh.backlash_damping),
+                timing=timing,
+                waves={
+                    frequency: rows[:, j].tolist()
+                    for frequency, rows in waves.items()
+                    if not all(value == 0 for value in rows[:, j].flat)
+                },
+                sliding_row=structure.across[j] if timing.slides else None,
+                friction=tuple(map(arb, mesh.friction[::-1])),
+                clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
+            )
+        )
+    return ModelNumbers(
+        tuple(f"{name} {axis}" for name, axis in structure.coordinates),
+        structure.mass,
+        structure.stiffness,
+        structure.damping,
+        structure.load,
+        tuple(meshes),
+        segments_of([mesh.timing for mesh in meshes], train.repeats),
+        arb(train.static_deflection),
+        arb(train.reference_angular_frequency),
+        floats.springs,
+        floats.masses,
+        derived={
+            "static_deflection": train.static_deflection,
+            "reference_angular_frequency": train.reference_angular_frequency,
+            "phases": dict(train.phases),
+            "inverse_phases": dict(train.inverse_phases),
+        },
+    )
+
+
+def _of_six_degrees(model, tuning):
+    """Return the numbers of a `SixDegreePair`: of its train, with units in balls."""
+    train = TwoGears(gears=model, numbers=ball_numbers())
+    bearings = (("y3", "z3", "y2", "z2")[i] for i in model.flexible())
+    return _of_train(train, tuning, model.train)._replace(
+        coordinates=("u3", "u2", *bearings), derived={}, **_units(model.pair)
+    )
