@@ -7,7 +7,7 @@ import numpy as np
 from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.poincare import check_phase, section
-from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
+from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
 from gearlib.data.result import result
 from gearlib.integrators import choose
@@ -75,7 +75,7 @@ def bifurcation_diagram(
     phase, max_events = check_phase(phase), checks.integer("max_events", max_events, 1)
     words = f"strobes = {strobes} at {values.size} values"
     check_memory(words, strobes * values.size, 2, "in all")
-    cases = models(pair, tuning, parameter, values)
+    cases = varied(pair, tuning, parameter, values)
     states = np.full((values.size, strobes, 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
     order = np.argsort(values)

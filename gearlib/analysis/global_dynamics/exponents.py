@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import checks, notebook
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import grids
-from gearlib.analysis.global_dynamics.varied_ratio import models, name_parameter
+from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
@@ -64,7 +64,7 @@ def lyapunov_exponents(
     periods = checks.integer("periods", periods, lyapunov.BATCHES)
     max_events = checks.integer("max_events", max_events, 1)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    cases = models(pair, tuning, parameter, values)
+    cases = varied(pair, tuning, parameter, values)
     if isinstance(states, str):
         pair.check_state(states)
         states = cases[0][0].start_state(states)

@@ -9,7 +9,6 @@ module                   responsibility
 ``branch_points``        the points of a branch: orbit, tangent, multipliers
 ``special_points``       folds, period doublings, Neimark-Sacker points, grazings
 ``continuation``         `continue_orbit`, `switch_branch`: branches of orbits
-``touching``             how far an orbit's turning points lie from the flank lines
 ``loci``                 `locus`: folds and grazings over two parameters
 ``linear_orbits``        the orbit of flanks that never part, over the tuning
 ``period_map``           orbits, folds and sweeps of a model by its period map
