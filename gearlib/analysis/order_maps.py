@@ -11,9 +11,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis import sampled_signals
-from gearlib.analysis.order_sums import jump_phases, summed
-from gearlib.analysis.revolutions import Turning
-from gearlib.analysis.steady_course import as_run_up
+from gearlib.analysis.order_sums import Turning, as_run_up, jump_phases, summed
 from gearlib.data.result import result_of_many
 
 #: What an amplitude is, for orders above 0, in terms of a Fourier coefficient.

@@ -10,8 +10,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.order_maps import MAX_CHANGE, check_change
-from gearlib.analysis.order_sums import STENCIL, jump_phases, summed
-from gearlib.analysis.steady_course import as_run_up
+from gearlib.analysis.order_sums import STENCIL, as_run_up, jump_phases, summed
 from gearlib.data.result import result_of_many
 from gearlib.models.harmonics import Harmonics
 

@@ -8,8 +8,10 @@ import json
 import math
 
 import numpy as np
+import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
-from gearlib.analysis.revolutions import Turning
+from gearlib.data.provenance import canonical_json
 from gearlib.models.from_values import model_of
 
 #: Phases closer than this count as equal.
@@ -17,6 +19,12 @@ SAME_PHASE = 1e-9
 #: Samples through which a polynomial goes, and a rule of Gauss that integrates it exactly.
 STENCIL = 4
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(2)
+#: What order maps take of a run -> (powers of length, of the mesh frequency; CF units).
+_LENGTHS = {
+    "displacement": (0, "m"),
+    "velocity": (1, "m s-1"),
+    "acceleration": (2, "m s-2"),
+}
 
 
 def jump_phases(run, teeth):
@@ -25,7 +33,7 @@ def jump_phases(run, teeth):
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` or of `gearlib.analysis.steady_course.as_run_up`.
+        Of `gearlib.run_up` or of `gearlib.analysis.order_sums.as_run_up`.
     teeth : float
         Mesh periods in a revolution.
     """
@@ -155,3 +163,64 @@ def _waves(phase, values, step, count):
     )
     sums = np.einsum("aim,bi->abm", high[:, :, None] * values, low)
     return sums.reshape(-1, values.shape[1])[:count]
+
+
+class Turning:
+    """A course of speed, rows of s and rpm; revolutions count from its first row."""
+
+    def __init__(self, rows):
+        self._time, speed = np.array(rows, float).T
+        self._rate = speed / 60.0
+        self._slope = np.diff(self._rate) / np.diff(self._time)
+        self._turned = cumulative_trapezoid(self._rate, self._time, initial=0.0)
+
+    def revolutions(self, time):
+        """Return how far the shaft has turned (array); behind the last row its speed stays."""
+        i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
+        t = time - self._time[i]
+        return self._turned[i] + (self._rate[i] + 0.5 * np.append(self._slope, 0.0)[i] * t) * t
+
+    def at(self, revolutions):
+        """Return (time, speed in rpm) after so many revolutions (arrays)."""
+        i = np.searchsorted(self._turned, revolutions, "right") - 1
+        i = np.clip(i, 0, self._slope.size - 1)
+        first, ahead = self._rate[i], revolutions - self._turned[i]
+        rate = np.sqrt(np.maximum(first**2 + 2.0 * self._slope[i] * ahead, 0.0))
+        # From rest, the root of a difference would cancel.
+        passed = np.divide(2.0 * ahead, first + rate, where=ahead > 0.0, out=np.zeros(ahead.shape))
+        return self._time[i] + passed, 60.0 * rate
+
+
+def as_run_up(run):
+    """Return a dataset with what order maps take of a run-up, of a run of `gearlib.simulate`.
+
+    Anything else comes back as it is: who takes it tells what it lacks.
+    """
+    needed = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_LENGTHS}
+    if not needed <= set(getattr(run, "variables", ())) or run.displacement.dims[0] != "phase":
+        return run
+    omega, length, rpm = (
+        float(run[name]) for name in ("mesh_frequency", "static_deflection", "speed")
+    )
+    phase = run.phase.values - float(run.phase[0])
+    over = ("time", *run.displacement.dims[1:])
+    data: dict = {
+        name: (over, run[name].values * (length * omega**power), {"units": units})
+        for name, (power, units) in _LENGTHS.items()
+    }
+    data["dynamic_force"] = over, run.dynamic_force.values * float(run.force_scale), {"units": "N"}
+    data |= {"contact": (over, run.contact.values), "phase": ("time", phase)}
+    data["speed"] = "time", 0.0 * phase + rpm
+    data |= {name: ("event", run[name].values) for name in ("event_from", "event_to")}
+    data["event_time"] = "event", (run.event_phase.values - float(run.phase[0])) / omega
+    data["event_velocity"] = "event", run.event_velocity.values * (length * omega)
+    data["status"] = run.status
+    coords = {"time": phase / omega} | {name: run[name].variable for name in over[1:]}
+    found = xr.Dataset(data, coords)
+    kept = ("references", "model", "gear_pair")
+    found.attrs = {name: run.attrs[name] for name in kept if name in run.attrs}
+    end = math.tau * json.loads(run.attrs["parameters"])["record_periods"] / omega
+    course = {"speed": [[0.0, rpm], [end, rpm]], "load": [[0.0, 1.0]]}
+    found.attrs |= {"title": run.attrs["title"], "parameters": canonical_json(course)}
+    found.attrs["first_phase"] = float(run.phase[0])
+    return found

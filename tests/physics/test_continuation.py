@@ -16,7 +16,7 @@ from gearlib import (
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
-from gearlib.analysis.tongues import no_loss
+from gearlib.analysis.tongues import meissner
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
@@ -43,30 +43,30 @@ def down():
 
 def lowest(nu):
     """Return the smallest displacement of the undamped orbit that never loses contact."""
-    top = no_loss.orbit(FREE, nu)
+    top = meissner.orbit(FREE, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
     (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
-    edge = no_loss.go(top, high, 0.0, nu, half_high)
-    return min(top[0], no_loss.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+    edge = meissner.go(top, high, 0.0, nu, half_high)
+    return min(top[0], meissner.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
 
 
 def over_doubling(nu):
     """Return the trace of the period map of the motion without loss, over its value at -1, -1."""
-    return float(np.trace(no_loss.period_map(FREE, nu)[0])) + 2.0
+    return float(np.trace(meissner.period_map(FREE, nu)[0])) + 2.0
 
 
 @pytest.mark.parametrize(
     ("start", "to", "bracket"), [(0.7, 0.82, (0.75, 0.82)), (1.3, 1, (1, 1.3))]
 )
 def test_grazing_in_closed_form(start, to, bracket):
-    branch = continue_orbit(periodic_orbit(FREE, start, guess=no_loss.orbit(FREE, start)), to=to)
+    branch = continue_orbit(periodic_orbit(FREE, start, guess=meissner.orbit(FREE, start)), to=to)
     assert places(branch, GRAZING)[0] == pytest.approx(
         brentq(lowest, *bracket, xtol=1e-14), abs=PLACE
     )
 
 
 def test_doublings_are_the_edges_of_the_tongue():
-    start = periodic_orbit(FREE, 0.64, guess=no_loss.orbit(FREE, 0.64))
+    start = periodic_orbit(FREE, 0.64, guess=meissner.orbit(FREE, 0.64))
     branch = continue_orbit(start, to=0.69)
     edges = [brentq(over_doubling, 0.66, outside, xtol=1e-14) for outside in (0.64, 0.69)]
     np.testing.assert_allclose(places(branch, DOUBLING), edges, rtol=0, atol=PLACE)
@@ -76,7 +76,7 @@ def test_doublings_are_the_edges_of_the_tongue():
 
 def test_a_doubled_branch():
     free = FREE.replace(backlash_damping=3953.7)
-    branch = continue_orbit(periodic_orbit(free, 0.65, guess=no_loss.orbit(free, 0.65)), to=0.67)
+    branch = continue_orbit(periodic_orbit(free, 0.65, guess=meissner.orbit(free, 0.65)), to=0.67)
     point = int(np.flatnonzero(branch.label == DOUBLING)[1])
     doubled = switch_branch(free, branch, point)
     assert doubled.period == 2
@@ -170,7 +170,7 @@ def test_a_locus_ends_behind_its_limits_and_not_on_them(up, end):
 
 def test_where_no_single_curve_goes_on():
     # Undamped, with all stiffness switches in flight, the mesh does not feel its phase.
-    branch = continue_orbit(periodic_orbit(FREE, 1.2, guess=no_loss.orbit(FREE, 1.2)), to=0.9)
+    branch = continue_orbit(periodic_orbit(FREE, 1.2, guess=meissner.orbit(FREE, 1.2)), to=0.9)
     assert branch.label[-1] == END and float(branch.tuning[-1]) == pytest.approx(0.927, abs=1e-4)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
+from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.models.model import FAR
@@ -18,8 +19,9 @@ _EXPONENT_PERIODS = 2000
 _RECORD = 256
 
 
-def refuse_undamped(model):
-    """Refuse a model without any damping: it has no attractors."""
+def check_model(model):
+    """Refuse a model with several meshes, or without any damping: it has no attractors."""
+    check_one_mesh(model)
     if model.damped():
         return
     raise ValueError(
@@ -58,8 +60,7 @@ class _Run:
         self.labels = np.full(len(states), -1)
         self.unbounded = np.zeros(len(states), bool)
         #: Sizes beyond which each has left all bounds, as of `Model.bound`.
-        self.size = lyapunov.Size(strobe.pair, strobe.tuning)
-        self.bounds = FAR * np.maximum(self.size.extent, self.size(strobe.start(states)))
+        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(strobe.start(states)))
         #: States without a label: their numbers, where they are.
         self.left, self.at = np.arange(len(states)), strobe.start(states)
         self.others = {}
@@ -79,7 +80,7 @@ class _Run:
     def catch(self):
         """Label the states that are in a trapping ellipse, and those that have left all bounds."""
         seen = self.strobe.seen(self.at)
-        gone = self.size(self.at) > self.bounds[self.left]
+        gone = self.strobe.size(self.at) > self.bounds[self.left]
         self.unbounded[self.left[gone]] = True
         caught = gone.copy()
         for i, one in enumerate(self.known):
@@ -103,17 +104,8 @@ class _Run:
 
     def let_grow(self):
         """Follow what is far out for as long as it grows; label what leaves all bounds."""
-        size = self.size(self.at)
-        places = np.flatnonzero(size > lyapunov.LARGE * self.size.extent)
-        gone = np.zeros(self.left.size, bool)
-        while places.size:
-            ends, codes = self.strobe(self.at[places], -(-_EXPONENT_PERIODS // self.strobe.cycle))
-            after = np.where(codes == status.EVENT_LIMIT, 0.0, self.size(ends))
-            growing = after > lyapunov.GROWN * size[places]
-            out = growing & (after > self.bounds[self.left[places]])
-            self.at[places[growing]], size[places] = ends[growing], after
-            gone[places[out]] = True
-            places = places[growing & ~out]
+        bounds = self.bounds[self.left]
+        gone, self.at = self.strobe.unbounded(self.at, 0.0, bounds, _EXPONENT_PERIODS)
         self.unbounded[self.left[gone]] = True
         self.left, self.at = self.left[~gone], self.at[~gone]
 

@@ -5,12 +5,12 @@ grid (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics 
 FFT of f_x and f_v, a Toeplitz matrix, so that nothing is differenced.
 
 Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability is
-that of `gearlib.analysis.harmonics.hill_method`.
+that of Hill's method.
 """
 
 import numpy as np
 
-from gearlib.analysis.harmonics import hill_method, solution
+from gearlib.analysis.harmonics import solution
 from gearlib.analysis.orbits.shooting import NoOrbit
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
@@ -78,7 +78,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         size,
         steps,
         evaluations,
-        hill_method.multipliers(equation, coefficients),
+        solution.hill_multipliers(equation, coefficients),
     )
 
 

@@ -24,15 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics import hill_method
-from gearlib.analysis.harmonics.equation import Force
-from gearlib.analysis.harmonics.green import remainder_norm, weights
+from gearlib.analysis.harmonics.equation import Force, remainder_norm, weights
 from gearlib.analysis.harmonics.solution import (
     ROUGH,
     PeriodicSolution,
     check_problem,
     easing,
     first_coefficients,
+    hill_multipliers,
     resized,
 )
 
@@ -300,7 +299,7 @@ def _solution(equation, coefficients, degenerate, converged, cost):
         equation.size(residual),
         iterations,
         evaluations,
-        hill_method.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
+        hill_multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
         converged,
         tuple(int(k) for k in degenerate),
         remainder_norm(weights(equation, force), degenerate) if finite else np.nan,

@@ -3,9 +3,8 @@
 ================  ====================================================
 module            responsibility
 ================  ====================================================
-``meissner``      rectangular stiffness: tongues in closed form
+``meissner``      rectangular stiffness: tongues and orbit in closed form
 ``hill_tongues``  other stiffness, six degrees: tongues from monodromy
-``no_loss``       motion without loss of contact: period map, orbit
 ================  ====================================================
 """
 

@@ -19,8 +19,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.analysis.tongues import meissner
-from gearlib.analysis.tongues.meissner import Tongue
-from gearlib.analysis.tongues.no_loss import linear_pair
+from gearlib.analysis.tongues.meissner import Tongue, linear_pair
 from gearlib.data import status
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS

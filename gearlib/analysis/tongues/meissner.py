@@ -22,6 +22,9 @@ the tongue of order n, near nu = 2 / n; on its edges the multiplier is (-1)^n. T
 growth is concave over 1 / nu in a gap without over-damped segment (it is a sum of logarithms of
 |1 - E nu^2| with E outside of the gap, less a linear term), so that a tongue is one interval.
 
+One mesh period of the motion without loss of contact is the affine map z -> M z + b of z = (x, x'),
+with Liouville's det M = exp(-4 pi beta / nu). Its fixed point is the orbit without loss of contact.
+
 Theory: Magnus, Winkler, Hill's Equation (1966), chapters 1, 2 and 7; E. Meissner, Schweizerische
 Bauzeitung 72 (1918) 95-98.
 """
@@ -302,3 +305,52 @@ def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
             high, _ = levels(share, kappa)
             points.append((value, 2.0 * (share - 1.0) * math.sqrt(high) / m))
     return np.array(points).reshape(-1, 2)
+
+
+def go(state, stiffness, damping, tuning, phase):
+    """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
+
+    (x, dx/dtau) in static deflections; stiffness over its mean, damping ratio beta.
+    """
+    rest = 1.0 / stiffness
+    u, v = state[0] - rest, tuning * state[1]
+    time = phase / tuning
+    cosine, sine, scale = pass_segment(stiffness - damping * damping, time)
+    factor = math.exp(scale - damping * time)
+    cosine, sine = factor * cosine, factor * sine
+    v, u = v * cosine - (damping * v + stiffness * u) * sine, u * cosine + (v + damping * u) * sine
+    return rest + u, v / tuning
+
+
+def period_map(pair, tuning):
+    """Return (M, b) of one mesh period, shapes (2, 2) and (2,), of a `GearPair`."""
+    high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
+    half_high, whole_low = segment_lengths(pair.contact_ratio)
+
+    def whole(state):
+        for stiffness, length in ((high, half_high), (low, whole_low), (high, half_high)):
+            state = go(state, stiffness, pair.damping_ratio, tuning, length)
+        return np.array(state)
+
+    shift = whole((0.0, 0.0))
+    return np.column_stack([whole((1.0, 0.0)) - shift, whole((0.0, 1.0)) - shift]), shift
+
+
+def orbit(pair, tuning):
+    """Return the state at phase 0 of the orbit that repeats every mesh period.
+
+    Where many do, as with constant stiffness at nu = 1 / n, that next to static deflection.
+    """
+    matrix, shift = period_map(pair, tuning)
+    matrix = np.eye(2) - matrix
+    try:
+        state = np.linalg.solve(matrix, shift)
+    except np.linalg.LinAlgError:
+        static = np.array([1.0, 0.0])
+        state = static + np.linalg.lstsq(matrix, shift - matrix @ static)[0]
+    return tuple(map(float, state))
+
+
+def linear_pair(pair):
+    """Return a `GearPair` as the linear mesh: no backlash, the damping of contact everywhere."""
+    return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)
