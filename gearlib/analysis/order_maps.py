@@ -114,12 +114,12 @@ def order_map(
     top = checks.finite_positive("highest", top)
     check_density(run.phase.values, top, teeth)
     count = int(top * revolutions + 1e-9) + 1
-    found = order_sums(run, variable, teeth, blocks, revolutions, count, signal)
+    sums = _sums(run, variable, teeth, blocks, revolutions, count, signal)
     number = np.arange(count)
     if orders is not None:
         number = np.array([_number(order, revolutions, count) for order in orders])
     bounds = begins + Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
-    return _dataset(run, variable, amplitude, found, number, revolutions, bounds, teeth)
+    return _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth)
 
 
 def _check_run(run, variable, tacho):
@@ -151,42 +151,28 @@ def check_density(phase, highest, teeth):
         )
 
 
-def order_sums(run, variable, teeth, blocks, revolutions, count, signal=False):
-    """Return (coefficients, mean squares, changes with half of the samples) of a run.
+def _sums(run, variable, teeth, blocks, revolutions, count, signal):
+    """Return (coefficients, mean squares, changes with half of the samples) of all blocks.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        Of `gearlib.run_up`, or as of `as_run_up` or `at_equal_angles`.
-    variable : str
-    teeth : float
-        Mesh periods in a revolution.
-    blocks, revolutions, count : int
-        Blocks, revolutions of a block, orders from 0.
-    signal : bool
-        Whether it is a measured signal: nobody knows where that jumps, and noise changes it.
-
-    Raises
-    ------
-    ValueError
-        If a coefficient of a run changes too much.
+    Nobody knows where a measured signal jumps, and noise changes it: its changes are not refused.
     """
     phase, values = run.phase.values, run[variable].values
     block = blocks, math.tau * teeth * revolutions, 1.0 / (teeth * revolutions), count
     # The displacement and its rate by time are continuous.
     jumps = None if signal else np.empty(0)
-    if variable in ("acceleration", "dynamic_force"):
-        jumps = None if signal else jump_phases(run, teeth)
-    found, squares, _ = summed(phase, values, *block, jumps)
-    change = np.abs(found - summed(phase[::2], values[::2], *block, jumps)[0])
-    check_change(change, squares, 0 if signal else phase)
-    return found, squares, change
+    if not signal and variable in ("acceleration", "dynamic_force"):
+        jumps = jump_phases(run, teeth)
+    sums, squares = summed(phase, values, *block, jumps)
+    change = np.abs(sums - summed(phase[::2], values[::2], *block, jumps)[0])
+    if not signal:
+        check_change(change, squares, phase)
+    return sums, squares, change
 
 
 def check_change(change, squares, phase):
     """Refuse samples whose every second one gives other orders."""
     size = math.sqrt(squares.max())
-    if np.ndim(phase) and change.max() > MAX_CHANGE * size:
+    if change.max() > MAX_CHANGE * size:
         per = samples_per_period(phase)
         raise ValueError(
             f"samples_per_period = {per} is not allowed for these orders: with half of the samples "
@@ -208,24 +194,24 @@ def _number(order, revolutions, count):
 
 def _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth):
     """Return the order map of the orders with these numbers."""
-    found, squares, error = sums
-    mean_square = np.abs(found[:, 0]) ** 2
-    found, error = found[:, number], error[:, number]
-    size = np.abs(found)
+    coefficients, squares, error = sums
+    noise = np.sqrt(np.maximum(squares - np.abs(coefficients[:, 0]) ** 2, 0.0))
+    coefficients, error = coefficients[:, number], error[:, number]
+    size = np.abs(coefficients)
     above = (number > 0).reshape(1, -1, *[1] * (size.ndim - 2))
     mean = size**2 if amplitude == "power" else size
     unit, words = run[variable].attrs["units"], variable.replace("_", " ")
     squared = f"({unit})2" if " " in unit else f"{unit}2"
-    own, inner = squared if amplitude == "power" else unit, run[variable].dims[1:]
+    amplitude_unit = squared if amplitude == "power" else unit
+    inner = run[variable].dims[1:]
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
-    noise = np.sqrt(np.maximum(squares - mean_square, 0.0))
     columns = {
         "amplitude": (
             np.where(above, _AMPLITUDES[amplitude](size), mean),
-            own,
+            amplitude_unit,
             f"{amplitude} of the orders of the {words}",
         ),
-        "phase": (np.angle(found), "rad", "of a cosine of the order times the shaft angle"),
+        "phase": (np.angle(coefficients), "rad", "of a cosine of the order times the shaft angle"),
         "amplitude_error": (np.where(above, 2.0, 1.0) * error, unit, "estimated error, of a peak"),
     }
     over = {"units": unit, "long_name": f"root mean square of the {words} without its mean"}

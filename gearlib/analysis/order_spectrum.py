@@ -68,42 +68,37 @@ def spectrum(run, count=None, mesh_orders=False):
     count = checks.integer("count", min(10, most) if count is None else count, 1, most)
     fractions = 1 if mesh_orders else periods
     harmonics = np.arange(count * fractions + 1)
-    scales = float(run.force_scale), float(run.static_deflection)
-    x, force = transmission_error(run), run.dynamic_force.values
+    dims = ("order", *run.displacement.dims[1:])
+    shape = -1, *[1] * (len(dims) - 1)
+    # A period that begins later turns the phases only: they count from the mesh phase 0.
+    turn = np.exp(-1j * harmonics / fractions * float(run.phase[0])).reshape(shape)
+    peak = np.where(harmonics > 0, 2.0, 1.0).reshape(shape)
+    grid, repeats = (1.0 / fractions, harmonics.size), orbit and periods % orbit == 0
+    force = run.dynamic_force.values * float(run.force_scale)
+    error = transmission_error(run) * float(run.static_deflection)
     jumps = jump_phases(as_run_up(run), teeth)
-    repeats, smooth = orbit and periods % orbit == 0, np.empty(0)
-    found, errors = [], []
-    for values, own in ((force * scales[0], jumps), (x * scales[1], smooth)):
-        grid = 1.0 / fractions, harmonics.size
-        sums, change, squares = _sums(run.phase.values, values, own, periods, grid, repeats)
+    data: dict = {"mesh_order": ("order", harmonics / fractions)}
+    for name, values, phases in (("force", force, jumps), ("error", error, np.empty(0))):
+        sums, change, squares = _sums(run.phase.values, values, phases, periods, grid, repeats)
         if mesh_orders:
             sums[change > MAX_CHANGE * math.sqrt(squares.max())] = math.nan
         else:
             check_change(change, squares, run.phase.values)
-        found.append(sums)
-        errors.append(change)
-    # A period that begins later turns the phases only: they count from the mesh phase 0.
-    turn = np.exp(-1j * harmonics / fractions * float(run.phase[0]))
-    turn = turn.reshape(-1, *[1] * (x.ndim - 1))
-    dims = ("order", *run.displacement.dims[1:])
-    data = {}
-    peak = np.where(harmonics.reshape(turn.shape) > 0, 2.0, 1.0)
-    for name, one, error in zip(("force", "error"), found, errors, strict=True):
-        data[f"{name}_amplitude"] = dims, peak * np.abs(one)
-        data[f"{name}_phase"] = dims, np.angle(one * turn)
-        data[f"{name}_amplitude_error"] = dims, peak * error
-    data["mesh_order"] = "order", harmonics / fractions
-    data["mean_square_force"] = dims[1:], (force**2).mean(axis=0) * scales[0] ** 2
-    data["mean_square_error"] = dims[1:], (x**2).mean(axis=0) * scales[1] ** 2
+        data[f"{name}_amplitude"] = dims, peak * np.abs(sums)
+        data[f"{name}_phase"] = dims, np.angle(sums * turn)
+        data[f"{name}_amplitude_error"] = dims, peak * change
+        data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     for name in ("tuning", "speed", "mesh_frequency", "period"):
         data[name] = run[name].values
     coords = {"order": harmonics * teeth / fractions}
     coords |= {name: run[name].values for name in dims[1:]}
-    found = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
-    found["order"].attrs["long_name"] = "order, waves per revolution of the gear whose teeth count"
+    dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
+    dataset["order"].attrs["long_name"] = (
+        "order, waves per revolution of the gear whose teeth count"
+    )
     kept = ("references", "gear_pair", "parameters")
-    found.attrs |= {name: run.attrs[name] for name in kept if name in run.attrs}
-    return found
+    dataset.attrs |= {name: run.attrs[name] for name in kept if name in run.attrs}
+    return dataset
 
 
 def transmission_error(run):
@@ -129,13 +124,13 @@ def _sums(phase, values, jumps, periods, grid: tuple[float, int], repeats):
     phase, span = phase - phase[0], math.tau * periods
 
     def coefficients(step):
-        at, own = phase[::step], values[::step]
+        at, record = phase[::step], values[::step]
         if repeats:
             # An orbit goes on behind the record, and before it, as in it.
             at = np.concatenate([at[-STENCIL:] - span, at, at[:STENCIL] + span])
-            own = np.concatenate([own[-STENCIL:], own, own[:STENCIL]])
-        found, squares, _ = summed(at, own, 1, span, *grid, jumps)
-        return found[0], squares
+            record = np.concatenate([record[-STENCIL:], record, record[:STENCIL]])
+        sums, squares = summed(at, record, 1, span, *grid, jumps)
+        return sums[0], squares
 
-    found, squares = coefficients(1)
-    return found, np.abs(found - coefficients(2)[0]), squares
+    sums, squares = coefficients(1)
+    return sums, np.abs(sums - coefficients(2)[0]), squares

@@ -28,14 +28,9 @@ _LENGTHS = {
 
 
 def jump_phases(run, teeth):
-    """Return the phases at which variables of a run or their slopes jump, rising.
+    """Return the phases at which variables of a run-up or their slopes jump, rising.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        Of `gearlib.run_up` or of `gearlib.analysis.order_sums.as_run_up`.
-    teeth : float
-        Mesh periods in a revolution.
+    A revolution has `teeth` mesh periods.
     """
     asked = json.loads(run.attrs["parameters"])
     times = [row[0] for row in (*asked["speed"], *asked["load"])]
@@ -68,33 +63,15 @@ def _switches(model):
 
 
 def summed(phase, values, blocks, span, step, count, jumps=None):
-    """Return Fourier coefficients of samples, sums over the phase, block by block.
+    """Return Fourier coefficients (blocks, orders, ...) and mean squares (blocks, ...) of samples.
 
-    Parameters
-    ----------
-    phase : ndarray, shape (n,)
-        Rising; the first block begins at 0.
-    values : ndarray, shape (n, ...)
-    blocks : int
-    span, step : float
-        Of the phase: a block, and the wave number of the first order.
-    count : int
-        Orders, from 0.
-    jumps : ndarray, optional
-        Phases at which values or their slopes jump, rising. By default samples have the weights of
-        trapezia.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (blocks, count, ...)
-    squares : ndarray, shape (blocks, ...)
-        Means of the squares.
-    shares : ndarray, shape (blocks,)
-        Sums of the squares of the weights of samples: what noise is lowered by.
+    Blocks of length `span` begin at phase 0; orders are 0 ... count - 1 times the wave number
+    `step`. At `jumps`, rising, values or their slopes jump; by default samples have the weights of
+    trapezia.
     """
     table = values.reshape(len(values), -1)
     coefficients = np.zeros((blocks, count, table.shape[1]), complex)
-    squares, shares = np.zeros((blocks, table.shape[1])), np.zeros(blocks)
+    squares = np.zeros((blocks, table.shape[1]))
     if jumps is not None:
         # The value at a jump is that of one of its sides, and nobody knows of which.
         ends, after = np.concatenate([[-np.inf], jumps, [np.inf]]), np.searchsorted(jumps, phase)
@@ -103,23 +80,22 @@ def summed(phase, values, blocks, span, step, count, jumps=None):
     for k in range(blocks):
         first, last = np.searchsorted(phase, (k * span - SAME_PHASE, (k + 1) * span - SAME_PHASE))
         if jumps is None:
-            own, part = phase[first:last] - k * span, table[first:last]
+            places, part = phase[first:last] - k * span, table[first:last]
             # The next block begins where this one ends, or the run is over.
             part = np.concatenate([part, table[min(last, len(table) - 1)][None]])
-            own = np.append(own, span)
-            weights = np.gradient(own, edge_order=1)
+            places = np.append(places, span)
+            weights = np.gradient(places, edge_order=1)
             weights[[0, -1]] *= 0.5
         else:
             near = slice(max(first - STENCIL, 0), last + STENCIL)
-            own, part = phase[near] - k * span, table[near]
-            between = np.searchsorted(jumps, own[[0, -1]] + k * span)
-            weights = smooth_weights(own, jumps[slice(*between)] - k * span, span)
+            places, part = phase[near] - k * span, table[near]
+            between = np.searchsorted(jumps, places[[0, -1]] + k * span)
+            weights = smooth_weights(places, jumps[slice(*between)] - k * span, span)
         weights = weights / span
-        coefficients[k] = _waves(own, weights[:, None] * part, step, count)
+        coefficients[k] = _waves(places, weights[:, None] * part, step, count)
         squares[k] = np.einsum("i,im->m", weights, part**2)
-        shares[k] = weights @ weights
     inner = values.shape[1:]
-    return coefficients.reshape(blocks, count, *inner), squares.reshape(blocks, *inner), shares
+    return coefficients.reshape(blocks, count, *inner), squares.reshape(blocks, *inner)
 
 
 def smooth_weights(phase, jumps, span):
@@ -147,22 +123,20 @@ def smooth_weights(phase, jumps, span):
             for j in range(n):
                 if j != i:
                     lagrange *= (at - x[j]) / (x[i] - x[j])
-            own = half[rows] * (WEIGHTS @ lagrange)
-            weights += np.bincount(places[i], own, minlength=phase.size)
+            integrals = half[rows] * (WEIGHTS @ lagrange)
+            weights += np.bincount(places[i], integrals, minlength=phase.size)
     return weights
 
 
 def _waves(phase, values, step, count):
     """Return sums of values times exp(-i n step phase) for each n < count, shape (count, m)."""
-    base = np.arange(math.isqrt(count - 1) + 1)
-    large = np.arange(0, count, base.size)
-    # Waves of the order a n + b are products of two; BLAS would wake threads for small sums.
-    low, high = (
-        np.cumprod([np.ones(phase.size), *[np.exp(-1j * step * wave * phase)] * (few.size - 1)], 0)
-        for few, wave in ((base, 1), (large, base.size))
-    )
-    sums = np.einsum("aim,bi->abm", high[:, :, None] * values, low)
-    return sums.reshape(-1, values.shape[1])[:count]
+    wave, turned = np.exp(-1j * step * phase), np.ones(phase.size, complex)
+    sums = np.empty((count, values.shape[1]), complex)
+    for n in range(count):
+        # BLAS would wake threads for small sums.
+        sums[n] = np.einsum("i,im->m", turned, values)
+        turned *= wave
+    return sums
 
 
 class Turning:

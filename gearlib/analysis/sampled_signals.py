@@ -29,24 +29,10 @@ def is_sampled(run):
 
 
 def at_equal_angles(data, variable, highest, *, tacho=None, teeth=1):
-    """Return a signal as `gearlib.order_map` takes a run-up, from the first to the last angle.
+    """Return (signal as `gearlib.order_map` takes a run-up, its highest order, its first time).
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        With the variable and ``time`` (s), and ``speed`` (min-1) where no tacho is given.
-    variable : str
-    highest : float or None
-        Highest order that is wanted.
-    tacho : sequence of float, optional
-        Times of pulses, one a revolution, s.
-    teeth : int
-        Mesh periods in a revolution.
-
-    Raises
-    ------
-    ValueError
-        Naming what cannot be.
+    The speed is that of the dataset, or of a `tacho`, times of pulses (s), one a revolution. What
+    cannot be is refused.
     """
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
