@@ -55,16 +55,22 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         Naming the argument, its value and the allowed range.
     """
     tuning, phase = check_tuning("tuning", tuning), check_phase(phase)
-    states = _check_states(states)
+    rows = np.atleast_2d(floats(states))
+    if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows) or not np.isfinite(rows).all():
+        raise checks.refusal(
+            "states",
+            states,
+            "rows of two finite numbers (displacement in static deflections, dx/dtau)",
+        )
     periods, settle = checks.integer("periods", periods, 1), checks.integer("settle", settle, 0)
-    if len(states) * periods > MAX_POINTS:
+    if len(rows) * periods > MAX_POINTS:
         raise ValueError(
-            f"states x periods = {len(states):,} x {periods:,} is not allowed: there must be at "
+            f"states x periods = {len(rows):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
     max_events = checks.integer("max_events", max_events, 1)
     choose(pair, None, None)
-    table, ends, codes = section(pair, tuning, states, settle, periods, phase, max_events)
+    table, ends, codes = section(pair, tuning, rows, settle, periods, phase, max_events)
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
         "velocity": (("orbit", "strobe"), table[..., 1]),
@@ -75,7 +81,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         **pair.scales(),
     }
     coords = {
-        "orbit": np.arange(len(states)),
+        "orbit": np.arange(len(rows)),
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
@@ -97,16 +103,6 @@ def check_phase(phase):
     return checks.number(
         "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
     )
-
-
-def _check_states(states):
-    array = np.atleast_2d(floats(states))
-    if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
-        raise ValueError(
-            f"states = {states!r} is not allowed: it must be rows of two finite numbers "
-            "(displacement in static deflections, dx/dtau)"
-        )
-    return array
 
 
 def section(model, tuning, states, settle, periods, phase, max_events):

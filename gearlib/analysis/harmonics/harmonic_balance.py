@@ -53,15 +53,10 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     equation = solution.check_problem(pair, tuning, harmonics, samples, period)
     coefficients = solution.first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for easier in solution.easing(equation, guess):
-        coefficients, _, *cost = _newton(
-            easier, solution.resized(coefficients, easier), solution.ROUGH
-        )
+    for stage, tolerance in solution.stages(equation, guess, RESIDUAL):
+        first = solution.resized(coefficients, stage)
+        coefficients, size, *cost = _newton(stage, first, tolerance)
         steps, evaluations = steps + cost[0], evaluations + cost[1]
-    coefficients, size, *cost = _newton(
-        equation, solution.resized(coefficients, equation), RESIDUAL
-    )
-    steps, evaluations = steps + cost[0], evaluations + cost[1]
     if not size <= _least(equation, coefficients, RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "

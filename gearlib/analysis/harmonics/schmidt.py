@@ -26,13 +26,12 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.harmonics.equation import Force, remainder_norm, weights
 from gearlib.analysis.harmonics.solution import (
-    ROUGH,
     PeriodicSolution,
     check_problem,
-    easing,
     first_coefficients,
     hill_multipliers,
     resized,
+    stages,
 )
 
 #: Bound of the norm of the remainder that the automatic choice of degenerate terms keeps.
@@ -130,17 +129,13 @@ def schmidt(
     chosen = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
     count, evaluations = 0, 0
-    for easier in easing(equation, guess):
-        first = kept[kept <= easier.harmonics]
-        coefficients, more, _, used = search(
-            easier, resized(coefficients, easier), first, chosen, ROUGH, max_iterations - count
+    for stage, accuracy in stages(equation, guess, tolerance):
+        first = kept[kept <= stage.harmonics]
+        coefficients, more, converged, used = search(
+            stage, resized(coefficients, stage), first, chosen, accuracy, max_iterations - count
         )
         kept = np.union1d(kept, more)
-        count, evaluations = count + used, evaluations + used * easier.samples
-    coefficients, kept, converged, used = search(
-        equation, resized(coefficients, equation), kept, chosen, tolerance, max_iterations - count
-    )
-    count, evaluations = count + used, evaluations + used * equation.samples
+        count, evaluations = count + used, evaluations + used * stage.samples
     return _solution(equation, coefficients, kept, converged, (count, evaluations))
 
 

@@ -29,10 +29,10 @@ from gearlib.runs.simulation import simulate
 _POLISH = 8
 #: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
 #: that of the mesh itself; on harmonics enough to tell contacts.
-EASING = (1.0, 0.3, 0.1, 0.03, 0.0)
+_ADDED_DAMPING = (1.0, 0.3, 0.1, 0.03, 0.0)
 _COARSE = 32
 #: Accuracy of the motions on that way.
-ROUGH = 1e-3
+_ROUGH = 1e-3
 #: Phases per mesh period at which courses are compared: at least, and for each harmonic. The
 #: error of many harmonics lies within a wavelength of the last from the jumps of the stiffness.
 _PHASES, _PER_HARMONIC = 512, 16
@@ -180,13 +180,17 @@ def check_problem(model, tuning, harmonics, samples, period):
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
-def easing(equation, guess):
-    """Return the equations to be solved roughly one after the other where there is no guess."""
-    if guess is not None:
-        return []
-    harmonics = min(equation.harmonics, _COARSE * equation.period)
-    coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
-    return [coarse.damped(extra) for extra in EASING]
+def stages(equation, guess, tolerance):
+    """Return the equations that are solved one after the other, each with its tolerance.
+
+    Without a guess these are first, roughly and of few harmonics, those of a strongly damped mesh.
+    """
+    damped = []
+    if guess is None:
+        harmonics = min(equation.harmonics, _COARSE * equation.period)
+        coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
+        damped = [(coarse.damped(extra), _ROUGH) for extra in _ADDED_DAMPING]
+    return [*damped, (equation, tolerance)]
 
 
 def first_coefficients(equation, guess):
