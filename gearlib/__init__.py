@@ -57,7 +57,7 @@ _PUBLIC = {
     "lyapunov_exponents": "analysis.lyapunov",
     "methods": "integrators",
     "order_map": "analysis.order_maps",
-    "orders": "analysis.order_spectrum",
+    "orders": "analysis.order_maps",
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
     "poincare_section": "analysis.global_dynamics.poincare",

@@ -10,10 +10,8 @@ name                 responsibility
 ``global_dynamics``  attractors and their basins, sections, bifurcation diagrams
 ``lyapunov``         `lyapunov_exponents`; where rounding decides on a motion
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
-``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
-``order_maps``       `order_map`: orders of a run-up over its speed
-``order_sums``       Fourier integrals as sums over samples; revolutions; steady runs
-``sampled_signals``  signals over time at equal angles, for `order_map`
+``order_maps``       `order_map`, `orders`: orders of the shaft, over the speed or at one
+``order_sums``       Fourier integrals as sums over samples; signals at equal angles
 ``sensitivities``    `sensitivities`: derivatives of what any call returns
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_spectrum import spectrum, transmission_error
+from gearlib.analysis.order_maps import spectrum, transmission_error
 from gearlib.data.result import result
 from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
