@@ -202,14 +202,14 @@ def as_run_up(run):
     data["event_velocity"] = "event", run.event_velocity.values * (length * omega)
     data["status"] = run.status
     coords = {"time": phase / omega} | {name: run[name].variable for name in over[1:]}
-    found = xr.Dataset(data, coords)
+    dataset = xr.Dataset(data, coords)
     kept = ("references", "model", "gear_pair")
-    found.attrs = {name: run.attrs[name] for name in kept if name in run.attrs}
+    dataset.attrs = {name: run.attrs[name] for name in kept if name in run.attrs}
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"] / omega
     course = {"speed": [[0.0, rpm], [end, rpm]], "load": [[0.0, 1.0]]}
-    found.attrs |= {"title": run.attrs["title"], "parameters": canonical_json(course)}
-    found.attrs["first_phase"] = float(run.phase[0])
-    return found
+    dataset.attrs |= {"title": run.attrs["title"], "parameters": canonical_json(course)}
+    dataset.attrs["first_phase"] = float(run.phase[0])
+    return dataset
 
 
 def is_sampled(run):
@@ -241,8 +241,8 @@ def at_equal_angles(data, variable, highest, *, tacho=None, teeth=1):
     if inside.sum() < 4:
         raise ValueError("tacho is not allowed: it must have four samples or more between pulses")
     time, values = time[inside], values[inside]
-    own = turns(time)
-    steps = np.diff(own)
+    angles = turns(time)
+    steps = np.diff(angles)
     if not (steps > 0.0).all():
         raise ValueError("speed is not allowed: it must be > 0 at all samples")
     limit = 1.0 / (_PER_WAVE * float(steps.max()))
@@ -252,20 +252,20 @@ def at_equal_angles(data, variable, highest, *, tacho=None, teeth=1):
             f"{_PER_WAVE:g} samples a wave at the highest speed"
         )
     count = min(2 * math.ceil(0.5 / float(steps.min())), _MOST)
-    first = own[0]
-    at = first + np.arange(int((own[-1] - first) * count) + 1) / count
-    when = CubicSpline(own, time)(at)
-    found = xr.Dataset(
+    first = angles[0]
+    at = first + np.arange(int((angles[-1] - first) * count) + 1) / count
+    when = CubicSpline(angles, time)(at)
+    dataset = xr.Dataset(
         {
             "time": ("time", when),
-            "speed": ("time", 60.0 / CubicSpline(own, time)(at, 1)),
+            "speed": ("time", 60.0 / CubicSpline(angles, time)(at, 1)),
             "phase": ("time", math.tau * teeth * (at - first)),
-            variable: ("time", CubicSpline(own, values)(at), dict(data[variable].attrs)),
+            variable: ("time", CubicSpline(angles, values)(at), dict(data[variable].attrs)),
             "status": ((), 0),
             "teeth": ((), float(teeth)),
         }
     )
-    found[variable].attrs.setdefault("units", "1")
+    dataset[variable].attrs.setdefault("units", "1")
     rows = course[course[:, 0] > time[0]]
     rows = np.vstack([[time[0], float(np.interp(time[0], *course.T))], rows])
     rows[:, 0] -= time[0]
@@ -274,8 +274,8 @@ def at_equal_angles(data, variable, highest, *, tacho=None, teeth=1):
     whole = turns(course[-1, 0]) - first
     rows[:, 1] *= float(whole) / turned
     said = {"speed": rows.tolist(), "load": [[0.0, 1.0]]}
-    found.attrs["parameters"] = canonical_json(said)
-    return found, limit, float(time[0])
+    dataset.attrs["parameters"] = canonical_json(said)
+    return dataset, limit, float(time[0])
 
 
 def _of_speed(data, time):

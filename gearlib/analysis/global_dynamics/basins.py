@@ -129,26 +129,26 @@ def basins(
 def attractor_variables(attractors):
     """Return name -> (dims, values) of what is known of attractors."""
     count = len(attractors)
-    orbits = [one.orbit for one in attractors]
-    points = max((len(one.points) for one in attractors if one.orbit), default=1)
+    orbits = [attractor.orbit for attractor in attractors]
+    points = max((len(attractor.points) for attractor in attractors if attractor.orbit), default=1)
     size = max((orbit.state.size for orbit in orbits if orbit), default=2)
     multipliers = max((orbit.multipliers.size for orbit in orbits if orbit), default=2)
     states = np.full((count, points, size), math.nan)
     real, imaginary = np.full((2, count, multipliers), math.nan)
-    for i, one in enumerate(attractors):
-        if one.orbit:
-            states[i, : len(one.points)] = one.points
-            real[i], imaginary[i] = one.orbit.multipliers.real, one.orbit.multipliers.imag
+    for i, (attractor, orbit) in enumerate(zip(attractors, orbits, strict=True)):
+        if orbit:
+            states[i, : len(attractor.points)] = attractor.points
+            real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
-    def facts(one):
-        orbit = one.orbit
+    def facts(attractor):
+        orbit = attractor.orbit
         return {
-            "attractor_kind": np.int8(one.kind),
-            "period": np.int32(one.period),
-            **{name: float(getattr(one, name)) for name in _NUMBERS},
+            "attractor_kind": np.int8(attractor.kind),
+            "period": np.int32(attractor.period),
+            **{name: float(getattr(attractor, name)) for name in _NUMBERS},
             "contact_pattern": " ".join(map(str, orbit.pattern)) if orbit else "",
             "grazing": np.int8(bool(orbit and orbit.grazing)),
-            "trap_radius": one.ellipses.radii.min() if one.ellipses else math.nan,
+            "trap_radius": attractor.ellipses.radii.min() if attractor.ellipses else math.nan,
         }
 
     return stacked({"attractor": attractors}, facts) | {
@@ -206,7 +206,7 @@ def basin_stability(
     low, high = grids.region(region).T
     cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, grids.MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
-    found = []
+    rows = []
     for i, nu in notebook.counted("tunings", enumerate(values), values.size):
         strobe = Stroboscope(pair, nu, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
@@ -214,11 +214,11 @@ def basin_stability(
         shares = (corners + rng.random(corners.shape)) / cells
         cycles = -(-periods // strobe.cycle)
         attractors, labels = classify(strobe, low + shares * (high - low), cycles, seed=seed)
-        found.append((attractors, np.bincount(labels, minlength=len(attractors)) / labels.size))
+        rows.append((attractors, np.bincount(labels, minlength=len(attractors)) / labels.size))
     dataset = result(
         "Basin stability of a gear mesh",
         pair,
-        *_families(values, found, cells * cells),
+        *_families(values, rows, cells * cells),
         method="stratified initial states",
         region=grids.region(region).tolist(),
         samples=cells * cells,
@@ -229,12 +229,12 @@ def basin_stability(
     return dataset
 
 
-def _families(tunings, found, samples):
+def _families(tunings, results, samples):
     """Return (data, coordinates) of families, following attractors from tuning to tuning."""
     families = []  # latest attractor of each
     places = [None] * len(tunings)
     for i in np.argsort(tunings):
-        attractors = found[i][0]
+        attractors = results[i][0]
         cost = np.array([[_distance(a, b) for b in families] for a in attractors])
         cost = cost.reshape(len(attractors), len(families))
         rows, columns = linear_sum_assignment(np.minimum(cost, 1e9))
@@ -254,27 +254,28 @@ def _families(tunings, found, samples):
         name: np.full(shape, np.nan)
         for name in ("displacement_max", "displacement_min", "exponent")
     }
-    for i, (attractors, shares) in enumerate(found):
+    for i, (attractors, shares) in enumerate(results):
         share[i, places[i]] = shares
         for name, table in columns.items():
-            table[i, places[i]] = [getattr(one, name) for one in attractors]
+            table[i, places[i]] = [getattr(attractor, name) for attractor in attractors]
+    kinds, periods = np.array([(last.kind, last.period) for last in families]).reshape(-1, 2).T
     dims = ("tuning", "attractor_family")
     data = {
         "share": (dims, share),
         "share_error": (dims, np.sqrt(share * (1.0 - share) / samples)),
         **{name: (dims, table) for name, table in columns.items()},
-        "attractor_kind": ("attractor_family", np.array([one.kind for one in families], np.int8)),
-        "period": ("attractor_family", np.array([one.period for one in families], np.int32)),
+        "attractor_kind": ("attractor_family", kinds.astype(np.int8)),
+        "period": ("attractor_family", periods.astype(np.int32)),
     }
     return data, {"tuning": tunings, "attractor_family": np.arange(len(families))}
 
 
-def _distance(one, other):
+def _distance(first, second):
     """Return how much two attractors differ, in shares of their height."""
-    if (one.kind, one.period) != (other.kind, other.period):
+    if (first.kind, first.period) != (second.kind, second.period):
         return np.inf
-    if one.kind != PERIODIC:
+    if first.kind != PERIODIC:
         return 0.0
-    size = max(1.0, one.displacement_max - one.displacement_min)
-    high = abs(one.displacement_max - other.displacement_max)
-    return max(high, abs(one.displacement_min - other.displacement_min)) / size
+    size = max(1.0, first.displacement_max - first.displacement_min)
+    high = abs(first.displacement_max - second.displacement_max)
+    return max(high, abs(first.displacement_min - second.displacement_min)) / size

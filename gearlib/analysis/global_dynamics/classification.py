@@ -73,8 +73,8 @@ class _Run:
             # A few at a time: most of the others are then in a trapping ellipse.
             few, ends = ends[:_CLOSER], ends[_CLOSER:]
             self.known += attractors.find(self.strobe, few, self.known)
-            for one in self.known:
-                ends = ends[~one.ellipses.holds(self.strobe.seen(ends))]
+            for attractor in self.known:
+                ends = ends[~attractor.ellipses.holds(self.strobe.seen(ends))]
         return len(self.known) > before
 
     def catch(self):
@@ -83,8 +83,8 @@ class _Run:
         gone = self.strobe.size(self.at) > self.bounds[self.left]
         self.unbounded[self.left[gone]] = True
         caught = gone.copy()
-        for i, one in enumerate(self.known):
-            inside = one.ellipses.holds(seen) & ~caught
+        for i, attractor in enumerate(self.known):
+            inside = attractor.ellipses.holds(seen) & ~caught
             self.labels[self.left[inside]] = i
             caught |= inside
         self.left, self.at = self.left[~caught], self.at[~caught]
@@ -126,9 +126,9 @@ class _Run:
 
         All must grow, and the mean of their rates be positive beyond its error.
         """
-        strobe, found = self.strobe, []
+        strobe, rates = self.strobe, []
         for i in self.left[self.sample()]:
-            one = lyapunov.largest(
+            rate = lyapunov.largest(
                 strobe.pair,
                 strobe.tuning,
                 state=tuple(self.states[i]),
@@ -136,12 +136,12 @@ class _Run:
                 periods=_EXPONENT_PERIODS,
                 max_events=strobe.max_events,
             )
-            if not one.growth > 0.0:
+            if not rate.growth > 0.0:
                 return False
-            found.append(one)
-        value, uncertainty, growth, periods, _ = np.array(found).T
+            rates.append(rate)
+        value, uncertainty, growth, periods, _ = np.array(rates).T
         # Of weak chaos one motion alone may not suffice to tell.
-        error = np.sqrt((uncertainty**2).sum()) / len(found)
+        error = np.sqrt((uncertainty**2).sum()) / len(rates)
         mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))
         if mean.positive:
             self.others[attractors.CHAOTIC] = self._extent(

@@ -168,8 +168,8 @@ class MeshEquation:
     def residual(self, coefficients):
         """Return what x'' + f - e leaves on the harmonics, and the `Force`."""
         force = self.force(*self.motion(coefficients))
-        rest = -(self.orders**2) * coefficients + self.to_harmonics(force.value)
-        return rest - self.excitation, force
+        residual = -(self.orders**2) * coefficients + self.to_harmonics(force.value)
+        return residual - self.excitation, force
 
     def size(self, residual):
         """Return the largest value of a residual over the period, in loads."""

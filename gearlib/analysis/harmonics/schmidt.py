@@ -183,18 +183,18 @@ def iterate(equation, coefficients, degenerate, tolerance):
     while True:
         force = equation.force(*equation.motion(coefficients))
         balance = equation.excitation - _missing(equation, coefficients, force.value)
-        rest = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
+        residual = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
         new = np.where(remainder, gain * balance, coefficients)
         correction = _norm(new - coefficients)
         coefficients = new
         yield Iterate(coefficients, force, correction, algebraic, cost + 1)
         cost = 0
-        if not len(degenerate) or correction > max(tolerance, _LOOSE * rest):
+        if not len(degenerate) or correction > max(tolerance, _LOOSE * residual):
             continue
-        if rest > least and halvings < _MAX_HALVINGS:
+        if residual > least and halvings < _MAX_HALVINGS:
             step, halvings = 0.5 * step, halvings + 1
         else:
-            base, least, halvings = coefficients, rest, 0
+            base, least, halvings = coefficients, residual, 0
             step, cost = _algebraic_step(equation, base, degenerate, gain)
         coefficients, algebraic = base + step, _norm(step)
 
@@ -203,7 +203,7 @@ def _algebraic_step(equation, coefficients, degenerate, gain):
     """Return Newton's step of the degenerate part with the remainder that follows, and its cost."""
     force = equation.force(*equation.motion(coefficients))
     missing = _missing(equation, coefficients, force.value)
-    rest = (equation.symbol * coefficients + missing - equation.excitation)[degenerate]
+    residual = (equation.symbol * coefficients + missing - equation.excitation)[degenerate]
     # Unit changes of the real parts, and of the imaginary parts but that of the mean.
     turned = degenerate[degenerate > 0]
     units = np.zeros((degenerate.size + turned.size, coefficients.size), complex)
@@ -220,7 +220,7 @@ def _algebraic_step(equation, coefficients, degenerate, gain):
     whole = units + follow
     effect = (equation.symbol * whole + _missing_change(equation, force, whole))[:, degenerate]
     matrix = np.hstack([effect.real, effect[:, degenerate > 0].imag]).T
-    right = np.concatenate([rest.real, rest[degenerate > 0].imag])
+    right = np.concatenate([residual.real, residual[degenerate > 0].imag])
     share, *_ = np.linalg.lstsq(matrix, -right, rcond=None)
     return share @ whole, 1 + (terms + 1) * len(units)
 

@@ -105,7 +105,7 @@ class PeriodicSolution:
         gap = self.pair.backlash_ratio
         length = 2.0 * np.pi * self.period
         phases = np.arange(x.size) * (length / x.size)
-        found = []
+        crossings = []
         for line, codes in ((0.0, (1, 0)), (-gap, (0, -1))):
             if not np.isfinite(line):
                 continue
@@ -116,10 +116,10 @@ class PeriodicSolution:
                 for _ in range(_POLISH):
                     at, speed = self.at(phase)
                     phase -= (at - line) / speed if speed else 0.0
-                found.append((float(phase) % length, codes if above[i] else codes[::-1]))
-        found.sort()
-        kinds = np.array([codes for _, codes in found], np.int8).reshape(-1, 2)
-        return np.array([phase for phase, _ in found]), kinds
+                crossings.append((float(phase) % length, codes if above[i] else codes[::-1]))
+        crossings.sort()
+        kinds = np.array([codes for _, codes in crossings], np.int8).reshape(-1, 2)
+        return np.array([phase for phase, _ in crossings]), kinds
 
     def dataset(self, samples_per_period=256, orbit=None):
         """Return course, harmonics, multipliers and the facts of the solution as a dataset.
@@ -147,8 +147,8 @@ class PeriodicSolution:
             **self._facts(),
         }
         if orbit is not None:
-            found = errors(self, orbit)
-            data |= {f"{name}_error": value for name, value in found._asdict().items()}
+            differences = errors(self, orbit)
+            data |= {f"{name}_error": value for name, value in differences._asdict().items()}
         coords = {"phase": phase, "harmonic": self._orders()}
         return result(
             "Periodic motion of a gear mesh over harmonics",
@@ -308,13 +308,13 @@ def hill_multipliers(equation, coefficients, harmonics=None):
     share = np.abs(vectors[: k.size]) ** 2
     skew = np.abs(k @ share) / share.sum(axis=0)
     length = 2.0 * np.pi * equation.period
-    found = np.exp(length * exponents[np.argsort(skew, kind="stable")])
-    pair = np.array(_pair(found, np.exp(-length * mean)))
+    candidates = np.exp(length * exponents[np.argsort(skew, kind="stable")])
+    pair = np.array(_pair(candidates, np.exp(-length * mean)))
     return pair[np.argsort(-np.abs(pair), kind="stable")]
 
 
-def _pair(found, product):
+def _pair(candidates, product):
     """Return the most symmetric multiplier, and the one whose product with it is `product`."""
     scale = max(abs(product), np.finfo(float).tiny)
-    miss = np.abs(found[0] * found[1:] - product) / scale
-    return found[0], found[1 + int(np.argmin(miss))]
+    miss = np.abs(candidates[0] * candidates[1:] - product) / scale
+    return candidates[0], candidates[1 + int(np.argmin(miss))]

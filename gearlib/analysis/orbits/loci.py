@@ -132,8 +132,8 @@ def locus(
     try:
         if label == GRAZING:
             problem.phase, _ = problem.touch(y)
-        known_line = not (problem.line and pair.moving_flank)
-        checks.require(known_line, "point", point, "a grazing of the normal flank: the other moves")
+        allowed = not (problem.line and pair.moving_flank)
+        checks.require(allowed, "point", point, "a grazing of the normal flank: the other moves")
         orbits = [tracing.correct(problem, y, np.eye(y.size)[-1])[0]]
         ended = _follow(problem, orbits, to, limits, step, max_points)
     except tracing.Lost as error:

@@ -152,7 +152,7 @@ def _of_pair(model):
     linear = model.replace(backlash=0.0)
     propagators = linear.propagator(1.0)
 
-    def found(tuning):
+    def orbit(tuning):
         propagator = propagators.at(tuning)
         end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
         state = np.linalg.solve(np.eye(2) - maps[0], end)
@@ -160,7 +160,7 @@ def _of_pair(model):
         high, low = summary[0], summary[1]
         return state, (high - linear.flank_lines[0], low - linear.flank_lines[0])
 
-    return found
+    return orbit
 
 
 def _of_system(model, tuning):

@@ -79,7 +79,7 @@ def special_points(problem, a, b):
 
     Neighbours of one contact pattern; Lost if the branch could not be followed on the chord.
     """
-    found = []
+    located = []
     for label, test in _TESTS:
         first, last = test(a.orbit.multipliers), test(b.orbit.multipliers)
         if not first * last < 0.0:
@@ -100,8 +100,8 @@ def special_points(problem, a, b):
             continue
         if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
             label = BRANCH_POINT
-        found.append((share, replace(point, label=label)))
-    return [point for _, point in sorted(found, key=lambda row: row[0])]
+        located.append((share, replace(point, label=label)))
+    return [point for _, point in sorted(located, key=lambda row: row[0])]
 
 
 def grazing(problem, a, b):

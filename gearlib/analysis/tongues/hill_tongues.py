@@ -47,15 +47,15 @@ def one_degree_map(pair, tuning):
 
 def one_degree(pair, start, stop):
     """Return the `Tongue`s of a linear `OneDegreePair` whose gaps meet a range of tunings."""
-    found = []
+    tongues = []
     for order, (before, here, after) in _extrema(pair, 1.0 / start):
         low, high = _gap(pair, order, before, here, after)
         if high < 1.0 / stop:
             continue
         if low > 1.0 / start:
             break
-        found.append(_tongue(pair, order, low, high))
-    return found
+        tongues.append(_tongue(pair, order, low, high))
+    return tongues
 
 
 def closing_damping(pair, tongue):
@@ -122,13 +122,13 @@ def _half_trace(pair, k):
 def _extremum(pair, order, low, high):
     """Return where T has its extremum in a gap."""
     sign = -1.0 if order % 2 else 1.0
-    found = minimize_scalar(
+    extremum = minimize_scalar(
         lambda k: -sign * _half_trace(pair, k),
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-9},
     )
-    return float(found.x)
+    return float(extremum.x)
 
 
 def _extrema(pair, most):

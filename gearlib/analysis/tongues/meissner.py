@@ -172,10 +172,10 @@ def gap(m, order):
 
 def tongue(m, order):
     """Return the `Tongue` of an order, None where all is over-damped."""
-    found = gap(m, order)
-    if found is None:
+    ends = gap(m, order)
+    if ends is None:
         return None
-    low, high = found
+    low, high = ends
     return within_gap(
         order,
         low,
@@ -208,14 +208,14 @@ def within_gap(order, low, high, damping, growth, over):
 def strongest(growth, low, high):
     """Return (largest value, its place) of a function that has one maximum in an interval."""
     width = high - low
-    found = minimize_scalar(
+    maximum = minimize_scalar(
         # Shares of the interval: gaps may be narrower than the solver's own tolerance.
         lambda share: -growth(low + share * width),
         bounds=(0.0, 1.0),
         method="bounded",
         options={"xatol": 1e-9},
     )
-    return -float(found.fun), low + float(found.x) * width
+    return -float(maximum.fun), low + float(maximum.x) * width
 
 
 def edge(over, inside, outside):
@@ -243,8 +243,8 @@ def closing_damping(contact_ratio, stiffness_ratio, order):
     """Return the damping ratio from which the tongue of an order stays closed; 0: it is a point."""
 
     def growth(damping):
-        found = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
-        return -math.inf if found is None else found.growth
+        widest = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
+        return -math.inf if widest is None else widest.growth
 
     most = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
     return closing(growth, most * np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCAN)]))
@@ -312,14 +312,14 @@ def go(state, stiffness, damping, tuning, phase):
 
     (x, dx/dtau) in static deflections; stiffness over its mean, damping ratio beta.
     """
-    rest = 1.0 / stiffness
-    u, v = state[0] - rest, tuning * state[1]
+    equilibrium = 1.0 / stiffness
+    u, v = state[0] - equilibrium, tuning * state[1]
     time = phase / tuning
     cosine, sine, scale = pass_segment(stiffness - damping * damping, time)
     factor = math.exp(scale - damping * time)
     cosine, sine = factor * cosine, factor * sine
     v, u = v * cosine - (damping * v + stiffness * u) * sine, u * cosine + (v + damping * u) * sine
-    return rest + u, v / tuning
+    return equilibrium + u, v / tuning
 
 
 def period_map(pair, tuning):
