@@ -8,14 +8,10 @@ name                 responsibility
 ``tongues``          `tongues`: where contact without loss is unstable
 ``harmonics``        periodic motions over harmonics: `schmidt`, `harmonic_balance`
 ``global_dynamics``  attractors and their basins, sections, bifurcation diagrams
-``lyapunov``         largest Lyapunov exponent of a motion
+``lyapunov``         `lyapunov_exponents`; where rounding decides on a motion
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
-``order_spectrum``   `orders`: mesh force and transmission error over orders of the shaft
-``order_maps``       `order_map`: orders of a run-up over its speed
-``steady_course``    a run at constant speed as a run-up, for its orders
-``order_sums``       Fourier integrals as sums over samples
-``revolutions``      revolutions over a course of speed
-``sampled_signals``  signals over time at equal angles, for `order_map`
+``order_maps``       `order_map`, `orders`: orders of the shaft, over the speed or at one
+``order_sums``       Fourier integrals as sums over samples; signals at equal angles
 ``sensitivities``    `sensitivities`: derivatives of what any call returns
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================

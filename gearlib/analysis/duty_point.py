@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_spectrum import spectrum, transmission_error
+from gearlib.analysis.order_maps import spectrum, transmission_error
 from gearlib.data.result import result
 from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
@@ -84,7 +84,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         if all(gear.quality is not None for gear in (gears.pinion, gears.wheel)):
             # The smaller relief is what counts at both ends of the path.
             relieved = [gear.tip_relief for gear in (gears.pinion, gears.wheel)]
-            amount = min(one.amount if one else 0.0 for one in relieved)
+            amount = min(relief.amount if relief else 0.0 for relief in relieved)
             checks.finite_positive("speed", speed)
             data["iso_dynamic_factor"] = dynamic_factor(
                 gears, torque, speed, tip_relief=amount
@@ -186,8 +186,8 @@ def bearing_forces(run, model):
     force, length = float(run.force_scale), float(run.static_deflection)
     if "bearing_force_y3" in run:
         names = ["gear 3", "gear 2"]
-        found = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
-        return names, [force * float(one.max()) for one in found]
+        forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
+        return names, [force * float(course.max()) for course in forces]
     if "body_motion" not in run:
         return None, force * float(run.dynamic_force_max)
     stiffness = np.array([body.support_stiffness for body in model.bodies])

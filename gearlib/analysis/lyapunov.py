@@ -1,24 +1,32 @@
-"""Largest Lyapunov exponent of a motion, from its variational maps.
+"""Lyapunov exponents of motions, and whether rounding decides where they go.
 
-A small deviation is carried along by the maps of `Model.propagator`, scaled back to length
-one after each mesh period; the mean of the logarithms of its growth is the exponent, per mesh
+A small deviation is carried along by the maps of `Model.propagator`, scaled back to length one
+after each mesh period; the mean of the logarithms of its growth is the largest exponent, per mesh
 period. Lengths are those of (dx, nu dx'): displacements, and velocities over the mean
 eigenfrequency.
 """
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 
+from gearlib import checks, notebook
+from gearlib.analysis.global_dynamics import grids
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
+from gearlib.data.numbers_given import floats
+from gearlib.data.result import result
+from gearlib.integrators import choose
 from gearlib.kernels.growth import carry
 from gearlib.models.model import FAR
+from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.sweeping import CARRIED
 from gearlib.runs.variational import without_rotation
 
-#: A motion this many times as large as its model grows without bound if it becomes as many times
-#: as large in so many periods as are counted, again and again, up to `Model.bound`.
-LARGE, GROWN = 1e2, 1.5
 #: Maps held in memory at a time.
 _CHUNK = 512
 #: Batches of consecutive periods whose means give the uncertainty.
@@ -31,6 +39,8 @@ _SLACK = 7.0
 LOST = 10.0 * math.log(10.0)
 #: What a variable "settled" says of single motions.
 SETTLED_FLAGS = status.settled_flags("settled")
+#: Strobes of one orbit agree to this share of its height: far more than what is left of settling.
+_SAME_ORBIT = 1e-3
 
 
 class Exponent(NamedTuple):
@@ -56,153 +66,220 @@ class Exponent(NamedTuple):
         return self.grown and self.value > _SIGMAS * self.uncertainty
 
 
-def largest(model, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=1_000_000):
+class Deviation:
+    """A small deviation, carried along with a motion from one run to the next."""
+
+    def __init__(self, model, max_events=MAX_EVENTS):
+        self.model, self.max_events = model, max_events
+        #: Direction; None: any, or none any more.
+        self.vector: np.ndarray | None = None
+        #: Logarithm of its length, from that of rounding up to that of the motion.
+        self.length = 0.0
+
+    def carry(self, propagator, z, logs, first=0):
+        """Carry it through as many mesh periods as `logs` has; return (end of the motion, status).
+
+        `logs` gets the logarithms of its growth, -inf from where it has vanished; `first` is the
+        number of the first period, where the excitation repeats after several.
+        """
+        for done in range(0, logs.size, _CHUNK):
+            counted, period = logs[done : done + _CHUNK], (first + done) % self.model.repeats
+            z, maps, code = propagator.maps(z, counted.size, self.max_events, period)
+            if code != status.OK:
+                return z, code
+            maps = without_rotation(self.model, maps)
+            if self.vector is None:
+                self.vector = np.ones(maps.shape[1])
+            weights = np.repeat([1.0, propagator.tuning], self.vector.size // 2)
+            if not carry(maps, weights, self.vector, counted):
+                logs[done:], self.vector = -math.inf, None
+                break
+        return z, status.OK
+
+    def growth(self, tuning, state, periods, first=0):
+        """Return the logarithms of its largest and its last length in a run, from 0 on.
+
+        Both are infinite where the run could not go on.
+        """
+        propagator, logs = self.model.propagator(tuning), np.empty(periods)
+        self.vector = self.vector.copy() if self.vector is not None and self.length else None
+        _, code = self.carry(propagator, propagator.start(state), logs, first)
+        if code != status.OK:
+            self.vector = None
+            return math.inf, math.inf
+        grown = np.cumsum(logs)
+        return max(float(grown.max()), 0.0), float(grown[-1])
+
+    def lost(self, tuning, state, periods, first=0):
+        """Return whether rounding decides where a motion goes in a run, and go on from its end."""
+        most, last = self.growth(tuning, state, periods, first)
+        decided = self.length + most > LOST
+        self.length = min(max(self.length + last, 0.0), LOST)
+        return decided
+
+
+def largest(model, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=MAX_EVENTS):
     """Return the `Exponent`, the largest Lyapunov exponent, of the motion from a state at tau = 0.
 
     It is counted over so many periods after those to settle. The free rotation of six degrees
     of freedom, which never grows nor decays, is left out.
     """
-    propagator = model.propagator(tuning)
-    z = propagator.start(state)
-    size, carried = Size(model, tuning), _carrier(model, tuning, propagator, max_events)
-    bound = FAR * max(model.extent, size(z))
-
-    def failed(code):
-        return Exponent(math.nan, math.nan, math.nan, periods, code)
-
+    strobe, deviation = (
+        Stroboscope(model, tuning, max_events=max_events),
+        Deviation(model, max_events),
+    )
+    z = strobe.propagator.start(state)
+    bound, first = FAR * np.maximum(model.extent, strobe.size(z[None])), 0
     # Any direction will do: settling turns it into the growing one.
-    logs, vector, first = np.empty(periods), None, 0
+    logs = np.empty(periods)
     for counted in (np.empty(settle), logs) if settle else (logs,):
-        before = size(z)
-        z, vector, code = carried(z, vector, counted, first)
+        before = strobe.size(z[None])
+        z, code = deviation.carry(strobe.propagator, z, counted, first)
         if code != status.OK:
-            return failed(code)
-        if vector is None:
+            return Exponent(math.nan, math.nan, math.nan, periods, code)
+        if deviation.vector is None:
             # Over-damped to nothing: no deviation is left to grow.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
         first = settle
-    if grows(size, propagator, z, before, bound, periods, max_events):
-        return failed(status.OVERFLOW)
+    if strobe.unbounded(z[None], before, bound, periods)[0].any():
+        return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])
     error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf
     return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)
 
 
-class Growth(NamedTuple):
-    """How a small deviation has grown."""
+def rounding_decides(model, tunings, start, periods, ends=None):
+    """Return where rounding decides which way a motion goes, over tunings, bool, shape (n,).
 
-    most: float  #: logarithm of its largest growth on the way; infinite: the run could not go on
-    last: float  #: of that at the end
-    vector: np.ndarray | None  #: its direction at the end; None: it has vanished
-
-
-def growth(model, tuning, state, periods, *, first=0, vector=None, max_events=1_000_000):
-    """Return the `Growth` of a small deviation over mesh periods; other arguments as of `largest`.
-
-    `first` is the number of the first period, where the excitation repeats after several; `vector`
-    is the deviation, by default one in all coordinates.
+    The motion begins at `start` at each tuning. With `ends`, its final states, shape (n,
+    components), it is carried from tuning to tuning, and begins anew behind a NaN.
     """
-    propagator, logs = model.propagator(tuning), np.empty(periods)
-    z, carried = propagator.start(state), _carrier(model, tuning, propagator, max_events)
-    z, vector, code = carried(z, vector, logs, first)
-    if code != status.OK:
-        return Growth(math.inf, math.inf, None)
-    grown = np.cumsum(logs)
-    return Growth(max(float(grown.max()), 0.0), float(grown[-1]), vector)
+    deviation, decided = Deviation(model), np.zeros(len(tunings), bool)
+    for i, tuning in enumerate(tunings):
+        state, first = start, 0 if ends is None else i * periods
+        if i and ends is not None and np.isfinite(ends[i - 1]).all():
+            state = ends[i - 1]
+        else:
+            deviation = Deviation(model)
+        decided[i] = deviation.lost(float(tuning), tuple(state), periods, first)
+    return decided
 
 
-def lost(model, tuning, state, periods):
-    """Return whether rounding decides where a motion goes; arguments as of `growth`."""
-    return growth(model, tuning, state, periods).most > LOST
+def settled(model, diagrams, directions, starts):
+    """Return where motions are periodic, and not on orbits that rounding has chosen.
 
-
-class Carried:
-    """A deviation that goes on with a motion from one run to the next.
-
-    It is never less than rounding, nor more than the motion.
+    Bool, shape (diagram, tuning). `diagrams` are of `gearlib.bifurcation_diagram` over the same
+    tunings, `directions` and `starts` the way and initial state of each. Behind chaos a carried
+    motion is where rounding has led it, until all others have come to one orbit, and it too.
     """
+    periods = np.array([diagram.period.values for diagram in diagrams])
+    strobes = np.array([diagram.displacement.values for diagram in diagrams])
+    carried, lost = np.isin(directions, CARRIED), np.zeros(periods.shape, bool)
+    rising = np.argsort(diagrams[0].tuning.values)
+    orders = [rising[::-1] if direction == "down" else rising for direction in directions]
+    for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
+        ends = diagram.final_state.values[order] if carried[k] else None
+        length = int(diagram.strobe.values[-1]) + 1
+        tunings = diagram.tuning.values[order]
+        lost[k, order] = rounding_decides(model, tunings, starts[k], length, ends)
+    known = (periods > 0) & ~lost
+    others_known = np.all(known[~carried], axis=0) & np.any(~carried)
+    for k in np.flatnonzero(carried):
+        behind = False
+        for i in orders[k]:
+            sets = np.sort(strobes[~carried | (np.arange(len(lost)) == k), i], axis=1)
+            together = np.ptp(sets, axis=0).max() <= _SAME_ORBIT * max(1.0, np.ptp(sets))
+            behind = (behind or lost[k, i]) and not (others_known[i] and together)
+            known[k, i] = periods[k, i] > 0 and not behind
+    return known
 
-    def __init__(self, model):
-        self.pair, self.before, self.vector = model, 0.0, None
 
-    def run(self, tuning, state, periods, first=0):
-        """Return the `Growth` in a run, and whether rounding decides where it goes."""
-        vector = self.vector if self.before else None
-        found = growth(self.pair, tuning, state, periods, first=first, vector=vector)
-        return found, self.before + found.most > LOST
+def lyapunov_exponents(
+    pair,
+    values,
+    *,
+    parameter="tuning",
+    tuning=None,
+    states=(0.0, 0.0),
+    settle=500,
+    periods=2000,
+    max_events=MAX_EVENTS,
+    threads=None,
+):
+    """Return the largest Lyapunov exponent of motions over a parameter.
 
-    def go_on(self, found):
-        """Go on from the end of a run."""
-        self.before = min(max(self.before + found.last, 0.0), LOST)
-        self.vector = found.vector
+    Deviations are carried along by the exact maps of `Model.propagator`, with saltation at
+    the flank lines: on a periodic attractor the exponent is ln|multiplier| / period, and without
+    damping a positive one is chaos, a motion of zero exponent regular.
 
+    Parameters
+    ----------
+    pair, values, parameter, tuning, max_events
+        As of `gearlib.bifurcation_diagram`.
+    states : array_like of float, shape (2,) or (n, 2)
+        Displacement in static deflections and dx/dtau at tau = 0, for all or for each value: the
+        final states of a diagram follow its branch.
+    settle, periods : int
+        Mesh periods before the count, and counted (at least 20).
+    threads : int, optional
+        All processors by default. The result does not depend on it.
 
-def lost_in_sweep(model, tunings, ends, start, periods):
-    """Return where rounding may have led a motion carried over tunings, shape (n,), bool, (n,).
+    Returns
+    -------
+    xarray.Dataset
+        Over the parameter under its name: exponent, per mesh period, and uncertainty, the
+        standard error of its mean over 20 batches; status, where it is not 0 both are NaN: the
+        run could not go on, the motion grows without bound, or its start has no numbers.
 
-    `ends` are final states, shape (n, components), behind a NaN the motion begins anew; `periods`
-    are those at each tuning.
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
     """
-    lost = np.zeros(len(tunings), bool)
-    begins = [start, *(end if np.isfinite(end).all() else start for end in ends[:-1])]
-    for i, (nu, begin) in enumerate(zip(tunings, begins, strict=True)):
-        if begin is start:
-            deviation = Carried(model)
-        found, lost[i] = deviation.run(float(nu), tuple(begin), periods, i * periods)
-        deviation.go_on(found)
-    return lost
+    choose(pair, None, None)
+    values = grids.values("values", values)
+    settle = checks.integer("settle", settle, 0)
+    periods = checks.integer("periods", periods, BATCHES)
+    max_events = checks.integer("max_events", max_events, 1)
+    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
+    cases = varied(pair, tuning, parameter, values)
+    if isinstance(states, str):
+        pair.check_state(states)
+        states = cases[0][0].start_state(states)
+    rows, sizes = floats(states), {2, len(pair.components)}
+    if rows.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
+        raise ValueError(
+            f"states = {states!r} is not allowed: it must be "
+            f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
+            f"{values.size} values"
+        )
+    rows = np.broadcast_to(rows, (values.size, rows.shape[-1]))
 
+    def exponent(i):
+        model, nu = cases[i]
+        if not np.isfinite(rows[i]).all():
+            return np.nan, np.nan, status.NO_START
+        settings = {"settle": settle, "periods": periods, "max_events": max_events}
+        rate = largest(model, nu, state=tuple(rows[i]), **settings)
+        return rate.value, rate.uncertainty, rate.status
 
-def _carrier(model, tuning, propagator, max_events):
-    """Return the call that carries a state and a deviation through as many periods as `logs` has.
-
-    It fills these, with -inf from where it has vanished, and returns the state; the deviation, then
-    None; and the status. None in place of a deviation is one in all coordinates.
-    """
-
-    def carried(z, vector, logs, first):
-        for done in range(0, logs.size, _CHUNK):
-            counted, period = logs[done : done + _CHUNK], (first + done) % model.repeats
-            z, maps, code = propagator.maps(z, counted.size, max_events, period)
-            if code != status.OK:
-                return z, vector, code
-            maps = without_rotation(model, maps)
-            vector = np.ones(maps.shape[1]) if vector is None else vector
-            weights = np.repeat([1.0, tuning], vector.size // 2)
-            if not carry(maps, weights, vector, counted):
-                logs[done:] = -math.inf
-                return z, None, code
-        return z, vector, status.OK
-
-    return carried
-
-
-class Size:
-    """How large the states of a model are, without free rotation, in displacements."""
-
-    def __init__(self, model, tuning):
-        self.extent, self.cycle = model.extent, model.repeats
-        self._reduce, _ = model.reduction()
-        self._weights = np.repeat([1.0, tuning], len(self._reduce) // 2)
-
-    def __call__(self, states):
-        """Return the size of a state, or of each of several, shape (k, n); infinite if NaN."""
-        seen = np.abs(states @ self._reduce.T * self._weights).max(axis=-1)
-        return np.where(np.isfinite(seen), seen, math.inf)
-
-
-def grows(size, propagator, z, before, bound, periods, max_events):
-    """Return whether a motion that has grown goes on to do so, beyond a bound.
-
-    `z`, shape (n,), is where it is, `before` its size so many periods ago.
-    """
-    ends, codes = z[None].copy(), np.zeros(1, np.int64)
-    periods += -periods % size.cycle
-    after = float(size(z))
-    while LARGE * size.extent < after <= bound and after > GROWN * before:
-        before = after
-        propagator.skip(ends.copy(), periods, max_events, ends, codes)
-        if codes[0] not in (status.OK, status.OVERFLOW):
-            return False
-        after = math.inf if codes[0] else float(size(ends[0]))
-    return after > bound
+    with ThreadPoolExecutor(threads) as pool:
+        running = pool.map(exponent, range(values.size))
+        rates = np.array(list(notebook.counted("values", running, values.size)))
+    data = {
+        "exponent": (parameter, rates[:, 0]),
+        "uncertainty": (parameter, rates[:, 1]),
+        "status": (parameter, rates[:, 2].astype(np.int8)),
+    }
+    dataset = result(
+        "Largest Lyapunov exponents of a gear mesh",
+        pair,
+        data,
+        {parameter: values},
+        method="variational maps",
+        parameter=parameter,
+        tuning=tuning,
+        settle=settle,
+        periods=periods,
+    )
+    return name_parameter(dataset, parameter)

@@ -1,4 +1,4 @@
-"""`order_map`: orders of run-ups, Fourier sums over whole revolutions.
+"""`order_map`: orders of run-ups; `orders`: of runs at constant speed, over whole mesh periods.
 
 The shaft angle is known, so that no window and no leakage enter. The samples of the time course are
 summed over the angle, see `order_sums`, and every second of them tells the error.
@@ -10,11 +10,17 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis import sampled_signals
-from gearlib.analysis.order_sums import jump_phases, summed
-from gearlib.analysis.revolutions import Turning
-from gearlib.analysis.steady_course import as_run_up
+from gearlib.analysis.order_sums import (
+    STENCIL,
+    Turning,
+    as_run_up,
+    at_equal_angles,
+    is_sampled,
+    jump_phases,
+    summed,
+)
 from gearlib.data.result import result_of_many
+from gearlib.models.harmonics import Harmonics
 
 #: What an amplitude is, for orders above 0, in terms of a Fourier coefficient.
 _AMPLITUDES = {
@@ -94,9 +100,9 @@ def order_map(
         checks.require(orders, "orders", orders, "a list of at least one entry")
         highest = max(*orders, resolution) if highest is None else highest
     run = as_run_up(run)
-    if sampled_signals.is_sampled(run):
+    if is_sampled(run):
         given, signal = {"tacho": tacho, "teeth": teeth}, True
-        run, most, begins = sampled_signals.at_equal_angles(run, variable, highest, **given)
+        run, most, begins = at_equal_angles(run, variable, highest, **given)
         highest = most if highest is None else highest
     else:
         _check_run(run, variable, tacho)
@@ -116,12 +122,12 @@ def order_map(
     top = checks.finite_positive("highest", top)
     check_density(run.phase.values, top, teeth)
     count = int(top * revolutions + 1e-9) + 1
-    found = order_sums(run, variable, teeth, blocks, revolutions, count, signal)
+    sums = _block_sums(run, variable, teeth, blocks, revolutions, count, signal)
     number = np.arange(count)
     if orders is not None:
         number = np.array([_number(order, revolutions, count) for order in orders])
     bounds = begins + Turning(speeds).at(revolutions * np.arange(blocks + 1.0))[0]
-    return _dataset(run, variable, amplitude, found, number, revolutions, bounds, teeth)
+    return _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth)
 
 
 def _check_run(run, variable, tacho):
@@ -153,42 +159,28 @@ def check_density(phase, highest, teeth):
         )
 
 
-def order_sums(run, variable, teeth, blocks, revolutions, count, signal=False):
-    """Return (coefficients, mean squares, changes with half of the samples) of a run.
+def _block_sums(run, variable, teeth, blocks, revolutions, count, signal):
+    """Return (coefficients, mean squares, changes with half of the samples) of all blocks.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        Of `gearlib.run_up`, or as of `as_run_up` or `at_equal_angles`.
-    variable : str
-    teeth : float
-        Mesh periods in a revolution.
-    blocks, revolutions, count : int
-        Blocks, revolutions of a block, orders from 0.
-    signal : bool
-        Whether it is a measured signal: nobody knows where that jumps, and noise changes it.
-
-    Raises
-    ------
-    ValueError
-        If a coefficient of a run changes too much.
+    Nobody knows where a measured signal jumps, and noise changes it: its changes are not refused.
     """
     phase, values = run.phase.values, run[variable].values
     block = blocks, math.tau * teeth * revolutions, 1.0 / (teeth * revolutions), count
     # The displacement and its rate by time are continuous.
     jumps = None if signal else np.empty(0)
-    if variable in ("acceleration", "dynamic_force"):
-        jumps = None if signal else jump_phases(run, teeth)
-    found, squares, _ = summed(phase, values, *block, jumps)
-    change = np.abs(found - summed(phase[::2], values[::2], *block, jumps)[0])
-    check_change(change, squares, 0 if signal else phase)
-    return found, squares, change
+    if not signal and variable in ("acceleration", "dynamic_force"):
+        jumps = jump_phases(run, teeth)
+    sums, squares = summed(phase, values, *block, jumps)
+    change = np.abs(sums - summed(phase[::2], values[::2], *block, jumps)[0])
+    if not signal:
+        check_change(change, squares, phase)
+    return sums, squares, change
 
 
 def check_change(change, squares, phase):
     """Refuse samples whose every second one gives other orders."""
     size = math.sqrt(squares.max())
-    if np.ndim(phase) and change.max() > MAX_CHANGE * size:
+    if change.max() > MAX_CHANGE * size:
         per = samples_per_period(phase)
         raise ValueError(
             f"samples_per_period = {per} is not allowed for these orders: with half of the samples "
@@ -210,24 +202,24 @@ def _number(order, revolutions, count):
 
 def _dataset(run, variable, amplitude, sums, number, revolutions, bounds, teeth):
     """Return the order map of the orders with these numbers."""
-    found, squares, error = sums
-    mean_square = np.abs(found[:, 0]) ** 2
-    found, error = found[:, number], error[:, number]
-    size = np.abs(found)
+    coefficients, squares, error = sums
+    noise = np.sqrt(np.maximum(squares - np.abs(coefficients[:, 0]) ** 2, 0.0))
+    coefficients, error = coefficients[:, number], error[:, number]
+    size = np.abs(coefficients)
     above = (number > 0).reshape(1, -1, *[1] * (size.ndim - 2))
     mean = size**2 if amplitude == "power" else size
     unit, words = run[variable].attrs["units"], variable.replace("_", " ")
     squared = f"({unit})2" if " " in unit else f"{unit}2"
-    own, inner = squared if amplitude == "power" else unit, run[variable].dims[1:]
+    amplitude_unit = squared if amplitude == "power" else unit
+    inner = run[variable].dims[1:]
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
-    noise = np.sqrt(np.maximum(squares - mean_square, 0.0))
     columns = {
         "amplitude": (
             np.where(above, _AMPLITUDES[amplitude](size), mean),
-            own,
+            amplitude_unit,
             f"{amplitude} of the orders of the {words}",
         ),
-        "phase": (np.angle(found), "rad", "of a cosine of the order times the shaft angle"),
+        "phase": (np.angle(coefficients), "rad", "of a cosine of the order times the shaft angle"),
         "amplitude_error": (np.where(above, 2.0, 1.0) * error, unit, "estimated error, of a peak"),
     }
     over = {"units": unit, "long_name": f"root mean square of the {words} without its mean"}
@@ -266,3 +258,126 @@ def _course(run):
     teeth = float(whole) if abs(ratio - whole) < 1e-6 * ratio else ratio
     teeth = float(run.teeth) if "teeth" in run else teeth
     return np.array(json.loads(run.attrs["parameters"])["speed"]), teeth
+
+
+def orders(run, *, count=None):
+    """Return the order spectrum of the mesh force and of the transmission error of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Of `gearlib.simulate`; its record has to hold whole revolutions, or whole orbits.
+    count : int, optional
+        Highest mesh order; by default 10, at most a quarter of the samples per period.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``order`` (per revolution of the gear whose teeth count, from 0): mesh_order (order
+        over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
+        error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
+        order), force_amplitude_error and error_amplitude_error, estimates and no bounds: the
+        difference that every second sample makes; mean squares. Of a train over ``mesh`` too.
+
+    Raises
+    ------
+    ValueError
+        If the run could not go on, has no whole revolutions, or a coefficient changes by more than
+        5 % of the root mean square when every second sample is left out.
+    """
+    names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
+    if not names <= set(getattr(run, "variables", ())):
+        shown = run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
+        raise checks.refusal("run", shown, "a dataset of gearlib.simulate, of gears that turn")
+    return spectrum(run, count)
+
+
+def spectrum(run, count=None, mesh_orders=False):
+    """Return what `orders` does, or of the multiples of the mesh frequency only.
+
+    Of the latter those that change too much are nan.
+    """
+    if int(run.status):
+        raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
+    asked = json.loads(run.attrs["parameters"])
+    periods, samples = asked["record_periods"], run.phase.size
+    teeth = round(float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed)))
+    orbit = int(run.period)
+    if periods % teeth and not (orbit and periods % orbit == 0):
+        raise ValueError(
+            f"record_periods = {periods} is not allowed: it must be a multiple of {teeth}, whole "
+            "revolutions of the gear whose teeth count"
+            + (f", or of the {orbit} periods of the orbit" if orbit else "")
+        )
+    most = max(samples // periods // 4, 1)
+    count = checks.integer("count", min(10, most) if count is None else count, 1, most)
+    fractions = 1 if mesh_orders else periods
+    harmonics = np.arange(count * fractions + 1)
+    dims = ("order", *run.displacement.dims[1:])
+    shape = -1, *[1] * (len(dims) - 1)
+    # A period that begins later turns the phases only: they count from the mesh phase 0.
+    turn = np.exp(-1j * harmonics / fractions * float(run.phase[0])).reshape(shape)
+    peak = np.where(harmonics > 0, 2.0, 1.0).reshape(shape)
+    grid, repeats = (1.0 / fractions, harmonics.size), orbit and periods % orbit == 0
+    force = run.dynamic_force.values * float(run.force_scale)
+    error = transmission_error(run) * float(run.static_deflection)
+    jumps = jump_phases(as_run_up(run), teeth)
+    data: dict = {"mesh_order": ("order", harmonics / fractions)}
+    for name, values, phases in (("force", force, jumps), ("error", error, np.empty(0))):
+        sums, change, squares = _record_sums(
+            run.phase.values, values, phases, periods, grid, repeats
+        )
+        if mesh_orders:
+            sums[change > MAX_CHANGE * math.sqrt(squares.max())] = math.nan
+        else:
+            check_change(change, squares, run.phase.values)
+        data[f"{name}_amplitude"] = dims, peak * np.abs(sums)
+        data[f"{name}_phase"] = dims, np.angle(sums * turn)
+        data[f"{name}_amplitude_error"] = dims, peak * change
+        data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
+    for name in ("tuning", "speed", "mesh_frequency", "period"):
+        data[name] = run[name].values
+    coords = {"order": harmonics * teeth / fractions}
+    coords |= {name: run[name].values for name in dims[1:]}
+    dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
+    dataset["order"].attrs["long_name"] = (
+        "order, waves per revolution of the gear whose teeth count"
+    )
+    kept = ("references", "gear_pair", "parameters")
+    dataset.attrs |= {name: run.attrs[name] for name in kept if name in run.attrs}
+    return dataset
+
+
+def transmission_error(run):
+    """Return the transmission error at the samples, static deflections.
+
+    Displacements of models with deviations of the flanks are those of the flanks.
+    """
+    x = run.displacement.values
+    model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
+    given = model.get("deviation") if "profile" in model else None
+    if not given:
+        return x
+    phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
+    waves = Harmonics(given["cosines"], given["sines"]).table(scale)
+    return x - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
+
+
+def _record_sums(phase, values, jumps, periods, grid: tuple[float, int], repeats):
+    """Return (Fourier coefficients of a record, their changes with half of them, mean squares).
+
+    grid: step of the mesh orders and their number.
+    """
+    phase, span = phase - phase[0], math.tau * periods
+
+    def coefficients(step):
+        at, record = phase[::step], values[::step]
+        if repeats:
+            # An orbit goes on behind the record, and before it, as in it.
+            at = np.concatenate([at[-STENCIL:] - span, at, at[:STENCIL] + span])
+            record = np.concatenate([record[-STENCIL:], record, record[:STENCIL]])
+        sums, squares = summed(at, record, 1, span, *grid, jumps)
+        return sums[0], squares
+
+    sums, squares = coefficients(1)
+    return sums, np.abs(sums - coefficients(2)[0]), squares

@@ -118,7 +118,7 @@ def trust(
     ):
         names.append(name)
         runs.append(run(model, tuning, **base | changed))
-    found = lyapunov.largest(
+    exponent = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     columns = {
@@ -139,7 +139,7 @@ def trust(
         disturbance=disturbance,
         exponent_periods=exponent_periods,
     )
-    return decide(table, found, pair.repeats)
+    return decide(table, exponent, pair.repeats)
 
 
 def scan(model, tunings, **options):
@@ -149,13 +149,13 @@ def scan(model, tunings, **options):
     """
 
     def facts(nu):
-        one = trust(model, nu, **options)
+        verdict = trust(model, nu, **options)
         return {
-            "label": np.int8(LABELS.index(one.label)),
-            "period": np.int32(one.period),
-            "digits": min(one.digits, _MOST_DIGITS),
-            "exponent": one.exponent,
-            "uncertainty": one.uncertainty,
+            "label": np.int8(LABELS.index(verdict.label)),
+            "period": np.int32(verdict.period),
+            "digits": min(verdict.digits, _MOST_DIGITS),
+            "exponent": verdict.exponent,
+            "uncertainty": verdict.uncertainty,
         }
 
     title = "Labels of the motion of a gear mesh"
@@ -179,7 +179,7 @@ def _other_ways(model):
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 
-def decide(runs, found, repeats=1):
+def decide(runs, exponent, repeats=1):
     """Return the `Trust` that follows from the runs and the `Exponent`; see the rules above.
 
     `runs` has displacement_max, displacement_min, period, status over run; the excitation
@@ -187,26 +187,26 @@ def decide(runs, found, repeats=1):
     """
 
     def verdict(label, message, period=0, digits=math.nan):
-        return Trust(label, message, period, digits, found.value, found.uncertainty, runs)
+        return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
     gone = runs.status.values == status.OVERFLOW
-    if found.status == status.OVERFLOW or gone.any():
-        if not runs.period.values.any() and (found.status == status.OVERFLOW or gone.all()):
+    if exponent.status == status.OVERFLOW or gone.any():
+        if not runs.period.values.any() and (exponent.status == status.OVERFLOW or gone.all()):
             return verdict("unbounded", status.MESSAGES[status.OVERFLOW])
         names = ", ".join(runs.run.values[gone]) or "the variational run"
         return verdict("undecided", f"some runs grow without bound, others do not: {names}")
     failed = runs.run.values[runs.status.values != status.OK]
-    if failed.size or math.isnan(found.value):
+    if failed.size or math.isnan(exponent.value):
         return verdict(
             "undecided", f"could not go on: {', '.join(failed) or 'the variational run'}"
         )
-    if found.positive:
+    if exponent.positive:
         return verdict(
             "chaotic",
-            f"deviations grow by a factor e every {1.0 / found.value:.3g} mesh periods",
+            f"deviations grow by a factor e every {1.0 / exponent.value:.3g} mesh periods",
         )
     periods = set(runs.period.values.tolist())
-    if found.growth < _DECAY:
+    if exponent.growth < _DECAY:
         if "longer" in runs.run and int(runs.period.sel(run="longer")):
             # Others that are still on their way agree with it in their extrema, below.
             periods -= {0}

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.revolutions import Turning
+from gearlib.analysis.order_sums import Turning
 from gearlib.rig import fitted_data
 from gearlib.rig.fitted_curves import Curve
 from gearlib.rig.order_observations import ORDERS, MeshOrders, complete_blocks, regressed

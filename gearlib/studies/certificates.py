@@ -144,7 +144,7 @@ def _all_points(pair, branch):
     """Return (how many points of the branches are what, the claims of all)."""
     counts, rows = Counter(), []
     for point in np.flatnonzero(branch.label.values == REGULAR):
-        orbit = as_orbit(*restored(pair, branch, int(point), MAX_EVENTS))
+        orbit = as_orbit(restored(pair, branch, int(point), MAX_EVENTS))
         proven = certify(_rounded_orbit(orbit))
         counts[proven.stability if proven else f"refused: {proven.status}"] += 1
         rows.append(_row(proven, orbit.tuning))

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from gearlib.analysis.tongues import closing_damping, find, meissner, no_loss
+from gearlib.analysis.tongues import closing_damping, find, meissner
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.models.pair import GearPair
@@ -98,8 +98,8 @@ def ratios(pair):
 
 def orbit_min(pair, tuning):
     """Return the least displacement, static deflections, of the orbit without loss of contact."""
-    state = no_loss.orbit(pair, tuning)
-    linear = no_loss.linear_pair(pair)
+    state = meissner.orbit(pair, tuning)
+    linear = meissner.linear_pair(pair)
     one = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
     return float(one.displacement_min[0])
 

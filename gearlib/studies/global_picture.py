@@ -7,12 +7,9 @@ import xarray as xr
 
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics.attractors import UNDECIDED
-from gearlib.analysis.global_dynamics.basin_stability import basin_stability
-from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basins
-from gearlib.analysis.global_dynamics.bifurcation import bifurcation_diagram
-from gearlib.analysis.global_dynamics.exponents import lyapunov_exponents
-from gearlib.analysis.global_dynamics.poincare import poincare_section
-from gearlib.analysis.global_dynamics.settled_motions import settled
+from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basin_stability, basins
+from gearlib.analysis.global_dynamics.poincare import bifurcation_diagram, poincare_section
+from gearlib.analysis.lyapunov import lyapunov_exponents
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -96,7 +93,7 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
         found.append(diagram.assign(rates.data_vars).assign(status=stopped))
     names = xr.DataArray(names, dims="direction", name="direction")
     both = xr.concat(found, names, combine_attrs="drop")
-    known = settled(pair, diagrams, directions, starts).astype(np.int8)
+    known = lyapunov.settled(pair, diagrams, directions, starts).astype(np.int8)
     both = both.assign(settled=(("direction", "tuning"), known))
     both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))
     both["settled"].attrs |= lyapunov.SETTLED_FLAGS
@@ -141,7 +138,10 @@ def sections(cases, settings):
             lyapunov.largest(pair, tuning, state=tuple(state), settle=settle, periods=periods)
             for state in states
         ]
-        lost = np.array([lyapunov.lost(pair, tuning, z, settle + periods) for z in states])
+        lost = [
+            lyapunov.rounding_decides(pair, [tuning], state, settle + periods)[0]
+            for state in states
+        ]
         grown = np.array([rate.grown for rate in rates])
         chaotic = np.where(lost & grown, 1, 2 * (lost | grown)).astype(np.int8)
         section = section.assign(

@@ -10,6 +10,7 @@ Under step control rounding shows at every tuning. So the jump by such a method 
 seeded starts, each beside the exact jump from the same start: median and range of the differences.
 """
 
+from copy import copy
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -82,15 +83,15 @@ def find(pair, tunings, resolution, direction="cold", **run):
     i = int(np.argmax(steps))
     low, high = tunings[i], tunings[i + 1]
     below, above = beside = height[i], height[i + 1]
-    states, deviation = scan.final_state.values, lyapunov.Carried(pair)
+    states, deviation = scan.final_state.values, lyapunov.Deviation(pair)
     if direction != "cold":
         run["initial_state"] = tuple(states[i if direction == "up" else i + 1])
     while high - low > resolution and not lost.any():
         middle = 0.5 * (low + high)
         if exact:
             start = run.get("initial_state", (0.0, 0.0))
-            grown, gone = deviation.run(middle, start, run["periods"])
-            if gone:
+            carried = copy(deviation)
+            if carried.lost(middle, start, run["periods"]):
                 break
         one = sweep(pair, [middle], **run)
         height = float(_heights(one)[0])
@@ -102,7 +103,7 @@ def find(pair, tunings, resolution, direction="cold", **run):
         if (direction == "up" and is_below) or (direction == "down" and not is_below):
             run["initial_state"] = tuple(one.final_state.values[0])
             if exact:
-                deviation.go_on(grown)
+                deviation = carried
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, float(below), float(above), 0, high - low)
     # The nearer to the jump, the less a run has settled: its heights are those of the scan.
@@ -118,12 +119,12 @@ def _lost(pair, scan, height, i, direction, run):
     tunings, start = scan.tuning.values, run.get("initial_state", (0.0, 0.0))
     periods = run["periods"]
     if direction == "cold":
-        lost = np.array([lyapunov.lost(pair, nu, start, periods) for nu in tunings[i : i + 2]])
+        lost = lyapunov.rounding_decides(pair, tunings[i : i + 2], start, periods)
         return i + np.flatnonzero(lost), lost
     order = np.arange(tunings.size)[:: 1 if direction == "up" else -1]
     way = order[: max(np.argmax(order == i), np.argmax(order == i + 1)) + 1]
     ends = scan.final_state.values[way]
-    lost = lyapunov.lost_in_sweep(pair, tunings[way], ends, start, periods)
+    lost = lyapunov.rounding_decides(pair, tunings[way], start, periods, ends)
     if not lost.any():
         return order[:0], lost
     k = int(np.argmax(lost))

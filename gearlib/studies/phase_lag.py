@@ -47,8 +47,8 @@ def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_
     shown = [simulate(model, tuning, **run) for model in models]
     first = [[harmonic_lags(simulate(m, nu, **run), 1)[0] for nu in tunings] for m in models]
     rest = (0.0, 0.0)
-    settled = ~np.array([[lyapunov.lost(m, nu, rest, periods) for nu in tunings] for m in models])
-    known = ~np.array([[lyapunov.lost(m, tuning, rest, periods)] for m in models])
+    settled = ~np.array([lyapunov.rounding_decides(m, tunings, rest, periods) for m in models])
+    known = ~np.array([lyapunov.rounding_decides(m, [tuning], rest, periods) for m in models])
     lags = np.where(known, [harmonic_lags(one, harmonics) for one in shown], np.nan)
     courses = np.where(known, [one.displacement.values for one in shown], np.nan)
     data = {

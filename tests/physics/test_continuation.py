@@ -7,9 +7,6 @@ import pytest
 from scipy.optimize import brentq
 
 from gearlib import (
-    GearPair,
-    Harmonics,
-    OneDegreePair,
     continue_orbit,
     locus,
     periodic_orbit,
@@ -19,8 +16,7 @@ from gearlib import (
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
-from gearlib.analysis.orbits.touching import lines, nearest_touch, turning_points
-from gearlib.analysis.tongues import no_loss
+from gearlib.analysis.tongues import meissner
 from gearlib.models.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
@@ -47,30 +43,30 @@ def down():
 
 def lowest(nu):
     """Return the smallest displacement of the undamped orbit that never loses contact."""
-    top = no_loss.orbit(FREE, nu)
+    top = meissner.orbit(FREE, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
     (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
-    edge = no_loss.go(top, high, 0.0, nu, half_high)
-    return min(top[0], no_loss.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+    edge = meissner.go(top, high, 0.0, nu, half_high)
+    return min(top[0], meissner.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
 
 
 def over_doubling(nu):
     """Return the trace of the period map of the motion without loss, over its value at -1, -1."""
-    return float(np.trace(no_loss.period_map(FREE, nu)[0])) + 2.0
+    return float(np.trace(meissner.period_map(FREE, nu)[0])) + 2.0
 
 
 @pytest.mark.parametrize(
     ("start", "to", "bracket"), [(0.7, 0.82, (0.75, 0.82)), (1.3, 1, (1, 1.3))]
 )
 def test_grazing_in_closed_form(start, to, bracket):
-    branch = continue_orbit(periodic_orbit(FREE, start, guess=no_loss.orbit(FREE, start)), to=to)
+    branch = continue_orbit(periodic_orbit(FREE, start, guess=meissner.orbit(FREE, start)), to=to)
     assert places(branch, GRAZING)[0] == pytest.approx(
         brentq(lowest, *bracket, xtol=1e-14), abs=PLACE
     )
 
 
 def test_doublings_are_the_edges_of_the_tongue():
-    start = periodic_orbit(FREE, 0.64, guess=no_loss.orbit(FREE, 0.64))
+    start = periodic_orbit(FREE, 0.64, guess=meissner.orbit(FREE, 0.64))
     branch = continue_orbit(start, to=0.69)
     edges = [brentq(over_doubling, 0.66, outside, xtol=1e-14) for outside in (0.64, 0.69)]
     np.testing.assert_allclose(places(branch, DOUBLING), edges, rtol=0, atol=PLACE)
@@ -80,7 +76,7 @@ def test_doublings_are_the_edges_of_the_tongue():
 
 def test_a_doubled_branch():
     free = FREE.replace(backlash_damping=3953.7)
-    branch = continue_orbit(periodic_orbit(free, 0.65, guess=no_loss.orbit(free, 0.65)), to=0.67)
+    branch = continue_orbit(periodic_orbit(free, 0.65, guess=meissner.orbit(free, 0.65)), to=0.67)
     point = int(np.flatnonzero(branch.label == DOUBLING)[1])
     doubled = switch_branch(free, branch, point)
     assert doubled.period == 2
@@ -115,24 +111,6 @@ def test_a_fold_is_where_two_orbits_merge(up):
     assert apart[1] / apart[0] == pytest.approx(2.0, rel=1e-3)
     with pytest.raises(NoOrbit):
         periodic_orbit(MATERIAL, fold + 1e-7, guess=up.state.values[at])
-
-
-@pytest.mark.parametrize("tuning", [0.6, 1.3])
-def test_turning_points_of_a_harmonic_motion(tuning):
-    # Constant stiffness and a harmonic deviation: 1 + A cos(tau - phi), from the state at tau = 0.
-    pair = MATERIAL.replace(stiffness_ratio=1.0)
-    model = OneDegreePair(pair=pair, deviation=Harmonics((2e-6,)))
-    orbit = periodic_orbit(model, tuning)
-    assert orbit.pattern == (1,)
-    x, v = orbit.state - (1.0, 0.0)
-    height, latest = math.hypot(x, v), math.atan2(v, x)
-    phases, displacements = turning_points(model, tuning, orbit.state, 1, 10_000)
-    assert len(phases) == 4  # one mesh period more is gone through
-    turned = (phases - latest) / math.pi
-    # The orbit closes to 1e-12; polynomials of fifth order over 512 samples are better than that.
-    np.testing.assert_allclose(turned, np.round(turned), rtol=0, atol=1e-10)
-    extrema = 1.0 + height * np.cos(math.pi * np.round(turned))
-    np.testing.assert_allclose(displacements, extrema, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +170,7 @@ def test_a_locus_ends_behind_its_limits_and_not_on_them(up, end):
 
 def test_where_no_single_curve_goes_on():
     # Undamped, with all stiffness switches in flight, the mesh does not feel its phase.
-    branch = continue_orbit(periodic_orbit(FREE, 1.2, guess=no_loss.orbit(FREE, 1.2)), to=0.9)
+    branch = continue_orbit(periodic_orbit(FREE, 1.2, guess=meissner.orbit(FREE, 1.2)), to=0.9)
     assert branch.label[-1] == END and float(branch.tuning[-1]) == pytest.approx(0.927, abs=1e-4)
 
 
@@ -207,31 +185,6 @@ def test_where_no_single_curve_goes_on():
 def test_wrong_input(changed, part):
     with pytest.raises(ValueError, match=part):
         continue_orbit(periodic_orbit(DAMPED, 0.9), **{"to": 1.0} | changed)
-
-
-def test_the_turning_point_half_a_period_on_is_not_lost():
-    # Undamped orbits are symmetric: they turn at 0 and pi, where rounding decides on the side.
-    for tuning in np.linspace(1.3, 1.4, 60):
-        state = no_loss.orbit(FREE, tuning)
-        phases, heights = turning_points(FREE, tuning, state, 1, 100)
-        phase, which = nearest_touch(FREE, tuning, state, 1, 100)
-        found = abs(heights[abs(phases - phase).argmin()] - lines(FREE)[which])
-        # The same turning point one period on has the same height to rounding.
-        least = min(abs(heights - line).min() for line in lines(FREE))
-        assert found == pytest.approx(least, abs=1e-12)
-
-
-def test_the_nearest_touch_is_the_same_whichever_period_comes_first():
-    doubled = GearPair.from_ratios(
-        contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
-    )
-    orbit = periodic_orbit(doubled, 1.7, guess=(0.7, 0.9), period=2)
-    later = simulate(doubled, 1.7, periods=1, initial_state=tuple(orbit.state)).final_state.values
-    (one, _), (other, _) = (
-        nearest_touch(doubled, 1.7, state, 2, 100) for state in (orbit.state, later)
-    )
-    # One of the two lies in the second period of the orbit.
-    assert one - other == pytest.approx(2.0 * math.pi, abs=1e-9)
 
 
 @pytest.mark.parametrize(

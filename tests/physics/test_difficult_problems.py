@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gearlib import integrators, simulate
-from gearlib.analysis.tongues import no_loss
+from gearlib.analysis.tongues import meissner
 from gearlib.models.pair import GearPair
+from gearlib.models.stiffness import levels
 from gearlib.studies.trials import difficult_problems, failures
 from tests.references import of_pair
 
@@ -55,7 +56,7 @@ def test_tongues_grow_by_their_multiplier_and_edges_do_not(name):
     outcome = failures.run(problem, "exact", {}, problem.periods)
     assert outcome.low > 0.0, "contact must not be lost"
     growth = failures.amount(problem, outcome) / 1e-6
-    half = abs(no_loss.trace(problem.model, problem.tuning)) / 2.0
+    half = abs(np.trace(meissner.period_map(problem.model, problem.tuning)[0])) / 2.0
     if name.startswith("edge"):
         assert half < 1.0 and growth < 100.0
     else:
@@ -71,8 +72,8 @@ def test_grazing_problems_graze(depth):
     assert counts[1] == counts[0] + 2
     # The first arc alone, which turns at phase 0.9.
     for problem, x in ((short, depth), (past, -depth)):
-        high = no_loss.levels(problem.model.contact_ratio, problem.model.stiffness_ratio)[0]
-        turned = no_loss.go(problem.state, high, 0.0, problem.tuning, 0.9)
+        high = levels(problem.model.contact_ratio, problem.model.stiffness_ratio)[0]
+        turned = meissner.go(problem.state, high, 0.0, problem.tuning, 0.9)
         np.testing.assert_allclose(turned, (x, 0.0), rtol=0, atol=1e-15)
 
 

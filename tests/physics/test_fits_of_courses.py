@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 
 import gearlib
-from gearlib.analysis.revolutions import Turning
+from gearlib.analysis.order_sums import Turning
 from gearlib.models.profiles import Tabulated
 from gearlib.rig.order_observations import regressed
 from gearlib.rig.run_up_observations import RunUpOrders

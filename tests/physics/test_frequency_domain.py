@@ -16,12 +16,11 @@ from gearlib import (
     schmidt,
     sweep,
 )
-from gearlib.analysis.harmonics import hill_method
-from gearlib.analysis.harmonics.accuracy import errors, exact_course
-from gearlib.analysis.harmonics.equation import MeshEquation
-from gearlib.analysis.harmonics.green import green, remainder_norm, weights
+from gearlib.analysis.harmonics import solution
+from gearlib.analysis.harmonics.equation import MeshEquation, green, remainder_norm, weights
 from gearlib.analysis.harmonics.harmonic_balance import jacobian
 from gearlib.analysis.harmonics.schmidt import contraction
+from gearlib.analysis.harmonics.solution import errors, exact_course
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
 from tests.properties.known_models import EVERYTHING, gears
@@ -184,9 +183,9 @@ def test_shares_choose_the_multipliers(monkeypatch, most):
         seen.append(sparse_eigs(*arguments, **options))
         return seen[-1]
 
-    monkeypatch.setattr(hill_method, "eigs", eigs)
+    monkeypatch.setattr(solution, "eigs", eigs)
     equation = MeshEquation(pair, 0.7644, 32)
-    multipliers = hill_method.multipliers(equation, found.coefficients, most)
+    multipliers = solution.hill_multipliers(equation, found.coefficients, most)
     ((exponents, vectors),) = seen
     phase = 2.0 * np.pi * np.arange(4 * most) / (4 * most)
     k = np.arange(-most, most + 1)

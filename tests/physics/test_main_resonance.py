@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
-from gearlib.analysis.orbits.linear_orbits import linear_orbit_of
+from gearlib.analysis.orbits.period_map import linear_orbit_of
 from gearlib.data.lost_contact import ROUNDING
 from gearlib.kernels import orbit as columns
 from gearlib.tolerances.quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities

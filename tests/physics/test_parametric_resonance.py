@@ -8,7 +8,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair, Tabulated, tongues
-from gearlib.analysis.tongues import find, hill_tongues, meissner, no_loss
+from gearlib.analysis.tongues import find, hill_tongues, meissner
 from tests.independent.systems import describe, move
 from tests.properties.known_models import EVERYTHING, gears
 from tests.references import map_of_contact
@@ -59,12 +59,12 @@ def test_edges_in_50_digits(ratios):
 @pytest.mark.parametrize("nu", [0.4, 0.66, 2.1])
 def test_the_map_of_one_period(ratios, nu):
     pair = mesh(*ratios)
-    found, _ = no_loss.period_map(pair, nu)
+    found, _ = meissner.period_map(pair, nu)
     with mpmath.workdps(50):
         true = np.array(map_of_contact(*ratios, nu).tolist(), float)
     # The phases of a period round by themselves times 1e-16, the slower of them up to 100 rad.
     np.testing.assert_allclose(found, true, rtol=0, atol=1e-12 * max(1.0, np.abs(true).max()))
-    _, numerical, _ = no_loss.linear_pair(pair).propagator(nu).maps(np.zeros(2), 1, 10**6)
+    _, numerical, _ = meissner.linear_pair(pair).propagator(nu).maps(np.zeros(2), 1, 10**6)
     np.testing.assert_allclose(found, numerical[0], rtol=0, atol=1e-12 * np.abs(true).max())
     liouville = math.exp(-4.0 * math.pi * ratios[2] / nu)
     assert np.linalg.det(found) == pytest.approx(liouville, rel=1e-10, abs=1e-13)
@@ -149,7 +149,7 @@ def test_tongues_are_pinched_where_half_waves_fit(order):
     assert len(points) == order - 1 - math.floor(0.569 * order)
     for kappa, nu in points:
         pair = mesh(PAPER[0], kappa)
-        matrix, _ = no_loss.period_map(pair, nu)
+        matrix, _ = meissner.period_map(pair, nu)
         # All solutions are periodic: Meissner's equation has no instability there.
         np.testing.assert_allclose(matrix, (-1.0) ** order * np.eye(2), atol=1e-13)
         one = meissner.tongue(meissner.equation_of(pair), order)

@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.analysis.lyapunov import Exponent, Size, grows, largest
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.lyapunov import Exponent, largest
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
 from tests.properties.known_models import gears
@@ -25,7 +26,7 @@ def test_exponent_of_constant_damping():
 
 
 def test_the_size_of_a_state_is_a_displacement():
-    size = Size(DAMPED, 0.8)
+    size = Stroboscope(DAMPED, 0.8).size
     # Rates by the mesh phase, over the tuning; the larger of both counts.
     for state, expected in (([3.0, 0.0], 3.0), ([0.0, -2.0], 1.6), ([-3.0, 2.0], 3.0)):
         assert size(np.array(state)) == pytest.approx(expected, rel=1e-14)
@@ -35,15 +36,18 @@ def test_the_size_of_a_state_is_a_displacement():
 class Still:
     """A propagator of a motion that stays where it is."""
 
+    chunk = 1
+
     @staticmethod
     def skip(states, periods, max_events, ends, codes):
         ends[:] = states
 
 
 def test_growth_counts_beyond_its_bound():
-    here, size = np.array([50.0, 0.0]), Size(DAMPED, 0.8)
+    strobe = Stroboscope(DAMPED, 0.8)
+    strobe.propagator = Still
     for bound, beyond in ((50.0, False), (49.9, True)):
-        assert grows(size, Still, here, 50.0, bound, 20, 100) == beyond
+        assert strobe.unbounded(np.array([[50.0, 0.0]]), 50.0, bound, 20)[0] == [beyond]
 
 
 def test_exponents_of_the_models_agree():

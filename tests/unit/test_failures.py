@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, integrators
-from gearlib.analysis.tongues import no_loss
+from gearlib.analysis.tongues import meissner
 from gearlib.data import gathering, status, storage
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
@@ -174,8 +174,8 @@ def test_problems_say_what_is_compared():
 
 @pytest.mark.parametrize("tuning", [0.66, 0.9, 2.0])
 def test_the_orbit_without_loss_repeats(tuning):
-    matrix, shift = no_loss.period_map(PAIR, tuning)
-    state = no_loss.orbit(PAIR, tuning)
+    matrix, shift = meissner.period_map(PAIR, tuning)
+    state = meissner.orbit(PAIR, tuning)
     np.testing.assert_allclose(matrix @ state + shift, state, rtol=0, atol=1e-13)
     assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-12)
 

@@ -5,7 +5,6 @@ import pytest
 
 from gearlib import simulate
 from gearlib.analysis import lyapunov
-from gearlib.analysis.global_dynamics.settled_motions import settled
 from gearlib.studies import global_picture as studies
 from gearlib.studies import jump, nonlinear_damping, phase_lag
 from tests.paper import PAPER
@@ -23,11 +22,11 @@ def test_growth_is_that_of_two_runs_side_by_side():
         for x in (0.0, beside)
     ]
     away = np.hypot(*((ends[1] - ends[0]) * (1.0, 0.665)))
-    found = lyapunov.growth(LIGHT, 0.665, (0.0, 0.0), periods)
-    assert found.last == pytest.approx(np.log(away / beside), abs=0.01)
-    assert 14.0 < found.most < lyapunov.LOST
-    assert not lyapunov.lost(LIGHT, 0.665, (0.0, 0.0), periods)
-    assert lyapunov.lost(LIGHT, 0.66, (0.0, 0.0), 400)
+    most, last = lyapunov.Deviation(LIGHT).growth(0.665, (0.0, 0.0), periods)
+    assert last == pytest.approx(np.log(away / beside), abs=0.01)
+    assert 14.0 < most < lyapunov.LOST
+    assert not lyapunov.rounding_decides(LIGHT, [0.665], (0.0, 0.0), periods)
+    assert lyapunov.rounding_decides(LIGHT, [0.66], (0.0, 0.0), 400)
 
 
 def test_lags_behind_chaos_are_left_out():
@@ -51,7 +50,7 @@ def test_a_carried_motion_is_lost_behind_chaos_until_all_are_on_one_orbit():
         for name, start in zip(directions, starts, strict=True)
     ]
     # At 0.7 the two cold starts end on two orbits, at 0.9 all on one.
-    found = settled(third, diagrams, directions, starts)
+    found = lyapunov.settled(third, diagrams, directions, starts)
     assert found.tolist() == [[False, False, True], [False, True, True], [True, True, True]]
 
 

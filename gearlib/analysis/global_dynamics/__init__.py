@@ -4,15 +4,10 @@
 module               responsibility
 ===================  =============================================================
 ``grids``            grids of initial states and sets of values, checked
-``varied_ratio``     one ratio of a pair varied, all others held
 ``stroboscope``      the stroboscopic map of any model, for many states at once
 ``attractors``       attractors: found, refined, and what surely comes to them
 ``classification``   to which attractor each of many states comes
-``basins``           `basins`: a grid of initial states; shares of the attractors
-``basin_stability``  `basin_stability`: shares over the tuning, from random states
-``poincare``         `poincare_section`: states at one mesh phase, of many orbits
-``bifurcation``      `bifurcation_diagram`: stroboscopic states over a parameter
-``settled_motions``  which motions of a diagram rounding has no part in
-``exponents``        `lyapunov_exponents`: largest exponent over a parameter
+``basins``           `basins`, `basin_stability`: shares of the attractors
+``poincare``         `poincare_section`, `bifurcation_diagram`: states at one phase
 ===================  =============================================================
 """

@@ -85,22 +85,22 @@ def find(strobe, states, known):
     # From the latest to the earliest: the latest is settled best.
     series = np.array(series[::-1])
     seen = strobe.seen(series)
-    found = []
+    new = []
     for k in range(len(states)):
         if not np.isfinite(seen[:, k]).all():
             continue
-        if any(one.ellipses.holds(seen[:1, k])[0] for one in known + found):
+        if any(attractor.ellipses.holds(seen[:1, k])[0] for attractor in known + new):
             continue
-        one = _at(strobe, series[0, k], seen[:, k])
-        if one and not any(_same(one, other) for other in known + found):
-            found.append(one)
-    return found
+        attractor = _at(strobe, series[0, k], seen[:, k])
+        if attractor and not any(_same(attractor, other) for other in known + new):
+            new.append(attractor)
+    return new
 
 
-def _same(one, other):
-    size = max(1.0, np.abs(one.ellipses.points).max())
+def _same(first, second):
+    size = max(1.0, np.abs(first.ellipses.points).max())
     return bool(
-        (np.abs(other.ellipses.points - one.ellipses.points[0]).max(axis=1) < SAME * size).any()
+        (np.abs(second.ellipses.points - first.ellipses.points[0]).max(axis=1) < SAME * size).any()
     )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
+from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import status
 from gearlib.kernels import orbit as columns
 from gearlib.models.model import FAR
@@ -18,8 +19,9 @@ _EXPONENT_PERIODS = 2000
 _RECORD = 256
 
 
-def refuse_undamped(model):
-    """Refuse a model without any damping: it has no attractors."""
+def check_model(model):
+    """Refuse a model with several meshes, or without any damping: it has no attractors."""
+    check_one_mesh(model)
     if model.damped():
         return
     raise ValueError(
@@ -58,8 +60,7 @@ class _Run:
         self.labels = np.full(len(states), -1)
         self.unbounded = np.zeros(len(states), bool)
         #: Sizes beyond which each has left all bounds, as of `Model.bound`.
-        self.size = lyapunov.Size(strobe.pair, strobe.tuning)
-        self.bounds = FAR * np.maximum(self.size.extent, self.size(strobe.start(states)))
+        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(strobe.start(states)))
         #: States without a label: their numbers, where they are.
         self.left, self.at = np.arange(len(states)), strobe.start(states)
         self.others = {}
@@ -72,18 +73,18 @@ class _Run:
             # A few at a time: most of the others are then in a trapping ellipse.
             few, ends = ends[:_CLOSER], ends[_CLOSER:]
             self.known += attractors.find(self.strobe, few, self.known)
-            for one in self.known:
-                ends = ends[~one.ellipses.holds(self.strobe.seen(ends))]
+            for attractor in self.known:
+                ends = ends[~attractor.ellipses.holds(self.strobe.seen(ends))]
         return len(self.known) > before
 
     def catch(self):
         """Label the states that are in a trapping ellipse, and those that have left all bounds."""
         seen = self.strobe.seen(self.at)
-        gone = self.size(self.at) > self.bounds[self.left]
+        gone = self.strobe.size(self.at) > self.bounds[self.left]
         self.unbounded[self.left[gone]] = True
         caught = gone.copy()
-        for i, one in enumerate(self.known):
-            inside = one.ellipses.holds(seen) & ~caught
+        for i, attractor in enumerate(self.known):
+            inside = attractor.ellipses.holds(seen) & ~caught
             self.labels[self.left[inside]] = i
             caught |= inside
         self.left, self.at = self.left[~caught], self.at[~caught]
@@ -103,17 +104,8 @@ class _Run:
 
     def let_grow(self):
         """Follow what is far out for as long as it grows; label what leaves all bounds."""
-        size = self.size(self.at)
-        places = np.flatnonzero(size > lyapunov.LARGE * self.size.extent)
-        gone = np.zeros(self.left.size, bool)
-        while places.size:
-            ends, codes = self.strobe(self.at[places], -(-_EXPONENT_PERIODS // self.strobe.cycle))
-            after = np.where(codes == status.EVENT_LIMIT, 0.0, self.size(ends))
-            growing = after > lyapunov.GROWN * size[places]
-            out = growing & (after > self.bounds[self.left[places]])
-            self.at[places[growing]], size[places] = ends[growing], after
-            gone[places[out]] = True
-            places = places[growing & ~out]
+        bounds = self.bounds[self.left]
+        gone, self.at = self.strobe.unbounded(self.at, 0.0, bounds, _EXPONENT_PERIODS)
         self.unbounded[self.left[gone]] = True
         self.left, self.at = self.left[~gone], self.at[~gone]
 
@@ -134,9 +126,9 @@ class _Run:
 
         All must grow, and the mean of their rates be positive beyond its error.
         """
-        strobe, found = self.strobe, []
+        strobe, rates = self.strobe, []
         for i in self.left[self.sample()]:
-            one = lyapunov.largest(
+            rate = lyapunov.largest(
                 strobe.pair,
                 strobe.tuning,
                 state=tuple(self.states[i]),
@@ -144,12 +136,12 @@ class _Run:
                 periods=_EXPONENT_PERIODS,
                 max_events=strobe.max_events,
             )
-            if not one.growth > 0.0:
+            if not rate.growth > 0.0:
                 return False
-            found.append(one)
-        value, uncertainty, growth, periods, _ = np.array(found).T
+            rates.append(rate)
+        value, uncertainty, growth, periods, _ = np.array(rates).T
         # Of weak chaos one motion alone may not suffice to tell.
-        error = np.sqrt((uncertainty**2).sum()) / len(found)
+        error = np.sqrt((uncertainty**2).sum()) / len(rates)
         mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))
         if mean.positive:
             self.others[attractors.CHAOTIC] = self._extent(

@@ -35,36 +35,39 @@ def initial_states(grid):
         raise checks.refusal(
             "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
         ) from None
-    names = ("grid displacements", "grid velocities")
-    counts = [_count(name, axis) for name, axis in zip(names, (first, second), strict=True)]
-    states = counts[0] * counts[1]
-    if states > MAX_STATES:
+    axes = {"grid displacements": first, "grid velocities": second}
+    counts = [
+        checks.integer(f"count of the {name}", axis[2], 1) if _is_range(axis) else np.size(axis)
+        for name, axis in axes.items()
+    ]
+    if (states := math.prod(counts)) > MAX_STATES:
         raise ValueError(
             f"grid of {counts[0]:,} x {counts[1]:,} = {states:,} initial states is not allowed: "
             f"they would take some {states * _BYTES / 2**30:,.0f} GiB of memory; there must be at "
             f"most {MAX_STATES:,}, so take parts of the grid one after the other"
         )
-    return tuple(_values(name, axis) for name, axis in zip(names, (first, second), strict=True))
+    return tuple(_axis(name, axis) for name, axis in axes.items())
 
 
-def _count(name, axis):
-    if isinstance(axis, tuple) and len(axis) == 3:
-        return checks.integer(f"count of the {name}", axis[2], 1)
-    return np.size(axis)
+def _is_range(axis):
+    """Return whether an axis of a grid is a tuple (first, last, count)."""
+    return isinstance(axis, tuple) and len(axis) == 3
 
 
-def _values(name, axis):
+def _axis(name, axis):
     """Return one axis of a grid as a float array."""
-    if isinstance(axis, tuple) and len(axis) == 3:
-        first = checks.number(f"first of the {name}", axis[0], "finite", math.isfinite)
-        last = checks.number(f"last of the {name}", axis[1], "finite", math.isfinite)
-        if last < first or (last == first) != (axis[2] == 1):
-            raise ValueError(
-                f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
-                "equal to it with count 1"
-            )
-        return np.linspace(first, last, axis[2])
-    return values(name, axis)
+    if not _is_range(axis):
+        return values(name, axis)
+    first, last = (
+        checks.number(f"{word} of the {name}", value, "finite", math.isfinite)
+        for word, value in zip(("first", "last"), axis, strict=False)
+    )
+    if last < first or (last == first) != (axis[2] == 1):
+        raise ValueError(
+            f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
+            "equal to it with count 1"
+        )
+    return np.linspace(first, last, axis[2])
 
 
 def values(name, given):

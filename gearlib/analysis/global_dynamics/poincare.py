@@ -1,18 +1,21 @@
-"""`poincare_section`: states of many orbits at one mesh phase of every period."""
+"""`poincare_section`: states at one mesh phase; `bifurcation_diagram`: these over a parameter."""
 
 import math
 from fractions import Fraction
 
 import numpy as np
 
-from gearlib import checks
-from gearlib.analysis.global_dynamics.grids import check_one_mesh
+from gearlib import checks, notebook
+from gearlib.analysis.global_dynamics import grids
+from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
 from gearlib.integrators import choose
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.kernels import orbit
+from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
 from gearlib.runs.simulation import simulate
+from gearlib.runs.sweeping import DIRECTIONS
 
 #: Models without closed forms sample a period in so many equal steps at most.
 _MOST_SAMPLES = 360
@@ -52,16 +55,22 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         Naming the argument, its value and the allowed range.
     """
     tuning, phase = check_tuning("tuning", tuning), check_phase(phase)
-    states = _check_states(states)
+    rows = np.atleast_2d(floats(states))
+    if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows) or not np.isfinite(rows).all():
+        raise checks.refusal(
+            "states",
+            states,
+            "rows of two finite numbers (displacement in static deflections, dx/dtau)",
+        )
     periods, settle = checks.integer("periods", periods, 1), checks.integer("settle", settle, 0)
-    if len(states) * periods > MAX_POINTS:
+    if len(rows) * periods > MAX_POINTS:
         raise ValueError(
-            f"states x periods = {len(states):,} x {periods:,} is not allowed: there must be at "
+            f"states x periods = {len(rows):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
     max_events = checks.integer("max_events", max_events, 1)
     choose(pair, None, None)
-    table, ends, codes = section(pair, tuning, states, settle, periods, phase, max_events)
+    table, ends, codes = section(pair, tuning, rows, settle, periods, phase, max_events)
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
         "velocity": (("orbit", "strobe"), table[..., 1]),
@@ -72,7 +81,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         **pair.scales(),
     }
     coords = {
-        "orbit": np.arange(len(states)),
+        "orbit": np.arange(len(rows)),
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
@@ -96,21 +105,11 @@ def check_phase(phase):
     )
 
 
-def _check_states(states):
-    array = np.atleast_2d(floats(states))
-    if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
-        raise ValueError(
-            f"states = {states!r} is not allowed: it must be rows of two finite numbers "
-            "(displacement in static deflections, dx/dtau)"
-        )
-    return array
-
-
 def section(model, tuning, states, settle, periods, phase, max_events):
     """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
-    check_one_mesh(model)
+    grids.check_one_mesh(model)
     propagator = model.propagator(tuning)
     if propagator.sections is not None:
         propagator.sections(states, settle, phase, max_events, table, ends, codes)
@@ -139,3 +138,106 @@ def section(model, tuning, states, settle, periods, phase, max_events):
             table[i], codes[i] = math.nan, status.OVERFLOW
     ends[codes != status.OK] = math.nan
     return table, ends, codes
+
+
+def bifurcation_diagram(
+    pair,
+    values,
+    *,
+    parameter="tuning",
+    tuning=None,
+    direction="cold",
+    settle=500,
+    strobes=64,
+    phase=0.0,
+    initial_state=(0.0, 0.0),
+    max_events=MAX_EVENTS,
+):
+    """Record the stroboscopic states in which a mesh settles, over a parameter.
+
+    Parameters
+    ----------
+    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    values : array_like of float, shape (n,)
+        Of the parameter, all different.
+    parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
+"stiffness_ratio"}
+        What is varied; a ratio other than the tuning is varied of a `GearPair`, the others held.
+    tuning : float, optional
+        Where another parameter is varied.
+    direction : {"cold", "up", "down"}
+        As of `gearlib.sweep`; six degrees of freedom go cold.
+    settle, strobes : int
+        Mesh periods before the record, and recorded.
+    phase : float, default 0
+        Mesh phase at which states are taken, as of `gearlib.poincare_section`.
+    initial_state : tuple of float
+    max_events : int
+        As of `gearlib.simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the parameter under its name, in the order given: displacement, velocity
+        (parameter, strobe); period as of `gearlib.sweep`, 0 if none; final_state; status.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    choose(pair, None, None)
+    values = grids.values("values", values)
+    checks.one_of("direction", direction, DIRECTIONS)
+    if direction != "cold" and pair.size > 2:
+        raise ValueError(
+            f"direction = {direction!r} is not allowed for six degrees of freedom: it must be "
+            "'cold', because only two of the states that would be carried along are known"
+        )
+    settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
+    initial_state = checks.state("initial_state", initial_state)
+    phase, max_events = check_phase(phase), checks.integer("max_events", max_events, 1)
+    words = f"strobes = {strobes} at {values.size} values"
+    check_memory(words, strobes * values.size, 2, "in all")
+    cases = varied(pair, tuning, parameter, values)
+    states = np.full((values.size, strobes, 2), math.nan)
+    ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
+    order = np.argsort(values)
+    if direction == "down":
+        order = order[::-1]
+    start = initial_state
+    for i in notebook.counted("values", order, order.size):
+        model, nu = cases[i]
+        table, end, code = section(model, nu, np.array([start]), settle, strobes, phase, max_events)
+        states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
+        # Only whole records repeat; their range is the scale of the comparison.
+        height = float(np.ptp(table[0, :, 0]))
+        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], nu, height, model.repeats)
+        start = tuple(end[0]) if direction != "cold" and code[0] == status.OK else initial_state
+    data = {
+        "displacement": ((parameter, "strobe"), states[..., 0]),
+        "velocity": ((parameter, "strobe"), states[..., 1]),
+        "final_state": ((parameter, "component"), ends),
+        "period": (parameter, codes[:, 0].astype(np.int32)),
+        "status": (parameter, codes[:, 1].astype(np.int8)),
+    }
+    coords = {
+        parameter: values,
+        "strobe": np.arange(settle, settle + strobes),
+        "component": ["displacement", "velocity"],
+    }
+    dataset = result(
+        "Bifurcation diagram of a gear mesh",
+        pair,
+        data,
+        coords,
+        method=choose(pair, None, None)[0],
+        parameter=parameter,
+        tuning=tuning,
+        direction=direction,
+        settle=settle,
+        strobes=strobes,
+        phase=phase,
+        initial_state=initial_state,
+    )
+    return name_parameter(dataset, parameter)

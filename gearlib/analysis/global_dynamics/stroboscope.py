@@ -10,11 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+
+#: A motion this many times as large as its model grows without bound if it becomes as many times
+#: as large in so many periods as are counted, again and again, up to `Model.bound`.
+_LARGE, _GROWN = 1e2, 1.5
 
 
 class Stroboscope:
@@ -22,7 +25,6 @@ class Stroboscope:
 
     def __init__(self, model, tuning, *, max_events=MAX_EVENTS, threads=None):
         choose(model, None, None)
-        check_one_mesh(model)
         self.pair, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
@@ -40,6 +42,26 @@ class Stroboscope:
     def seen(self, states):
         """Return the states as they are compared: without free rotation, in displacements."""
         return states @ self._reduce.T * self.weights
+
+    def size(self, states):
+        """Return the size of each state, shape (k,), in displacements; infinite if NaN."""
+        size = np.abs(self.seen(states)).max(axis=-1)
+        return np.where(np.isnan(size), np.inf, size)
+
+    def unbounded(self, states, before, bounds, periods):
+        """Return (mask, states): which of them grow beyond their bounds, followed while they grow.
+
+        Shapes (k,) and (k, n); `before` are their sizes so many mesh periods ago.
+        """
+        states, size = states.copy(), self.size(states)
+        growing = (size > _LARGE * self.pair.extent) & (size > _GROWN * before)
+        while (follow := growing & (size <= bounds)).any():
+            ends, codes = self(states[follow], -(-periods // self.cycle))
+            stopped = ~np.isin(codes, (status.OK, status.OVERFLOW))
+            after = np.where(stopped, 0.0, self.size(ends))
+            growing[follow] = grows = after > _GROWN * size[follow]
+            states[follow], size[follow] = np.where(grows[:, None], ends, states[follow]), after
+        return size > bounds, states
 
     def cycle_maps(self, state, cycles):
         """Return the derivatives of the map of each cycle in the coordinates of `seen`."""

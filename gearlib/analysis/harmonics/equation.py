@@ -12,6 +12,17 @@ that without loss of contact the products are those of Galerkin's method, free o
 flank line contact counts by the share of the grid cell in which the flanks touch, the motion
 taken as straight within the cell: forces stay continuous in (x, x') where damping jumps, Newton's
 method has a derivative, and the jump enters that derivative as the impulse it is.
+
+The periodic solution of x'' + 2 d x' + w^2 x = h(tau), d = beta / nu, w = 1 / nu, is
+
+    x(tau) = int_0^T G(tau - sigma) h(sigma) dsigma,
+
+with the periodic Green's function of period T, l1 and l2 the roots of l^2 + 2 d l + w^2,
+
+    G(s) = [exp(l1 s) / (1 - exp(l1 T)) - exp(l2 s) / (1 - exp(l2 T))] / (l1 - l2),  0 <= s < T.
+
+On harmonics G is one over the oscillator's symbol. E. Schmidt's splitting takes the harmonics on
+which that is large for a degenerate kernel; `remainder_norm` bounds what is left.
 """
 
 from copy import copy
@@ -28,6 +39,8 @@ LEAST_SAMPLES = 4
 #: Samples per harmonic by default: flank crossings are resolved finer than the motion.
 _DEFAULT_SAMPLES = 16
 _TINY = 1e-300
+#: Roots closer than this, relative, are one double root.
+_DOUBLE = 1e-7
 
 
 class Force(NamedTuple):
@@ -155,8 +168,8 @@ class MeshEquation:
     def residual(self, coefficients):
         """Return what x'' + f - e leaves on the harmonics, and the `Force`."""
         force = self.force(*self.motion(coefficients))
-        rest = -(self.orders**2) * coefficients + self.to_harmonics(force.value)
-        return rest - self.excitation, force
+        residual = -(self.orders**2) * coefficients + self.to_harmonics(force.value)
+        return residual - self.excitation, force
 
     def size(self, residual):
         """Return the largest value of a residual over the period, in loads."""
@@ -234,3 +247,45 @@ def takes(model):
     if not (is_model(model) and model.one_mesh):
         raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
     return model
+
+
+def green(phase, tuning, damping, period=1):
+    """Return the periodic Green's function at phases s since the impulse, rad, in closed form.
+
+    Displacement per impulse in dx/dtau, rad, for a tuning nu and a damping ratio beta >= 0, over
+    `period` mesh periods; infinite or NaN at an undamped resonance nu = period / k.
+    """
+    length = 2.0 * np.pi * period
+    s = np.mod(np.asarray(phase, float), length)
+    d, w = damping / tuning, 1.0 / tuning
+    root = np.sqrt(complex(d * d - w * w))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if abs(root) < _DOUBLE * w:
+            # A double root -d: the derivative by l of exp(l s) / (1 - exp(l T)).
+            gain = np.exp(-d * length)
+            return np.exp(-d * s) * (s + length * gain / (1.0 - gain)) / (1.0 - gain)
+        first, second = (np.exp(x * s) / (1.0 - np.exp(x * length)) for x in (-d + root, -d - root))
+        return ((first - second) / (2.0 * root)).real
+
+
+def weights(equation, force):
+    """Return how much each harmonic of the kernel can enlarge a deviation, shape (harmonics + 1,).
+
+    |G_k| (sup |n_x| + k sup |n_v|), where n = f - 2 d x' - w^2 x is the force that the
+    mean-stiffness oscillator lacks, n_x and n_v its derivatives. Damping that jumps at a flank
+    line counts by n_v alone: its deviation is the derivative of (jump of damping) times y.
+    """
+    by_x = np.abs(force.slope - equation.unit).max()
+    by_v = np.abs(force.by_velocity - equation.rate).max()
+    with np.errstate(divide="ignore"):
+        return (by_x + equation.orders * by_v) / np.abs(equation.symbol)
+
+
+def remainder_norm(weights, degenerate):
+    """Return a bound of the norm of the remainder in mean squares.
+
+    Below 1 its Neumann series converges. Weights as of `weights`, shape (harmonics + 1,), and
+    the harmonics of the degenerate part.
+    """
+    left = np.delete(weights, degenerate)
+    return float(left.max()) if left.size else 0.0

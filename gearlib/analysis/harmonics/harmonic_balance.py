@@ -5,12 +5,12 @@ grid (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics 
 FFT of f_x and f_v, a Toeplitz matrix, so that nothing is differenced.
 
 Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability is
-that of `gearlib.analysis.harmonics.hill_method`.
+that of Hill's method.
 """
 
 import numpy as np
 
-from gearlib.analysis.harmonics import hill_method, solution
+from gearlib.analysis.harmonics import solution
 from gearlib.analysis.orbits.shooting import NoOrbit
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
@@ -53,15 +53,10 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     equation = solution.check_problem(pair, tuning, harmonics, samples, period)
     coefficients = solution.first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for easier in solution.easing(equation, guess):
-        coefficients, _, *cost = _newton(
-            easier, solution.resized(coefficients, easier), solution.ROUGH
-        )
+    for stage, tolerance in solution.stages(equation, guess, RESIDUAL):
+        first = solution.resized(coefficients, stage)
+        coefficients, size, *cost = _newton(stage, first, tolerance)
         steps, evaluations = steps + cost[0], evaluations + cost[1]
-    coefficients, size, *cost = _newton(
-        equation, solution.resized(coefficients, equation), RESIDUAL
-    )
-    steps, evaluations = steps + cost[0], evaluations + cost[1]
     if not size <= _least(equation, coefficients, RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "
@@ -78,7 +73,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         size,
         steps,
         evaluations,
-        hill_method.multipliers(equation, coefficients),
+        solution.hill_multipliers(equation, coefficients),
     )
 
 

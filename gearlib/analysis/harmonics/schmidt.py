@@ -24,16 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics import hill_method
-from gearlib.analysis.harmonics.equation import Force
-from gearlib.analysis.harmonics.green import remainder_norm, weights
+from gearlib.analysis.harmonics.equation import Force, remainder_norm, weights
 from gearlib.analysis.harmonics.solution import (
-    ROUGH,
     PeriodicSolution,
     check_problem,
-    easing,
     first_coefficients,
+    hill_multipliers,
     resized,
+    stages,
 )
 
 #: Bound of the norm of the remainder that the automatic choice of degenerate terms keeps.
@@ -131,17 +129,13 @@ def schmidt(
     chosen = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
     count, evaluations = 0, 0
-    for easier in easing(equation, guess):
-        first = kept[kept <= easier.harmonics]
-        coefficients, more, _, used = search(
-            easier, resized(coefficients, easier), first, chosen, ROUGH, max_iterations - count
+    for stage, accuracy in stages(equation, guess, tolerance):
+        first = kept[kept <= stage.harmonics]
+        coefficients, more, converged, used = search(
+            stage, resized(coefficients, stage), first, chosen, accuracy, max_iterations - count
         )
         kept = np.union1d(kept, more)
-        count, evaluations = count + used, evaluations + used * easier.samples
-    coefficients, kept, converged, used = search(
-        equation, resized(coefficients, equation), kept, chosen, tolerance, max_iterations - count
-    )
-    count, evaluations = count + used, evaluations + used * equation.samples
+        count, evaluations = count + used, evaluations + used * stage.samples
     return _solution(equation, coefficients, kept, converged, (count, evaluations))
 
 
@@ -189,18 +183,18 @@ def iterate(equation, coefficients, degenerate, tolerance):
     while True:
         force = equation.force(*equation.motion(coefficients))
         balance = equation.excitation - _missing(equation, coefficients, force.value)
-        rest = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
+        residual = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
         new = np.where(remainder, gain * balance, coefficients)
         correction = _norm(new - coefficients)
         coefficients = new
         yield Iterate(coefficients, force, correction, algebraic, cost + 1)
         cost = 0
-        if not len(degenerate) or correction > max(tolerance, _LOOSE * rest):
+        if not len(degenerate) or correction > max(tolerance, _LOOSE * residual):
             continue
-        if rest > least and halvings < _MAX_HALVINGS:
+        if residual > least and halvings < _MAX_HALVINGS:
             step, halvings = 0.5 * step, halvings + 1
         else:
-            base, least, halvings = coefficients, rest, 0
+            base, least, halvings = coefficients, residual, 0
             step, cost = _algebraic_step(equation, base, degenerate, gain)
         coefficients, algebraic = base + step, _norm(step)
 
@@ -209,7 +203,7 @@ def _algebraic_step(equation, coefficients, degenerate, gain):
     """Return Newton's step of the degenerate part with the remainder that follows, and its cost."""
     force = equation.force(*equation.motion(coefficients))
     missing = _missing(equation, coefficients, force.value)
-    rest = (equation.symbol * coefficients + missing - equation.excitation)[degenerate]
+    residual = (equation.symbol * coefficients + missing - equation.excitation)[degenerate]
     # Unit changes of the real parts, and of the imaginary parts but that of the mean.
     turned = degenerate[degenerate > 0]
     units = np.zeros((degenerate.size + turned.size, coefficients.size), complex)
@@ -226,7 +220,7 @@ def _algebraic_step(equation, coefficients, degenerate, gain):
     whole = units + follow
     effect = (equation.symbol * whole + _missing_change(equation, force, whole))[:, degenerate]
     matrix = np.hstack([effect.real, effect[:, degenerate > 0].imag]).T
-    right = np.concatenate([rest.real, rest[degenerate > 0].imag])
+    right = np.concatenate([residual.real, residual[degenerate > 0].imag])
     share, *_ = np.linalg.lstsq(matrix, -right, rcond=None)
     return share @ whole, 1 + (terms + 1) * len(units)
 
@@ -300,7 +294,7 @@ def _solution(equation, coefficients, degenerate, converged, cost):
         equation.size(residual),
         iterations,
         evaluations,
-        hill_method.multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
+        hill_multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
         converged,
         tuple(int(k) for k in degenerate),
         remainder_norm(weights(equation, force), degenerate) if finite else np.nan,

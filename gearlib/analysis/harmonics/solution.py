@@ -1,25 +1,49 @@
-"""A periodic motion as harmonics: its course, flank crossings, multipliers, as a dataset."""
+"""A periodic motion as harmonics: its course, flank crossings, errors, multipliers, as a dataset.
+
+Floquet multipliers are those of Hill's method. Small deviations obey
+y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0, the terms of which are those of
+`MeshEquation.variation`. With y = exp(l tau) sum_k y_k exp(i k tau / n), cut at |k| <= K, this is a
+quadratic eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two mean something: every
+exponent l returns as l + i k / n, the worse the farther from the middle. Kept are those whose
+eigenvectors are the most symmetric about k = 0 (Lazarus, Thomas, C. R. Mecanique 338 (2010)
+510-517), paired so that the product of their multipliers is that of Liouville's formula: at a real
+negative multiplier an exponent and its conjugate are equally symmetric, and only the product tells
+two multipliers from one that is found twice.
+"""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse.linalg import ArpackNoConvergence, eigs
 
 from gearlib import checks
-from gearlib.analysis.harmonics import accuracy
 from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, default_samples, takes
+from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
 from gearlib.kernels.closed_form.mesh_constants import contact_of
 from gearlib.runs.run_arguments import check_tuning
+from gearlib.runs.simulation import simulate
 
 _POLISH = 8
 #: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
 #: that of the mesh itself; on harmonics enough to tell contacts.
-EASING = (1.0, 0.3, 0.1, 0.03, 0.0)
+_ADDED_DAMPING = (1.0, 0.3, 0.1, 0.03, 0.0)
 _COARSE = 32
 #: Accuracy of the motions on that way.
-ROUGH = 1e-3
+_ROUGH = 1e-3
+#: Phases per mesh period at which courses are compared: at least, and for each harmonic. The
+#: error of many harmonics lies within a wavelength of the last from the jumps of the stiffness.
+_PHASES, _PER_HARMONIC = 512, 16
+#: Harmonics of the variations at most: the matrix costs their number cubed.
+MOST = 100
+#: Exponents among which the two are sought.
+_CANDIDATES = 8
+#: Restarts of ARPACK; without strong damping four are enough.
+_MAX_RESTARTS = 10
+#: Off the middle between the exponents, where a double one would make the matrix singular.
+_ASIDE = 1e-3 + 0.7e-3j
 
 
 @dataclass(frozen=True)
@@ -81,7 +105,7 @@ class PeriodicSolution:
         gap = self.pair.backlash_ratio
         length = 2.0 * np.pi * self.period
         phases = np.arange(x.size) * (length / x.size)
-        found = []
+        crossings = []
         for line, codes in ((0.0, (1, 0)), (-gap, (0, -1))):
             if not np.isfinite(line):
                 continue
@@ -92,10 +116,10 @@ class PeriodicSolution:
                 for _ in range(_POLISH):
                     at, speed = self.at(phase)
                     phase -= (at - line) / speed if speed else 0.0
-                found.append((float(phase) % length, codes if above[i] else codes[::-1]))
-        found.sort()
-        kinds = np.array([codes for _, codes in found], np.int8).reshape(-1, 2)
-        return np.array([phase for phase, _ in found]), kinds
+                crossings.append((float(phase) % length, codes if above[i] else codes[::-1]))
+        crossings.sort()
+        kinds = np.array([codes for _, codes in crossings], np.int8).reshape(-1, 2)
+        return np.array([phase for phase, _ in crossings]), kinds
 
     def dataset(self, samples_per_period=256, orbit=None):
         """Return course, harmonics, multipliers and the facts of the solution as a dataset.
@@ -123,8 +147,8 @@ class PeriodicSolution:
             **self._facts(),
         }
         if orbit is not None:
-            found = accuracy.errors(self, orbit)
-            data |= {f"{name}_error": value for name, value in found._asdict().items()}
+            differences = errors(self, orbit)
+            data |= {f"{name}_error": value for name, value in differences._asdict().items()}
         coords = {"phase": phase, "harmonic": self._orders()}
         return result(
             "Periodic motion of a gear mesh over harmonics",
@@ -156,13 +180,17 @@ def check_problem(model, tuning, harmonics, samples, period):
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
-def easing(equation, guess):
-    """Return the equations to be solved roughly one after the other where there is no guess."""
-    if guess is not None:
-        return []
-    harmonics = min(equation.harmonics, _COARSE * equation.period)
-    coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
-    return [coarse.damped(extra) for extra in EASING]
+def stages(equation, guess, tolerance):
+    """Return the equations that are solved one after the other, each with its tolerance.
+
+    Without a guess these are first, roughly and of few harmonics, those of a strongly damped mesh.
+    """
+    damped = []
+    if guess is None:
+        harmonics = min(equation.harmonics, _COARSE * equation.period)
+        coarse = MeshEquation(equation.pair, equation.tuning, harmonics, None, equation.period)
+        damped = [(coarse.damped(extra), _ROUGH) for extra in _ADDED_DAMPING]
+    return [*damped, (equation, tolerance)]
 
 
 def first_coefficients(equation, guess):
@@ -200,3 +228,93 @@ def resized(coefficients, equation):
     count = min(coefficients.size, result.size)
     result[:count] = coefficients[:count]
     return result
+
+
+class Errors(NamedTuple):
+    """Largest differences from the exact orbit."""
+
+    displacement: float  #: over the period, static deflections
+    velocity: float  #: of dx/dtau over the period
+    state: float  #: at tau = 0, the larger of displacement and dx/dtau
+    event: float  #: of the phases of flank crossings, rad; NaN if there are none, or others
+    multiplier: float  #: of the largest |Floquet multiplier|
+
+
+def errors(solution, orbit=None):
+    """Return the `Errors` of a `PeriodicSolution`.
+
+    Against the exact `Orbit`, by default the one that shooting finds from its state, or
+    NoOrbit.
+    """
+    if orbit is None:
+        orbit = periodic_orbit(
+            solution.pair, solution.tuning, guess=solution.state, period=solution.period
+        )
+    count = max(_PHASES, _PER_HARMONIC * solution.harmonics // solution.period)
+    x, v, phases, kinds = exact_course(orbit, count)
+    found_x, found_v = solution.courses(count)
+    found_phases, found_kinds = solution.crossings()
+    event = np.nan
+    if phases.size and found_kinds.shape == kinds.shape and (found_kinds == kinds).all():
+        event = float(np.abs(found_phases - phases).max())
+    largest = np.abs(orbit.multipliers).max()
+    return Errors(
+        float(np.abs(found_x - x).max()),
+        float(np.abs(found_v - v).max()),
+        float(np.abs(solution.state - orbit.state).max()),
+        event,
+        float(abs(np.abs(solution.multipliers).max() - largest)),
+    )
+
+
+def exact_course(orbit, samples_per_period):
+    """Return displacement and dx/dtau over the period of an orbit, its events and their codes."""
+    run = simulate(
+        orbit.pair,
+        orbit.tuning,
+        periods=orbit.period,
+        record_periods=orbit.period,
+        samples_per_period=samples_per_period,
+        initial_state=tuple(orbit.state),
+    )
+    kinds = np.column_stack([run.event_from.values, run.event_to.values])
+    return run.displacement.values, run.velocity.values, run.event_phase.values, kinds
+
+
+def hill_multipliers(equation, coefficients, harmonics=None):
+    """Return the two Floquet multipliers of the period, complex, largest first.
+
+    `coefficients`, shape (equation.harmonics + 1,), are those of the motion. `harmonics`, K, is
+    as many as the motion has, at most 100, by default.
+    """
+    most = min(equation.harmonics, MOST) if harmonics is None else harmonics
+    k = np.arange(-most, most + 1)
+    variation = equation.variation(*equation.motion(coefficients))
+    a, h, b = (np.fft.fft(part, norm="forward")[k[:, None] - k] for part in variation)
+    # With u = (l + i k) y + h y: linear in l for (y, u).
+    rate = np.diag(1j * k / equation.period)
+    matrix = np.block([[-rate - h, np.eye(k.size)], [a @ h - b, -rate - a]])
+    # Liouville: the two exponents lie on either side of minus half the mean damping, and the
+    # copies of either farther from there than itself.
+    mean = np.mean(variation[0] + variation[1])
+    start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
+    near = -mean / 2.0 + _ASIDE
+    count = min(_CANDIDATES, 2 * k.size - 2)
+    try:
+        exponents, vectors = eigs(matrix, count, sigma=near, v0=start, maxiter=_MAX_RESTARTS)
+    except ArpackNoConvergence:
+        # The copies of strongly damped exponents are nearly equally far from the middle.
+        exponents, vectors = np.linalg.eig(matrix)
+    share = np.abs(vectors[: k.size]) ** 2
+    skew = np.abs(k @ share) / share.sum(axis=0)
+    length = 2.0 * np.pi * equation.period
+    candidates = np.exp(length * exponents[np.argsort(skew, kind="stable")])
+    pair = np.array(_pair(candidates, np.exp(-length * mean)))
+    return pair[np.argsort(-np.abs(pair), kind="stable")]
+
+
+def _pair(candidates, product):
+    """Return the most symmetric multiplier, and the one whose product with it is `product`."""
+    scale = max(abs(product), np.finfo(float).tiny)
+    miss = np.abs(candidates[0] * candidates[1:] - product) / scale
+    return candidates[0], candidates[1 + int(np.argmin(miss))]

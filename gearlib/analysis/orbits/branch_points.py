@@ -7,45 +7,52 @@ difference, which decides how fast Newton's method converges, not where to.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.orbits import shooting
-from gearlib.analysis.orbits.followed_parameters import with_parameter
-from gearlib.analysis.orbits.tracing import Lost
+from gearlib.analysis.orbits.followed_parameters import attributes, with_parameter
+from gearlib.analysis.orbits.tracing import Lost, slope
 from gearlib.data import status
+from gearlib.data.result import result
 from gearlib.kernels import orbit as columns
 
-#: Step of the difference by a parameter, in shares of its scale.
-_DIFFERENCE = 1e-5
 #: Events of several meshes closer in phase than this are simultaneous.
-_AT_ONCE = 1e-9
+_SIMULTANEOUS = 1e-9
 _LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
 class Evaluation:
     """The shooting equation at one state and parameter, in scaled unknowns."""
 
-    def __init__(self, problem, y, miss, residual, matrix):
+    def __init__(self, problem, y):
         self.problem, self.y = problem, y
-        self.miss = miss  #: shape (n,)
-        self.residual = residual
-        self.matrix = matrix  #: map of the whole period, shape (n, n)
+        tuning, self.state, end, maps = problem.run(y)
+        miss = problem.reduce @ (end - self.state)
+        self.miss = miss / problem.units[: miss.size]  #: shape (n,)
+        self.residual = shooting.size_of(miss, self.state, tuning)
+        #: Map of the whole period, shape (n, n).
+        self.matrix = problem.reduce @ shooting.product(maps) @ problem.lift
+        #: Whether the residual counts as none.
+        self.small = self.residual <= shooting.RESIDUAL
 
-    @property
-    def small(self):
-        """Whether the residual counts as none."""
-        return self.residual <= shooting.RESIDUAL
+    @cached_property
+    def multipliers(self):
+        """Floquet multipliers, complex, largest first."""
+        return shooting.multipliers_of(self.matrix)
 
     @cached_property
     def jacobian(self):
         """Derivative of the residuals, shape (n, n + parameters)."""
-        n, y, units = len(self.matrix), self.y, self.problem.units
-        jacobian = np.empty((n, y.size))
-        jacobian[:, :n] = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
-        jacobian[:, n:] = self.problem.slopes(y) / units[:n, None] * units[n:]
-        return jacobian
+        n, units, problem = len(self.matrix), self.problem.units, self.problem
+        by_state = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
+        by_parameters = [
+            problem.reduce @ slope(lambda y: problem.run(y)[2], self.y, column) / units[:n]
+            for column in range(n, self.y.size)
+        ]
+        return np.column_stack([by_state, *by_parameters])
 
 
 class Shooting:
@@ -58,7 +65,7 @@ class Shooting:
     def __init__(self, model, tuning, period, names, scales, max_events):
         self.pair, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
-        self._propagator = None
+        self._propagator: Any = None
         self.reduce, self.lift = model.reduction()
         n = len(self.reduce)
         rates = np.full(n // 2, 1.0 / tuning)
@@ -80,101 +87,91 @@ class Shooting:
     def propagator(self, model, tuning):
         """Return the propagator of a model; that of the last tuning hands on what it can."""
         last = self._propagator
-        if last is not None and last.model is model:
-            self._propagator = last.at(tuning)
-        else:
-            self._propagator = model.propagator(tuning)
+        same = last is not None and last.model is model
+        self._propagator = last.at(tuning) if same else model.propagator(tuning)
         return self._propagator
 
-    def _end(self, y):
+    def run(self, y):
+        """Return (tuning, first state, last state, maps) of the period, else ValueError, Lost."""
         model, tuning, z = self.model(y)
         end, maps, code = self.propagator(model, tuning).maps(z, self.period, self.max_events)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
         return tuning, z, end, maps
 
+    def record(self, y, periods, samples=0):
+        """Return (model, events, summary, samples) of a run over mesh periods."""
+        model, tuning, z = self.model(y)
+        propagator = self.propagator(model, tuning)
+        return model, *propagator.record(z, periods, self.max_events, samples)
+
     def evaluate(self, y):
-        """Return the `Evaluation` at scaled unknowns."""
-        try:
-            tuning, z, end, maps = self._end(y)
-        except ValueError as error:
-            raise Lost(str(error)) from None
-        miss = self.reduce @ (end - z)
-        matrix = self.reduce @ shooting.product(maps) @ self.lift
-        residual = shooting.size_of(miss, z, tuning)
-        return Evaluation(self, y, miss / self.units[: miss.size], residual, matrix)
-
-    def slopes(self, y):
-        """Return the derivatives of the residuals by the parameters, shape (n, parameters)."""
-        n = len(self.reduce)
-        return np.column_stack([self._difference(y, column) for column in range(n, y.size)])
-
-    def _difference(self, y, column):
-        ends, steps = [], []
-        for step in (-_DIFFERENCE, _DIFFERENCE):
-            moved = y.copy()
-            moved[column] += step
-            try:
-                ends.append(self._end(moved)[2])
-            except ValueError:
-                # On the rim of the parameter's range the difference is one-sided.
-                moved[column] = y[column]
-                ends.append(self._end(moved)[2])
-            steps.append(moved[column])
-        return self.reduce @ (ends[1] - ends[0]) / (steps[1] - steps[0]) / self.units[column]
+        """Return the `Evaluation` at scaled unknowns, else ValueError, Lost."""
+        return Evaluation(self, y)
 
 
 @dataclass(frozen=True)
 class BranchPoint:
     """One orbit of a branch."""
 
-    y: np.ndarray  #: scaled unknowns
+    orbit: Evaluation
     tangent: np.ndarray  #: of the branch, unit length
     value: float  #: of the parameter
-    state: np.ndarray  #: full state at tau = 0
-    residual: float
-    matrix: np.ndarray
     pattern: str  #: phases of contact in cyclic order, as letters
     high: float  #: largest displacement
     low: float  #: and smallest
     label: int = 0  #: of `gearlib.analysis.orbits.special_points.LABELS`
 
     @property
-    def multipliers(self):
-        """Floquet multipliers, complex, largest first."""
-        return shooting.multipliers_of(self.matrix)
+    def y(self):
+        """Scaled unknowns."""
+        return self.orbit.y
 
     @property
-    def stable(self):
-        """As of `gearlib.analysis.orbits.shooting.is_stable`."""
-        return shooting.is_stable(self.multipliers)
+    def height(self):
+        """Difference of the largest and the smallest displacement."""
+        return self.high - self.low
 
 
-def branch_point(problem, y, found, tangent):
-    """Return the `BranchPoint` of a solution of a one-parameter `Shooting`."""
-    model, tuning, z = problem.model(y)
-    rest = problem.period, problem.max_events
-    events, summary, _ = problem.propagator(model, tuning).record(z, *rest)
+def branch_point(orbit, tangent):
+    """Return the `BranchPoint` of an `Evaluation` with one parameter."""
+    problem = orbit.problem
+    model, events, summary, _ = problem.record(orbit.y, problem.period)
+    value = float(orbit.y[-1] * problem.units[-1])
+    high, low = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
     return BranchPoint(
-        y,
-        tangent,
-        float(y[-1] * problem.units[-1]),
-        z,
-        found.residual,
-        found.matrix,
-        _cyclic(events, summary, model.flank_lines),
-        np.max(summary[..., columns.X_MAX]),
-        np.min(summary[..., columns.X_MIN]),
+        orbit, tangent, value, _cyclic(events, summary, model.flank_lines), high, low
     )
 
 
-def as_orbit(problem, point):
+def as_orbit(point):
     """Return the `Orbit` of a point of a branch."""
-    model, tuning, z = problem.model(point.y)
+    orbit, problem = point.orbit, point.orbit.problem
+    model, tuning, z = problem.model(orbit.y)
     pattern, grazing = shooting.contacts(model, tuning, z, problem.period, problem.max_events)
     return shooting.Orbit(
-        model, tuning, problem.period, z, point.residual, point.multipliers, pattern, grazing
+        model, tuning, problem.period, z, orbit.residual, orbit.multipliers, pattern, grazing
     )
+
+
+def orbit_dataset(title, orbits, more, **asked):
+    """Return a dataset of `Evaluation`s and their parameters over ``point``, and more variables."""
+    problem = orbits[0].problem
+    multipliers = np.array([orbit.multipliers for orbit in orbits])
+    values = np.array([orbit.y * problem.units for orbit in orbits])[:, len(problem.reduce) :]
+    data = {
+        "state": (("point", "coordinate"), np.array([orbit.state for orbit in orbits])),
+        "multiplier_real": (("point", "multiplier"), multipliers.real),
+        "multiplier_imaginary": (("point", "multiplier"), multipliers.imag),
+        "residual": ("point", np.array([orbit.residual for orbit in orbits])),
+        "period": np.int32(problem.period),
+    }
+    if "tuning" not in problem.names:
+        data["tuning"] = problem.tuning
+    for name, column in zip(problem.names, values.T, strict=True):
+        data[name] = "point", more.pop(name, column), attributes(problem.pair, name)
+    asked |= {"period": problem.period, "tuning": problem.tuning}
+    return result(title, problem.pair, data | more, method="pseudo-arclength on shooting", **asked)
 
 
 def _cyclic(events, summary, lines):
@@ -194,8 +191,8 @@ def _cyclic(events, summary, lines):
     letters = [_LETTERS[int(code)] for code in codes]
     if events.shape[1] > columns.EVENT_COLUMNS:
         times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
-        at_once = np.cumsum(np.diff(times, prepend=times[0]) > _AT_ONCE)
+        instants = np.cumsum(np.diff(times, prepend=times[0]) > _SIMULTANEOUS)
         meshes = events[:, columns.EVENT_COLUMNS].astype(int)
-        letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, at_once))]
+        letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
     # Of all beginnings the last in the alphabet: normal mesh first.
     return max("".join(letters[i:] + letters[:i]) for i in range(len(letters))).strip()

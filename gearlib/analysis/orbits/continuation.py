@@ -13,9 +13,14 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
-from gearlib.analysis.orbits.branch_points import Shooting, as_orbit, branch_point
-from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit
-from gearlib.data.result import result
+from gearlib.analysis.orbits.branch_points import (
+    Shooting,
+    as_orbit,
+    branch_point,
+    orbit_dataset,
+)
+from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit, is_stable
+from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: First step, smallest step, step behind a grazing, over the largest.
@@ -88,18 +93,18 @@ def continue_orbit(
     """
     check_orbit(orbit)
     name = followed_parameters.check_parameter(orbit.pair, parameter)
-    start = followed_parameters.value_of(orbit.pair, orbit.tuning, name)
-    to = checks.number("to", to, f"another {name} than that of the orbit", lambda v: v != start)
-    followed_parameters.with_parameter(orbit.pair, orbit.tuning, name, to)
+    start, to = followed_parameters.check_goal(
+        orbit.pair, orbit.tuning, name, to, "that of the orbit"
+    )
     low, high = _limits(limits, start, to)
     max_height = checks.finite_positive("max_height", max_height)
     step = checks.finite_positive("step", step)
     max_points = checks.integer("max_points", max_points, 2)
-    problem = Shooting(
-        orbit.pair, orbit.tuning, orbit.period, (name,), (abs(to - start),), max_events
-    )
+    scale = abs(to - start)
+    problem = Shooting(orbit.pair, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
-        points = _follow(problem, orbit, start, to, (low, high), max_height, step, max_points)
+        first = _first_point(problem, problem.unknowns(orbit.state, [start]), np.sign(to - start))
+        points = _follow(problem, first, to, (low, high), max_height, step, max_points)
     except tracing.Lost as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
     return _dataset(problem, points, name, to)
@@ -120,91 +125,66 @@ def _limits(limits, start, to):
     return low, high
 
 
-def _follow(problem, orbit, start, to, limits, max_height, largest, max_points):
-    """Return the points of the branch, a list of `BranchPoint`."""
-    y = problem.unknowns(orbit.state, [start])
-    found = problem.evaluate(y)
-    ahead = np.zeros(y.size)
-    ahead[-1] = np.sign(to - start)
-    direction = tracing.tangent(found.jacobian, ahead)
-    first = branch_point(problem, y, found, direction)
+def _first_point(problem, y, sign):
+    """Return the first point of a branch, whose parameter grows or falls by `sign`.
+
+    If it stands across the parameter, it is set towards the higher orbits.
+    """
+    orbit = problem.evaluate(y)
+    direction = tracing.tangent(orbit.jacobian, sign * np.eye(y.size)[-1])
+    first = branch_point(orbit, direction)
     if abs(direction[-1]) < _VERTICAL:
-        first = _towards_larger(problem, first)
-    points, h = [first], _FIRST * largest
-    # On the side where the branch began, rounding is no reason to end it.
-    slack = 1e-9 * abs(to - start)
-    while len(points) < max_points:
+        steps = [tracing.correct(problem, y + h * direction, direction) for h in (1e-3, -1e-3)]
+        ahead, back = (branch_point(orbit, direction).height for orbit, _ in steps)
+        if ahead < back:
+            return replace(first, tangent=-direction)
+    return first
+
+
+def _follow(problem, first, to, limits, max_height, largest, max_points):
+    """Return the points of the branch, a list of `BranchPoint`."""
+    points, goal = [first], to / problem.units[-1]
+
+    def go(h):
         last = points[-1]
-        try:
-            new, corrections = _advance(problem, last, h, to)
-            end = _passed(last.value, new.value, to, limits, slack)
-            if end is not None:
-                new = _at_end(problem, last, new, end)
-            added = _with_special(problem, last, new)
-        except tracing.Lost:
-            h *= 0.5
-            if h < _LEAST * largest:
-                points[-1] = replace(last, label=last.label or special.END)
-                break
-            continue
-        points += added
+        orbit, tangent, corrections = tracing.advance(problem, last.y, last.tangent, h, goal)
+        new = branch_point(orbit, tangent)
+        end = _passed(last.value, new.value, first.value, to, limits)
+        if end is not None:
+            orbit = tracing.at_value(problem, last.y, new.y, end / problem.units[-1])
+            tangent = tracing.tangent(orbit.jacobian, last.tangent)
+            # Scaling and back may have cost the last digit of the value.
+            new = replace(branch_point(orbit, tangent), value=end)
+        added = _with_special(problem, last, new)
+        points.extend(added)
         grazed = len(added) > 1 and added[-2].label == special.GRAZING
-        if end is not None and not grazed:
-            if end != to:
-                points[-1] = replace(points[-1], label=special.END)
-            break
-        if points[-1].high - points[-1].low > max_height:
-            points[-1] = replace(points[-1], label=special.END)
-            break
-        if _closed(points, h):
-            break
-        if grazed:
-            h = _BEHIND * largest
-        elif corrections <= _EASY:
+        if (end == to and not grazed) or _closed(points, h):
+            return h, "complete"
+        if (end is not None and not grazed) or points[-1].height > max_height:
+            return h, "beyond its limits"
+        if corrections <= _EASY:
             # Where the motion is large, so may be the steps.
-            h = min(_GROWTH * h, largest * max(1.0, (new.high - new.low) / _LARGE))
-    else:
+            h = min(_GROWTH * h, largest * max(1.0, new.height / _LARGE))
+        return _BEHIND * largest if grazed else h, ""
+
+    ended = tracing.follow(go, points, _FIRST * largest, _LEAST * largest, max_points)
+    if ended != "complete":
         points[-1] = replace(points[-1], label=points[-1].label or special.END)
     return points
 
 
-def _advance(problem, last, h, to):
-    """Return (point, corrections) one step of length h behind the last point, or at `to`."""
-    goal = to / problem.units[-1]
-    ahead = last.y[-1] + h * last.tangent[-1]
-    if (last.y[-1] - goal) * (ahead - goal) < 0.0:
-        # What lies behind may not be allowed.
-        share = (goal - last.y[-1]) / (ahead - last.y[-1])
-        y, found = tracing.at_value(problem, last.y + share * h * last.tangent, -1, goal)
-        if not np.linalg.norm(y - last.y) < 2.0 * h:
-            raise tracing.Lost("the step leads too far")
-        direction, corrections = tracing.tangent(found.jacobian, last.tangent), 0
-        tracing.check_straight(direction, last.tangent)
-    else:
-        y, found, direction, corrections = tracing.advance(problem, last.y, last.tangent, h)
-    return branch_point(problem, y, found, direction), corrections
-
-
-def _passed(last, new, to, limits, slack):
+def _passed(last, new, first, to, limits):
     """Return the value at which the branch ends within a step, None if it does not."""
     if (last - to) * (new - to) <= 0.0 and last != to:
         return to
+    # On the side where the branch began, rounding is no reason to end it.
+    slack = 1e-9 * abs(to - first)
     low, high = limits
     if new < low - slack and low != to:
         return low
     if new > high + slack and high != to:
         return high
     return None
-
-
-def _at_end(problem, last, new, value):
-    """Return the point between two at which the parameter has a value."""
-    share = (value - last.value) / (new.value - last.value)
-    start = last.y + share * (new.y - last.y)
-    y, found = tracing.at_value(problem, start, -1, value / problem.units[-1])
-    point = branch_point(problem, y, found, tracing.tangent(found.jacobian, last.tangent))
-    # Scaling and back may have cost the last digit.
-    return replace(point, value=value)
 
 
 def _with_special(problem, last, new):
@@ -225,64 +205,40 @@ def _closed(points, h):
     return near and first.tangent @ last.tangent > 0.0 and way @ last.tangent >= 0.0
 
 
-def _towards_larger(problem, first):
-    """Return the first point of a branch that stands across the parameter, set to grow."""
-
-    def height(sign):
-        y, found, _ = tracing.correct(problem, first.y + sign * 1e-3 * first.tangent, first.tangent)
-        point = branch_point(problem, y, found, first.tangent)
-        return point.high - point.low
-
-    return first if height(1) >= height(-1) else replace(first, tangent=-first.tangent)
-
-
 def _dataset(problem, points, name, to):
-    multipliers = np.array([point.multipliers for point in points])
-    high = np.array([point.high for point in points])
-    low = np.array([point.low for point in points])
+    """Return the branch as a dataset over its points."""
+    values, high, low = np.array([(point.value, point.high, point.low) for point in points]).T
+    stable = [is_stable(point.orbit.multipliers) for point in points]
     data = {
-        "state": (("point", "coordinate"), np.array([point.state for point in points])),
-        "multiplier_real": (("point", "multiplier"), multipliers.real),
-        "multiplier_imaginary": (("point", "multiplier"), multipliers.imag),
-        "stable": ("point", np.array([point.stable for point in points], np.int8)),
+        "stable": ("point", np.array(stable, np.int8)),
         "label": ("point", np.array([point.label for point in points], np.int8)),
         "contacts": ("point", np.array([point.pattern for point in points], object)),
         "displacement_max": ("point", high),
         "displacement_min": ("point", low),
         "orbit_height": ("point", high - low),
-        "residual": ("point", np.array([point.residual for point in points])),
-        "period": np.int32(problem.period),
         "static_deflection": problem.pair.static_deflection,
+        name: values,
     }
     if problem.pair.mesh:
         data["backlash_ratio"] = problem.pair.backlash_ratio
-    if name != "tuning":
-        data["tuning"] = problem.tuning
-    attributes = followed_parameters.attributes(problem.pair, name)
-    data[name] = "point", np.array([point.value for point in points]), attributes
-    dataset = result(
-        "Branch of periodic orbits of a gear mesh",
-        problem.pair,
-        data,
-        method="pseudo-arclength on shooting",
-        parameter=name,
-        period=problem.period,
-        tuning=problem.tuning,
-        to=to,
-    )
-    dataset["label"].attrs |= {
-        "long_name": "what kind of point of the branch",
-        "flag_values": np.arange(len(special.LABELS), dtype=np.int8),
-        "flag_meanings": " ".join(label.replace(" ", "_") for label in special.LABELS),
-    }
+    orbits, title = [point.orbit for point in points], "Branch of periodic orbits of a gear mesh"
+    dataset = orbit_dataset(title, orbits, data, parameter=name, to=to)
+    dataset["label"].attrs |= flags_of(special.LABELS)
+    dataset["label"].attrs["long_name"] = "what kind of point of the branch"
     return dataset.assign_attrs(parameter=name)
 
 
-def restored(model, branch, point, max_events):
-    """Return (problem, point) of a branch that is given as a dataset."""
+def restored(model, branch, point, max_events, labels=None):
+    """Return a `BranchPoint` of a dataset, else ValueError, also if its label is none of these."""
     if "parameter" not in getattr(branch, "attrs", ()):
         raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
+    if labels and int(branch.label[point]) not in labels:
+        words = [special.LABELS[label] for label in (*labels, int(branch.label[point]))]
+        raise ValueError(
+            f"point = {point!r} is not allowed: it must be labelled "
+            f"{' or '.join(words[:-1])}, it is {words[-1]}"
+        )
     name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
@@ -291,7 +247,7 @@ def restored(model, branch, point, max_events):
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
     y = problem.unknowns(branch["state"].values[point], [value])
-    return problem, branch_point(problem, y, problem.evaluate(y), np.zeros(y.size))
+    return branch_point(problem.evaluate(y), np.zeros(y.size))
 
 
 def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
@@ -320,26 +276,18 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     NoOrbit
         If the doubled orbit was not found.
     """
-    problem, chosen = restored(pair, branch, point, max_events)
-    if int(branch.label[point]) != special.DOUBLING:
-        raise ValueError(f"point = {point!r} is not allowed: it must be labelled period doubling")
-    values, vectors = np.linalg.eig(chosen.matrix)
+    chosen = restored(pair, branch, point, max_events, (special.DOUBLING,))
+    problem = chosen.orbit.problem
+    values, vectors = np.linalg.eig(chosen.orbit.matrix)
     n = len(values)
-    row = np.zeros(n + 1)
-    row[:n] = vectors[:, np.argmin(abs(values + 1.0))].real / problem.units[:n]
+    row = np.append(vectors[:, np.argmin(abs(values + 1.0))].real / problem.units[:n], 0.0)
     row /= np.linalg.norm(row)
-    doubled = Shooting(
-        pair,
-        problem.tuning,
-        2 * problem.period,
-        problem.names,
-        problem.units[n:],
-        max_events,
-    )
+    period, scales = 2 * problem.period, problem.units[n:]
+    doubled = Shooting(pair, problem.tuning, period, problem.names, scales, max_events)
     for distance in _AWAY:
         try:
-            y, found, _ = tracing.correct(doubled, chosen.y + distance * row, row)
+            orbit, _ = tracing.correct(doubled, chosen.y + distance * row, row)
         except tracing.Lost:
             continue
-        return as_orbit(doubled, branch_point(doubled, y, found, row))
+        return as_orbit(branch_point(orbit, row))
     raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")

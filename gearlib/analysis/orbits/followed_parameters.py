@@ -8,7 +8,9 @@ import dataclasses
 
 from gearlib import checks
 from gearlib.models.model import is_model
+from gearlib.models.parameter_values import ratio_fields
 from gearlib.models.stiffness import mean_over_max
+from gearlib.runs.run_arguments import check_tuning
 
 #: name -> (CF units, long_name) of the parameters of every model
 RATIOS = {
@@ -18,6 +20,12 @@ RATIOS = {
     "backlash": ("1", "backlash in static deflections"),
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
+}
+#: Names of those that models know by another name.
+_FIELDS = {
+    "damping": "damping_ratio",
+    "backlash_damping": "backlash_damping_ratio",
+    "backlash": "backlash_ratio",
 }
 
 
@@ -41,18 +49,21 @@ def check_parameter(pair, name):
     return checks.one_of("parameter", name, known(pair))
 
 
+def check_goal(pair, tuning, name, to, whose):
+    """Return (value of a parameter, other value to which it goes), else ValueError."""
+    start = value_of(pair, tuning, name)
+    to = checks.number("to", to, f"another {name} than {whose}", lambda v: v != start)
+    with_parameter(pair, tuning, name, to)
+    return start, to
+
+
 def value_of(pair, tuning, name):
     """Return the value of a parameter at a model and a tuning."""
     if name == "tuning":
         return float(tuning)
     if name in pair.parameters:
         return float(pair.parameter(name))
-    read = {
-        "damping": "damping_ratio",
-        "backlash_damping": "backlash_damping_ratio",
-        "backlash": "backlash_ratio",
-    }
-    return float(getattr(pair, read.get(name, name)))
+    return float(getattr(pair, _FIELDS.get(name, name)))
 
 
 def with_parameter(pair, tuning, name, value):
@@ -66,12 +77,38 @@ def with_parameter(pair, tuning, name, value):
         return dataclasses.replace(pair, pair=inner), tuning
     if name == "backlash":
         value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
-        return pair.replace(backlash=value * pair.static_deflection), tuning
-    if name in ("damping", "backlash_damping"):
+    elif name in ("damping", "backlash_damping"):
         value = checks.finite_nonnegative(name, value)
-        field = "material_damping" if name == "damping" else name
-        unit = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-        return pair.replace(**{field: value * unit}), tuning
+    if name in _FIELDS:
+        return pair.replace(**ratio_fields(pair, _FIELDS[name], value)), tuning
     changed = pair.replace(**{name: value})
     over_max = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
     return changed.replace(max_stiffness=pair.mean_stiffness / over_max), tuning
+
+
+def varied(model, tuning, parameter, values):
+    """Return (model, tuning) for each value, shape (n,), of one of `RATIOS`, else ValueError.
+
+    The given tuning is taken where another parameter is varied; ratios other than the tuning are
+    varied of a `GearPair` only.
+    """
+    checks.one_of("parameter", parameter, RATIOS)
+    if parameter == "tuning":
+        checks.require(tuning is None, "tuning", tuning, "left out where it is varied")
+        return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
+    if tuning is None:
+        raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
+    if model.mesh is not model:
+        raise ValueError(
+            f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
+            "'tuning', or the pair a GearPair"
+        )
+    tuning = check_tuning("tuning", tuning)
+    return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
+
+
+def name_parameter(dataset, parameter):
+    """Give a varied backlash its name: as a course, the word means the line of Eq. (4)."""
+    if parameter == "backlash":
+        dataset[parameter].attrs["long_name"] = "backlash in static deflections"
+    return dataset

@@ -1,11 +1,11 @@
-"""`main_resonance`: the special speeds of the main resonance of a mesh, by exact runs.
+"""`main_resonance`: the special speeds of the main resonance of a mesh, by its period map.
 
 Near its main resonance a gear mesh loses contact, and its motion jumps. The orbit that keeps
 contact is known in closed form: it shows between which tunings contact is lost. From both ends of
-this range the motion is swept into it. A jump shows as the largest change between two neighbouring
-tunings; runs at tunings between these two close in on it. The motion jumps at a fold of its branch
-of orbits, which Newton's method then finds to rounding: the period map P has a fixed point z = P(z)
-with a multiplier 1, det(dP/dz - I) = 0.
+this range the orbit is followed into it by Newton's method, in steps of the tuning that shrink
+where it changes much. The motion jumps where its branch turns round, at a fold, which Newton's
+method then finds to rounding: the period map P has a fixed point z = P(z) with a multiplier 1,
+det(dP/dz - I) = 0.
 """
 
 import functools
@@ -13,47 +13,34 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize_scalar, newton
 
-from gearlib.analysis.orbits.linear_orbits import linear_orbit_of
-from gearlib.analysis.orbits.peaks import highest_point
-from gearlib.analysis.orbits.period_map import NotFound, PeriodMap, sweep_states
+from gearlib.analysis.orbits.period_map import NotFound, PeriodMap, linear_orbit_of
 from gearlib.kernels import orbit as columns
 
 #: Quantities that `main_resonance` can find.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
 _EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 
-#: Tunings of the first look at the orbit that keeps contact, and bounds of the main resonance.
+#: Tunings at which the orbit that keeps contact is computed, and bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Ratio of neighbouring tunings of a sweep, and lowest tuning of a sweep down as a share of its
-#: first one.
-_SWEEP_RATIO, _SWEEP_END = 1.006, 0.25
-#: Mesh periods at each tuning of a sweep, and where a motion settles slowly or jumps.
-_SWEEP_PERIODS, _LONG_PERIODS = 50, 160
-#: Steps that are swept before jumps are looked for.
-_SWEEP_STEPS = 24
-#: Pieces into which an interval with a jump is cut, and how often it is cut.
-_PIECES, _MAX_CUTS = 16, 4
-#: Share of the change in an interval below which the largest piece of it is no jump.
-_SMOOTH_SHARE = 0.2
-#: Change of the largest displacement that can be a jump, static deflections.
-_LEAST_JUMP = 1e-3
-#: Ratio by which a jump is larger than the change in the step before it or behind it.
-_JUMP_RATIO = 1.3
-#: Distance of states of the same motion, static deflections.
-_SAME_MOTION = 0.05
-#: Change of a state in a period below which it is one of an orbit, static deflections.
-_SETTLED = 1e-3
-#: Relative tuning step behind a fold, where it shows to which motion the model jumps.
-_BEHIND_FOLD = 0.002
-#: Relative tuning step at which an orbit that is followed is next to a fold.
-_LEAST_STEP = 1e-5
+#: Largest and smallest relative step of the tuning along a branch, and the lowest tuning of one
+#: that is followed down, as a share of its first tuning.
+_LARGEST_STEP, _LEAST_STEP, _LOWEST_SHARE = 0.012, 1e-5, 0.25
+#: Difference of an orbit from the line through the two before it, as a share of its size, above
+#: which the step is halved and below which the next one is doubled.
+_BENT, _STRAIGHT = 0.02, 0.005
+#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and mesh
+#: periods until that has settled.
+_BEHIND_FOLD, _SETTLING = 0.002, 160
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
 #: Secant steps to the onset, and their relative tolerance.
 _MAX_SECANT_STEPS, _ONSET_TOLERANCE = 20, 1e-13
+#: Share of the first step beside a fold at which it shows whether an extremum grows further.
+_BESIDE_FOLD = 1e-3
+_PEAK_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -93,22 +80,22 @@ def main_resonance(model, quantities=QUANTITIES):
         motion falls, whether or not its period doubles before; peaks are those of the branch up to
         its first fold.
     """
+    points, values, lost = {}, {}, set()
     try:
         search = _Search(model)
     except (NotFound, np.linalg.LinAlgError):
         return MainResonance(lost=frozenset(quantities))
-    points, values, lost = {}, {}, set()
     for name in quantities:
         try:
             if name in _EXTREMA:
-                found = search.peak(_EXTREMA[name])
+                point, values[name] = search.peak(_EXTREMA[name])
             else:
-                found = getattr(search, name)(), math.nan
+                point = getattr(search, name)()
         except (NotFound, np.linalg.LinAlgError):
             lost.add(name)
             continue
-        if found[0] is not None:
-            points[name], values[name] = found
+        if point is not None:
+            points[name] = point
     return MainResonance(
         **{name: float(point[-1]) for name, point in points.items()},
         states={name: point[:-1] for name, point in points.items()},
@@ -124,35 +111,29 @@ class _Search:
     def __init__(self, model):
         self.model, self.map = model, PeriodMap(model)
         self.linear_orbit = linear_orbit_of(model)
-        found = [self.linear_orbit(tuning) for tuning in _SCAN_TUNINGS]
-        self.scan = np.column_stack([[state for state, _ in found], _SCAN_TUNINGS])
-        highest, least = np.transpose([extrema for _, extrema in found])
-        within = (_RESONANCE_BOUNDS[0] < _SCAN_TUNINGS) & (_SCAN_TUNINGS < _RESONANCE_BOUNDS[1])
+        orbits = [self.linear_orbit(tuning) for tuning in _SCAN_TUNINGS]
+        self.scan = np.column_stack([[state for state, _ in orbits], _SCAN_TUNINGS])
+        highest, least = np.transpose([extrema for _, extrema in orbits])
+        low, high = _RESONANCE_BOUNDS
+        within = (low < _SCAN_TUNINGS) & (_SCAN_TUNINGS < high)
         self.summit = int(np.where(within, highest - least, -np.inf).argmax())
         #: A tuning at which contact is lost.
-        self.inside: float | None = float(_SCAN_TUNINGS[self.summit])
-        #: Orbits of the scan beside it that keep contact.
-        self.below: np.ndarray | None = None
-        self.above: np.ndarray | None = None
-        if least[self.summit] >= 0.0:
-            self.inside = self._lowest(self.inside)
-        if self.inside is not None:
-            kept = least >= 0.0
-            below = np.flatnonzero(kept & (_SCAN_TUNINGS < self.inside))
-            above = np.flatnonzero(kept & (_SCAN_TUNINGS > self.inside))
-            self.below = self.scan[below[-1]] if below.size else None
-            self.above = self.scan[above[0]] if above.size else None
+        self.inside = float(_SCAN_TUNINGS[self.summit])
+        kept = least >= 0.0
+        if kept[self.summit]:
+            step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
+            ends = self.inside / step, self.inside * step
+            lowest = minimize_scalar(self._least, bounds=ends, method="bounded")
+            self.inside = float(lowest.x) if lowest.fun < 0.0 else math.nan
+        below = np.flatnonzero(kept & (_SCAN_TUNINGS < self.inside))
+        above = np.flatnonzero(kept & (_SCAN_TUNINGS > self.inside))
+        #: Orbits of the scan on both sides that keep contact.
+        self.below = self.scan[below[-1]] if below.size else None
+        self.above = self.scan[above[0]] if above.size else None
 
     def _least(self, tuning):
         """Return the least distance from the flank line of the orbit that keeps contact."""
         return self.linear_orbit(tuning)[1][1]
-
-    def _lowest(self, tuning):
-        """Return a tuning about that of the summit at which contact is lost, None without one."""
-        step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
-        ends = tuning / step, tuning * step
-        lowest = minimize_scalar(self._least, bounds=ends, method="bounded")
-        return float(lowest.x) if lowest.fun < 0.0 else None
 
     def onset(self):
         """Return the orbit that just touches the flank line, running up."""
@@ -160,66 +141,31 @@ class _Search:
             return None
         tuning = brentq(self._least, self.below[-1], self.inside, xtol=1e-12)
         state = self.linear_orbit(tuning)[0]
-        line = self.model.flank_lines[0]
 
         def distance(tuning):
             nonlocal state
-            state = self.map.orbit(tuning, state)
-            return (self.map.summary(tuning, state)[:, columns.X_MIN] - line).min()
+            state, _ = self.map.orbit(tuning, state)
+            return self._clearance(np.append(state, tuning))
 
-        other = (1.0 - 1e-4) * tuning
-        values = distance(other), distance(tuning)
-        for _ in range(_MAX_SECANT_STEPS):
-            if values[0] == values[1]:
-                break
-            step = values[1] * (tuning - other) / (values[0] - values[1])
-            other, tuning = tuning, tuning + step
-            if abs(step) <= _ONSET_TOLERANCE * tuning:
-                break
-            values = values[1], distance(tuning)
+        other, steps = (1.0 - 1e-4) * tuning, {"maxiter": _MAX_SECANT_STEPS, "disp": False}
+        tuning = newton(distance, other, x1=tuning, tol=_ONSET_TOLERANCE, **steps)
         return np.append(state, tuning)
+
+    def _clearance(self, point):
+        """Return the least distance from the flank line of an orbit."""
+        return (self.map.summary(point)[:, columns.X_MIN] - self.model.flank_lines[0]).min()
 
     def jump_up(self):
         """Return the first fold running up, None without one."""
-        if self.below is None:
-            return None
-        return self._lasting(self._first_fold(self.below, self.above)[0])
+        return None if self.below is None else self._lasting(self._branch(self.below, True)[0])
 
     @functools.cached_property
     def _down(self):
-        """The first fold running down, and the rows of the way to it."""
-        if self.above is None:
-            return None, self._rows_about_summit()
-        try:
-            return self._first_fold(self.above, self.below)
-        except NotFound:
-            if self.model.size > 2:
-                raise
-            return self._followed_down(self.above)
-
-    def _followed_down(self, start):
-        """Return the same by Newton's method, where a motion leaves its branch before the fold."""
-        points, ratio = [start], 1.0 / _SWEEP_RATIO
-        while points[-1][-1] > _SWEEP_END * start[-1] and ratio < 1.0 - _LEAST_STEP:
-            last = points[-1]
-            tuning, guess = ratio * last[-1], last[:-1]
-            if len(points) > 1:
-                share = (tuning - last[-1]) / (last[-1] - points[-2][-1])
-                guess = guess + share * (guess - points[-2][:-1])
-            try:
-                state = self.map.orbit(tuning, guess)
-            except NotFound:
-                state = np.full(guess.shape, np.inf)
-            if np.abs(state - guess).max() < _SAME_MOTION:
-                points.append(np.append(state, tuning))
-                continue
-            ratio = math.sqrt(ratio)
-        fold = self.map.fold(np.array(points[-2:]))
-        if abs(fold[-1] - points[-1][-1]) > _BEHIND_FOLD * fold[-1]:
-            raise NotFound("the branch has no fold")
-        rows = np.array(points)
-        summaries = [self.map.summary(point[-1], point[:-1]) for point in rows]
-        return fold, (rows[:, -1], rows[:, :-1], np.array(summaries))
+        """The first fold running down, and the orbits on the way to it."""
+        if self.above is not None:
+            return self._branch(self.above, False)
+        around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
+        return None, np.array([self._orbit(point[-1], point[:-1]) for point in around])
 
     def jump_down(self):
         """Return the fold at which the motion falls, running down, None without one."""
@@ -227,112 +173,63 @@ class _Search:
         for _ in range(_MAX_CLIMBS):
             if fold is None:
                 break
-            behind = (1.0 - _BEHIND_FOLD) * fold[-1]
-            before = self.map.summary(fold[-1], fold[:-1])
-            states, after = sweep_states(self.model, fold[:-1], [behind], _LONG_PERIODS)
-            if not after[0, :, columns.X_MAX].max() > before[:, columns.X_MAX].max():
+            tuning = (1.0 - _BEHIND_FOLD) * fold[-1]
+            behind = self.map.settled(tuning, fold[:-1], _SETTLING)
+            heights = [self.map.summary(x)[:, columns.X_MAX].max() for x in (behind, fold)]
+            if not heights[0] > heights[1]:
                 return self._lasting(fold)
-            fold, _ = self._first_fold(np.append(states[0], behind), None)
+            fold, _ = self._branch(self._orbit(tuning, behind[:-1]), False)
         return None
 
-    def peak(self, column):
-        """Return (point, value) of the largest extremum, of a column of summaries."""
-        fold, rows = self._down
-        return highest_point(self.map, column, rows, fold, self.above is None)
+    def _orbit(self, tuning, guess):
+        """Return the point (state, tuning) of the orbit near a guess."""
+        return np.append(self.map.orbit(tuning, guess)[0], tuning)
 
-    def _first_fold(self, start, end):
-        """Return (fold, rows), the first fold of a motion from the point `start` on towards `end`.
+    def _branch(self, start, up):
+        """Return (fold, points): the first fold ahead of an orbit, None without one.
 
-        The fold is None where the motion comes out behind `end` without contact loss; without an
-        `end` it is swept down. Rows are tunings, states and summaries of the way to the fold.
+        The branch ends where it comes out on the other side of the resonance without contact loss.
         """
-        up = end is not None and end[-1] > start[-1]
-        ratio = _SWEEP_RATIO if up else 1.0 / _SWEEP_RATIO
-        stop = end[-1] * _SWEEP_RATIO if up else _SWEEP_END * start[-1]
-        fold, kept = None, []
-        while fold is None and start is not None:
-            tunings = start[-1] * ratio ** np.arange(_SWEEP_STEPS + 1)
-            states, summaries = self._swept(start[:-1], tunings, _SWEEP_PERIODS)
-            out = (tunings > stop) if up else (tunings < stop)
-            if end is not None:
-                least = (summaries[:, :, columns.X_MIN] - self.model.flank_lines[0]).min(axis=1)
-                passed = (tunings > end[-1]) if up else (tunings < end[-1])
-                out |= passed & (least >= 0.0)
-            size = int(out.argmax()) + 1 if out.any() else _SWEEP_STEPS
-            start = None if out.any() else np.append(states[-1], tunings[-1])
-            for i in _largest(_changes(summaries[: size + 1])):
-                k = self._settled(states, tunings, i)
-                start_of_step = np.append(states[k], tunings[k])
-                fold, state = self._fold_between(start_of_step, tunings[i + 1], states[i + 1])
-                if fold is not None:
-                    size = k + 1
-                    break
-                if np.abs(state - states[i + 1]).max() > _SAME_MOTION:
-                    # So large a step has led to another motion than the branch does.
-                    size, start = i + 1, np.append(state, tunings[i + 1])
-                    break
-            kept.append([part[:size] for part in (tunings, states, summaries)])
-        return fold, tuple(map(np.concatenate, zip(*kept, strict=True)))
-
-    def _swept(self, state, tunings, periods):
-        """Return states and summaries at tunings, the first of which is that of the state."""
-        later, summaries = sweep_states(self.model, state, tunings[1:], periods)
-        first = self.map.summary(tunings[0], state)
-        return np.vstack([state, later]), np.concatenate([first[None], summaries])
-
-    def _fold_between(self, start, end, expected):
-        """Return (fold, None) on the way from a point to a tuning by ever shorter sweeps.
-
-        (None, state at `end`) where there is none; `expected` is the state after one step.
-        """
-        state, tuning = start[:-1], start[-1]
-        way, width = np.sign(end - tuning), abs(end - tuning)
-        low, high = min(tuning, end) - width, max(tuning, end) + width
-        last = None
-        for _ in range(_MAX_CUTS):
-            tunings = np.linspace(tuning, end, _PIECES + 1)
-            states, summaries = self._swept(state, tunings, _LONG_PERIODS)
-            changes = _changes(summaries)
-            i = int(changes.argmax())
-            smooth = not changes[i] > _SMOOTH_SHARE * changes.sum()
-            arrived = np.abs(states[-1] - expected).max() < _SAME_MOTION
-            first, last = last is None, states[-1] if last is None else last
-            if smooth and arrived:
-                return None, last
-            # Where so short steps do not make it jump yet, the fold may be just behind them.
-            settled = self._settled(states, tunings, _PIECES if smooth else i)
-            before = np.column_stack([states, tunings])[max(settled - 1, 0) : settled + 1]
+        sign, end = (1.0, self.above) if up else (-1.0, self.below)
+        low, high = _LOWEST_SHARE * start[-1], _SCAN_TUNINGS[-1]
+        points, step = [start], _LARGEST_STEP
+        while step > _LEAST_STEP:
+            last = points[-1]
+            tuning = last[-1] * (1.0 + sign * step)
+            guess = last[:-1]
+            if len(points) > 1:
+                share = (tuning - last[-1]) / (last[-1] - points[-2][-1])
+                guess = guess + share * (guess - points[-2][:-1])
             try:
-                fold = self.map.fold(before)
-                if low <= fold[-1] <= high and self.map.turns(fold) * way < 0.0:
-                    return fold, None
-            except (NotFound, np.linalg.LinAlgError):
-                pass
-            if smooth and first:
-                return None, last
-            if smooth:
-                break
-            state, tuning = states[settled], tunings[settled]
-            expected, end = states[i + 1], tunings[i + 1]
-        if changes.max() > _SAME_MOTION or not arrived:
-            raise NotFound("the motion jumps, and not at a fold")
-        return None, last
+                state, matrix = self.map.orbit(tuning, guess)
+                change = np.abs(state - guess).max() / max(1.0, np.abs(guess).max())
+                fits = np.linalg.det(matrix) > 0.0 and (len(points) == 1 or change < _BENT)
+            except NotFound:
+                fits = False
+            if fits:
+                points.append(np.append(state, tuning))
+                if end is not None and sign * (tuning - end[-1]) > 0.0:
+                    if up or self._clearance(points[-1]) >= 0.0:
+                        return None, np.array(points)
+                if not low < tuning < high:
+                    return None, np.array(points)
+                step = min(2.0 * step, _LARGEST_STEP) if change < _STRAIGHT else step
+                continue
+            fold = self._fold_within(points, tuning, sign)
+            if fold is not None:
+                return fold, np.array(points)
+            step *= 0.5
+        raise NotFound("the branch is lost, and not at a fold")
 
-    def _settled(self, states, tunings, i):
-        """Return the last row up to row i that is an orbit; behind a fold motions leave slowly."""
-        for k in range(i, 0, -1):
-            residual, matrix = self.map.residual(tunings[k], states[k])
-            if np.abs(residual).max() < _SETTLED and np.linalg.det(matrix) > 0.0:
-                return k
-        return 0
-
-    def _rows_about_summit(self):
-        """Return tunings, states and summaries of orbits about the highest one of the scan."""
-        around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
-        states = np.array([self.map.orbit(point[-1], point[:-1]) for point in around])
-        tunings = around[:, -1]
-        summaries = [self.map.summary(*one) for one in zip(tunings, states, strict=True)]
-        return tunings, states, np.array(summaries)
+    def _fold_within(self, points, tuning, sign):
+        """Return the fold between the last point and a tuning, None without one."""
+        try:
+            fold = self.map.fold(np.array(points[-2:]))
+            if 0.0 <= sign * (fold[-1] - points[-1][-1]) <= sign * (tuning - points[-1][-1]):
+                return fold if self.map.turns(fold) * sign < 0.0 else None
+        except (NotFound, np.linalg.LinAlgError):
+            pass
+        return None
 
     def _lasting(self, fold):
         """Return a fold; NotFound where the motion has lost its stability before."""
@@ -340,16 +237,43 @@ class _Search:
             raise NotFound("the motion has left its branch before the fold")
         return fold
 
+    def peak(self, column):
+        """Return (point, value) where an extremum, a column of summaries, is largest.
 
-def _changes(summaries):
-    """Return the changes of the largest displacement from row to row, shape (k - 1,)."""
-    return np.abs(np.diff(np.nan_to_num(summaries[:, :, columns.X_MAX].max(axis=1))))
+        That is the fold or next to it on the branch entered from above; without a fold the largest
+        of the branch, or about the summit of the orbit that keeps contact.
+        """
+        fold, points = self._down
+        places = points[:, -1]
+        if fold is not None:
+            # Beside a fold states go with the root of the distance.
+            points = np.vstack([points, fold])[::-1]
+            places = np.sqrt(points[:, -1] - fold[-1])
+        values = [self.map.summary(point)[0, column] for point in points]
+        order = np.argsort(places)
 
+        def point_at(place):
+            tuning = place if fold is None else fold[-1] + place**2
+            guess = [np.interp(place, places[order], states) for states in points[order, :-1].T]
+            state, matrix = self.map.orbit(tuning, np.array(guess))
+            if fold is not None and np.linalg.det(matrix) < 0.0:
+                # It is one of the unstable branch, which mirrors the stable one at the fold.
+                state, _ = self.map.orbit(tuning, 2.0 * fold[:-1] - state)
+            return np.append(state, tuning)
 
-def _largest(changes):
-    """Return the steps that can be jumps: they change the motion more than those beside them."""
-    inner = np.concatenate([[0.0], changes, [0.0]])
-    outer = np.concatenate([[np.inf], changes, [np.inf]])
-    largest = (changes >= inner[:-2]) & (changes >= inner[2:]) & (changes > _LEAST_JUMP)
-    stands_out = changes > _JUMP_RATIO * np.minimum(outer[:-2], outer[2:])
-    return np.flatnonzero(largest & stands_out)
+        def value_at(place):
+            return float(self.map.summary(point_at(place))[0, column])
+
+        i, last = 0 if self.above is not None else int(np.argmax(values)), len(values) - 1
+        while i < last and values[i + 1] > values[i]:
+            i += 1
+        if i == 0 and fold is not None and value_at(_BESIDE_FOLD * places[1]) <= values[0]:
+            return fold, float(values[0])
+        ends, options = (
+            sorted((places[max(i - 1, 0)], places[min(i + 1, last)])),
+            {"xatol": _PEAK_TOLERANCE},
+        )
+        top = minimize_scalar(
+            lambda x: -value_at(x), bounds=ends, method="bounded", options=options
+        )
+        return point_at(top.x), -float(top.fun)

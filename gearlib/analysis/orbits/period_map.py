@@ -1,11 +1,14 @@
-"""The period map of a model near its orbits: orbits at a tuning, folds, states of sweeps."""
+"""The period map of a model near its orbits: orbits at a tuning, folds, orbits in full contact."""
+
+import functools
 
 import numpy as np
+from scipy.linalg import expm
 
 from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
-from gearlib.integrators import choose
-from gearlib.runs.run_arguments import MAX_EVENTS, Rows, Span
+from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Largest number of Newton steps, largest step, and step below which the next would be rounding.
 _MAX_NEWTON, _MAX_STEP, _SMALL_STEP = 20, 3.0, 1e-8
@@ -13,8 +16,9 @@ _MAX_NEWTON, _MAX_STEP, _SMALL_STEP = 20, 3.0, 1e-8
 _DIFFERENCE = 1e-6
 #: Modulus of a multiplier above which deviations grow.
 _UNSTABLE = 1.0 + 1e-6
-#: Distance of an orbit that is followed from tuning to tuning, as a share of the state.
-_CLOSE = 0.2
+#: Longest pieces of a period at whose ends extrema of several coordinates are looked for, rad.
+_PIECE = 0.1
+_DRIVE = 2  # contact code + 1
 
 
 class NotFound(ArithmeticError):
@@ -31,9 +35,8 @@ class PeriodMap:
         #: Directions of state and tuning in which nothing but a free rotation stays the same.
         self.directions = np.zeros((n + 1, len(self.lift) + 1))
         self.directions[:n, :-1], self.directions[n, -1] = self.lift.T, 1.0
-        self.unit = np.eye(n)
 
-    def _propagator_at(self, tuning):
+    def at(self, tuning):
         """Return the propagator at a tuning, the last one where the tuning has not changed."""
         if tuning != self.propagator.tuning:
             self.propagator = self.propagator.at(tuning)
@@ -43,15 +46,17 @@ class PeriodMap:
         """Return P(z) - z, shape (n,), and its derivative by z, (n, n), without free rotations."""
         if not tuning > 0.0:
             raise NotFound("no tuning is left")
-        propagator = self._propagator_at(tuning)
+        propagator = self.at(tuning)
         end, maps, code = propagator.maps(state, self.model.repeats, MAX_EVENTS)
         if code != status.OK:
             raise NotFound(status.MESSAGES[code])
         matrix = maps[0] if len(maps) == 1 else product(maps)
-        return self.reduce @ (end - state), self.reduce @ matrix @ self.lift - self.unit
+        return self.reduce @ (end - state), self.reduce @ matrix @ self.lift - np.eye(
+            len(self.reduce)
+        )
 
     def orbit(self, tuning, state):
-        """Return the state of the orbit at a tuning, by Newton's method from a state nearby."""
+        """Return (state, derivative of P - z) of the orbit at a tuning, from a state nearby."""
         for _ in range(_MAX_NEWTON):
             residual, matrix = self.residual(tuning, state)
             try:
@@ -63,24 +68,21 @@ class PeriodMap:
                 break
             state = state + step
             if size < _SMALL_STEP:
-                return state
+                return state, matrix
         raise NotFound("no orbit is near the guess")
 
-    def stable_orbit(self, tuning, state):
-        """Return the state of a stable orbit close to a state, None without one."""
-        try:
-            orbit = self.orbit(tuning, state)
-        except NotFound:
-            return None
-        matrix = self.residual(tuning, orbit)[1]
-        multipliers = np.linalg.eigvals(matrix + self.unit)
-        near = np.abs(orbit - state).max() < _CLOSE * max(1.0, np.abs(state).max())
-        return orbit if near and np.abs(multipliers).max() < _UNSTABLE else None
+    def settled(self, tuning, state, periods):
+        """Return the point (state, tuning) to which a state comes in periods of the map."""
+        ends, codes = state[None].copy(), np.zeros(1, np.int64)
+        self.at(tuning).skip(state[None], periods * self.model.repeats, MAX_EVENTS, ends, codes)
+        if codes[0] != status.OK:
+            raise NotFound(status.MESSAGES[int(codes[0])])
+        return np.append(ends, tuning)
 
-    def summary(self, tuning, state):
-        """Return the summaries of all meshes over the period from a state, shape (m, columns)."""
-        propagator = self._propagator_at(tuning)
-        return np.atleast_2d(propagator.record(state, self.model.repeats, MAX_EVENTS)[1])
+    def summary(self, point):
+        """Return the summaries of all meshes over the period from a point, shape (m, columns)."""
+        record = self.at(point[-1]).record(point[:-1], self.model.repeats, MAX_EVENTS)
+        return np.atleast_2d(record[1])
 
     def _fold_residual(self, point):
         residual, matrix = self.residual(point[-1], point[:-1])
@@ -89,12 +91,15 @@ class PeriodMap:
     def fold(self, before):
         """Return the fold (state, tuning) ahead of one or two points of a branch, its guess."""
         point = before[-1]
-        values = [self._fold_residual(one)[-1] for one in before]
+        values = [self._fold_residual(known)[-1] for known in before]
         if len(values) == 2 and values[0] > values[1] > 0.0:
             point = point + (point - before[0]) * values[1] / (values[0] - values[1])
         for _ in range(_MAX_NEWTON):
             residual = self._fold_residual(point)
-            ahead = [self._fold_residual(point + _DIFFERENCE * one) for one in self.directions]
+            ahead = [
+                self._fold_residual(point + _DIFFERENCE * direction)
+                for direction in self.directions
+            ]
             slopes = (np.array(ahead) - residual).T / _DIFFERENCE
             step = -np.linalg.solve(slopes, residual) @ self.directions
             size = np.abs(step).max()
@@ -133,42 +138,55 @@ class PeriodMap:
         return bool((np.abs(others) < _UNSTABLE).all())
 
 
-def sweep_states(model, state, tunings, periods):
-    """Return the last states (k, n) and summaries (k, m, columns) of runs carried along tunings.
+def linear_orbit_of(model):
+    """Return the function of a tuning that returns (state, (highest, least)).
 
-    Summaries are of the last period. Of more than one degree of freedom states are those of the
-    orbit near the end of each run.
+    These are the largest and the least displacement over the flank line: of several meshes the
+    least of all, and that plus the height of the highest.
     """
-    tunings = np.asarray(tunings, float)
-    if model.size > 2:
-        return _sweep_of_many_coordinates(model, state, tunings, periods)
-    _, module, options = choose(model, None, None)
-    start = tuple(map(float, state))
-    rows = Rows(
-        model.bound(float(tunings.max()), start),
-        np.empty((tunings.size, *model.empty_record()[2].shape)),
-        np.empty((tunings.size, 2)),
-        np.full((tunings.size, 2), -1),
-    )
-    span = Span(periods, 1, MAX_EVENTS)
-    order = np.arange(tunings.size)
-    module.run_many(model, tunings, order, start, True, span, rows, **options)
-    return rows.ends, rows.summaries.reshape(tunings.size, 1, -1)
+    return functools.partial(_of_system, model) if model.size > 2 else _of_pair(model)
 
 
-def _sweep_of_many_coordinates(model, state, tunings, periods):
-    """Follow the stable orbit by Newton's method; where it is lost, run until one is met."""
-    period_map, propagator = PeriodMap(model), model.propagator(tunings[0])
-    state, states, summaries = np.array(state, float), [], []
-    for tuning in tunings:
-        propagator = propagator.at(tuning)
-        orbit = period_map.stable_orbit(tuning, state)
-        if orbit is None:
-            ends, codes = state[None].copy(), np.zeros(1, np.int64)
-            propagator.skip(state[None], periods * model.repeats, MAX_EVENTS, ends, codes)
-            orbit = period_map.stable_orbit(tuning, ends[0])
-            orbit = ends[0] if orbit is None else orbit
-        state = orbit
-        states.append(state)
-        summaries.append(period_map.summary(tuning, state))
-    return np.array(states), np.array(summaries)
+def _of_pair(model):
+    # Without backlash one flank goes on where the other ends.
+    linear = model.replace(backlash=0.0)
+    propagators = linear.propagator(1.0)
+
+    def orbit(tuning):
+        propagator = propagators.at(tuning)
+        end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
+        state = np.linalg.solve(np.eye(2) - maps[0], end)
+        _, summary, _ = propagator.record(state, 1, MAX_EVENTS)
+        high, low = summary[0], summary[1]
+        return state, (high - linear.flank_lines[0], low - linear.flank_lines[0])
+
+    return orbit
+
+
+def _of_system(model, tuning):
+    system, n = model.system(tuning), model.size
+    size = len(system.free)
+    steps, matrix = [], np.empty((size, size))
+    for i, length in enumerate(np.diff(system.starts)):
+        matrix_of(system, system.effect[_DRIVE, i], matrix)
+        count = int(np.ceil(length / _PIECE))
+        steps += [expm(matrix * (length / count / system.tuning))] * count
+    # Of six degrees of freedom segments are those of one mesh period, waves repeat after more.
+    steps *= round(2.0 * np.pi * model.repeats / system.starts[-1])
+    whole = np.eye(size)
+    for step in steps:
+        whole = step @ whole
+    scale = np.repeat([1.0, tuning], n // 2)
+    z = np.zeros(size)
+    set_harmonics(system.harmonics, z, 0.0)
+    reduce, lift = model.reduction()
+    end, away = whole @ z, whole[:n, :n] * scale / scale[:, None]
+    maps = np.eye(len(reduce)) - reduce @ away @ lift
+    state = lift @ np.linalg.solve(maps, reduce @ (end[:n] / scale))
+    z[:n] = state * scale
+    places = [z]
+    for step in steps:
+        places.append(step @ places[-1])
+    distances = np.array(places) @ system.near.T
+    least = distances.min()
+    return state, (least + np.ptp(distances, axis=0).max(), least)

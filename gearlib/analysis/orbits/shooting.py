@@ -12,6 +12,7 @@ line says so, its multipliers are those of the side on which it was found.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gearlib import checks
 from gearlib.data import status
@@ -123,80 +124,89 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
             "periods after which the excitation repeats"
         )
-    propagator = pair.propagator(tuning)
-    reduce, lift = pair.reduction()
-    n = len(reduce)
-    spans = _spans(period)
-
-    def go(z, i):
-        end, maps, code = propagator.maps(z, spans[i], max_events, sum(spans[:i]) % repeats)
-        if code != status.OK:
-            raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
-        return end, reduce @ product(maps) @ lift
-
-    def shoot(z):
-        ends, maps = zip(*(go(one, i) for i, one in enumerate(z)), strict=True)
-        return (np.array(ends) - np.roll(z, -1, axis=0)) @ reduce.T, maps
-
-    def ahead(maps):
-        matrix = np.kron(np.roll(np.eye(len(maps)), 1, axis=1), np.eye(n))
-        for i, one in enumerate(maps):
-            matrix[i * n : (i + 1) * n, i * n : (i + 1) * n] -= one
-        return matrix
-
-    z = [_guess(pair, tuning, guess, period, max_events)]
-    for i in range(len(spans) - 1):
-        z.append(go(z[i], i)[0])
-    z = np.array(z)
-    miss, maps = shoot(z)
-    for _ in range(_MAX_NEWTON):
-        size = size_of(miss, z, tuning)
-        if size <= RESIDUAL:
-            break
-        try:
-            step = np.linalg.solve(ahead(maps), miss.ravel()).reshape(miss.shape) @ lift.T
-        except np.linalg.LinAlgError:
-            raise NoOrbit(
-                f"the map has a multiplier 1 at tuning = {tuning!r}: a fold is here; guess an "
-                "orbit on one of its sides"
-            ) from None
-        for _ in range(_MAX_HALVINGS):
-            new_miss, new_maps = shoot(z + step)
-            if size_of(new_miss, z + step, tuning) < size:
-                break
-            step *= 0.5
-        else:
-            break
-        z, miss, maps = z + step, new_miss, new_maps
-    size = size_of(miss, z, tuning)
+    problem = _Shooting(pair, tuning, period, max_events)
+    z, maps, size = problem.solve(_guess(pair, tuning, guess, period, max_events))
     if size > RESIDUAL:
         raise NoOrbit(
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
             f"best residual is {size:.2g}: guess closer, or another period"
         )
     for part in (n for n in range(repeats, period, repeats) if period % n == 0):
-        end, _, code = propagator.maps(z[0], part, max_events)
-        if code != status.OK or size_of(reduce @ (end - z[0]), z[0], tuning) > _ONE_POINT:
+        end, _, code = problem.propagator.maps(z, part, max_events)
+        if code != status.OK or problem.distance(end, z) > _ONE_POINT:
             continue
         try:
-            least = periodic_orbit(pair, tuning, guess=z[0], period=part, max_events=max_events)
+            least = periodic_orbit(pair, tuning, guess=z, period=part, max_events=max_events)
         except NoOrbit:
             continue
         # Beside a doubling the orbit of half the period is another one.
-        if size_of(reduce @ (least.state - z[0]), z[0], tuning) <= _SAME_ORBIT:
+        if problem.distance(least.state, z) <= _SAME_ORBIT:
             return least
     multipliers = multipliers_of(product(np.array(maps)))
-    pattern, grazing = contacts(pair, tuning, z[0], period, max_events)
-    return Orbit(pair, tuning, period, z[0], float(size), multipliers, pattern, grazing)
+    pattern, grazing = contacts(pair, tuning, z, period, max_events)
+    return Orbit(pair, tuning, period, z, float(size), multipliers, pattern, grazing)
 
 
-def _spans(period):
-    """Return the mesh periods of each piece that is shot over: a long orbit in several.
+class _Shooting:
+    """Newton's method on the map of a period, a long one in several pieces.
 
     Deviations that grow along an unstable orbit would otherwise drown its end in rounding.
     """
-    pieces = -(-period // _LONGEST)
-    return [period * (i + 1) // pieces - period * i // pieces for i in range(pieces)]
+
+    def __init__(self, model, tuning, period, max_events):
+        self.model, self.max_events = model, max_events
+        self.propagator = model.propagator(tuning)
+        self.reduce, self.lift = model.reduction()
+        pieces = -(-period // _LONGEST)
+        #: Mesh periods at which pieces begin, and the last one ends.
+        self.starts = [period * i // pieces for i in range(pieces + 1)]
+
+    def distance(self, first, second):
+        """Return the size of the difference of two states, as of `size_of`."""
+        return size_of(self.reduce @ (first - second), second, self.propagator.tuning)
+
+    def _go(self, z, i):
+        """Return (end, map without free rotation) of one piece."""
+        start, stop = self.starts[i : i + 2]
+        first = start % self.model.repeats
+        end, maps, code = self.propagator.maps(z, stop - start, self.max_events, first)
+        if code != status.OK:
+            raise NoOrbit(f"the motion could not go on: {status.MESSAGES[code]}")
+        return end, self.reduce @ product(maps) @ self.lift
+
+    def _evaluate(self, z):
+        """Return (misses between pieces, maps, residual) of states at their starts."""
+        ends, maps = zip(*(self._go(state, i) for i, state in enumerate(z)), strict=True)
+        miss = (np.array(ends) - np.roll(z, -1, axis=0)) @ self.reduce.T
+        return miss, maps, size_of(miss, z, self.propagator.tuning)
+
+    def solve(self, guess):
+        """Return (state, maps, residual) where Newton's method from a guess ends."""
+        states, n = [guess], len(self.reduce)
+        for i in range(len(self.starts) - 2):
+            states.append(self._go(states[i], i)[0])
+        z = np.array(states)
+        miss, maps, size = self._evaluate(z)
+        for _ in range(_MAX_NEWTON):
+            if size <= RESIDUAL:
+                break
+            matrix = np.kron(np.roll(np.eye(len(maps)), 1, axis=1), np.eye(n)) - block_diag(*maps)
+            try:
+                step = np.linalg.solve(matrix, miss.ravel()).reshape(miss.shape) @ self.lift.T
+            except np.linalg.LinAlgError:
+                raise NoOrbit(
+                    f"the map has a multiplier 1 at tuning = {self.propagator.tuning!r}: a fold is "
+                    "here; guess an orbit on one of its sides"
+                ) from None
+            for _ in range(_MAX_HALVINGS):
+                trial = self._evaluate(z + step)
+                if trial[2] < size:
+                    break
+                step *= 0.5
+            else:
+                break
+            z, (miss, maps, size) = z + step, trial
+        return z[0], maps, size
 
 
 def _guess(model, tuning, guess, period, max_events):
@@ -234,8 +244,8 @@ def is_stable(multipliers):
 def product(maps):
     """Return the map of all periods from those of each, shape (periods, n, n)."""
     matrix = np.eye(maps.shape[1])
-    for one in maps:
-        matrix = one @ matrix
+    for each in maps:
+        matrix = each @ matrix
     return matrix
 
 

@@ -50,15 +50,15 @@ _ON_CIRCLE = 1e-6
 _ROUNDING = 1e-9
 
 
-def _torus(point):
-    multipliers = point.multipliers
+def _torus(multipliers):
+    """Return |mu|^2 - 1 of the largest pair of complex multipliers, -1 without one."""
     pairs = multipliers[multipliers.imag > 1e-9]
     return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
 
 
 _TESTS = (
-    (FOLD, lambda point: np.prod(point.multipliers - 1.0).real),
-    (DOUBLING, lambda point: np.prod(point.multipliers + 1.0).real),
+    (FOLD, lambda multipliers: np.prod(multipliers - 1.0).real),
+    (DOUBLING, lambda multipliers: np.prod(multipliers + 1.0).real),
     (NEIMARK_SACKER, _torus),
 )
 
@@ -70,8 +70,8 @@ def between(problem, a, b, share):
     """
     chord = b.y - a.y
     row = chord / np.linalg.norm(chord)
-    y, found, _ = correct(problem, a.y + share * chord, row)
-    return branch_point(problem, y, found, row)
+    orbit, _ = correct(problem, a.y + share * chord, row)
+    return branch_point(orbit, row)
 
 
 def special_points(problem, a, b):
@@ -79,35 +79,29 @@ def special_points(problem, a, b):
 
     Neighbours of one contact pattern; Lost if the branch could not be followed on the chord.
     """
-    found = []
+    located = []
     for label, test in _TESTS:
-        first, last = test(a), test(b)
+        first, last = test(a.orbit.multipliers), test(b.orbit.multipliers)
         if not first * last < 0.0:
             continue
         if label == NEIMARK_SACKER and min(abs(first), abs(last)) < _ROUNDING:
             continue
-        share, point = _root(problem, a, b, test)
-        if label == NEIMARK_SACKER and abs(test(point)) > _ON_CIRCLE:
+        ends = {0.0: first, 1.0: last}
+
+        def value(share, test=test, ends=ends):
+            if share in ends:
+                return ends[share]
+            return test(between(problem, a, b, share).orbit.multipliers)
+
+        share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
+        point = between(problem, a, b, share)
+        if label == NEIMARK_SACKER and abs(test(point.orbit.multipliers)) > _ON_CIRCLE:
             # The pair became real on the way.
             continue
         if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
             label = BRANCH_POINT
-        found.append((share, replace(point, label=label)))
-    return [point for _, point in sorted(found, key=lambda row: row[0])]
-
-
-def _root(problem, a, b, test):
-    """Return (share of the chord, point) where a test function is zero."""
-    cache = {0.0: a, 1.0: b}
-
-    def value(share):
-        if share not in cache:
-            cache[share] = between(problem, a, b, share)
-        return test(cache[share])
-
-    share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
-    value(share)
-    return share, cache[share]
+        located.append((share, replace(point, label=label)))
+    return [point for _, point in sorted(located, key=lambda row: row[0])]
 
 
 def grazing(problem, a, b):
@@ -131,6 +125,5 @@ def grazing(problem, a, b):
     after = b
     if high + _BEHIND < 1.0:
         after = between(problem, a, b, high + _BEHIND)
-        jacobian = problem.evaluate(after.y).jacobian
-        after = replace(after, tangent=tangent(jacobian, after.tangent))
+        after = replace(after, tangent=tangent(after.orbit.jacobian, after.tangent))
     return replace(before, label=GRAZING), after

@@ -3,9 +3,8 @@
 ================  ====================================================
 module            responsibility
 ================  ====================================================
-``meissner``      rectangular stiffness: tongues in closed form
+``meissner``      rectangular stiffness: tongues and orbit in closed form
 ``hill_tongues``  other stiffness, six degrees: tongues from monodromy
-``no_loss``       motion without loss of contact: period map, orbit
 ================  ====================================================
 """
 
@@ -88,7 +87,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     six = pair.size > 2
     data, coords = _table(rows, parameter, values, "tongue" if six else "order")
     if parameter is None and pair.mesh:
-        closings = [closing_damping(pair, one) for one in rows[0]]
+        closings = [closing_damping(pair, tongue) for tongue in rows[0]]
         data["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
     return result(
         "Tongues of parametric resonance",
@@ -159,10 +158,10 @@ def _values(values):
 def _table(rows, parameter, values, dimension):
     """Return (data, coordinates) of the rows of tongues, one for each value; see `tongues`."""
     if dimension == "order":
-        found = sorted({one.order for row in rows for one in row})
-        numbered = [{one.order: one for one in row} for row in rows]
+        numbers = sorted({tongue.order for row in rows for tongue in row})
+        numbered = [{tongue.order: tongue for tongue in row} for row in rows]
     else:
-        found = range(1, 1 + max(map(len, rows)))
+        numbers = range(1, 1 + max(map(len, rows)))
         numbered = [dict(enumerate(row, 1)) for row in rows]
     columns = {
         "tuning_from": ("start", math.nan),
@@ -173,10 +172,10 @@ def _table(rows, parameter, values, dimension):
     }
     data = {}
     for name, (field, absent) in columns.items():
-        table = [[getattr(row.get(n), field, absent) for n in found] for row in numbered]
+        table = [[getattr(row.get(n), field, absent) for n in numbers] for row in numbered]
         kind = np.int8 if name == "edge_multiplier" else float
         data[name] = ((parameter, dimension), np.array(table, kind).reshape(len(rows), -1))
-    coordinates = {dimension: np.array(found, np.int32)}
+    coordinates = {dimension: np.array(numbers, np.int32)}
     if parameter is None:
         data = {name: (dimension, table[0]) for name, (_, table) in data.items()}
     else:

@@ -19,8 +19,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.analysis.tongues import meissner
-from gearlib.analysis.tongues.meissner import Tongue
-from gearlib.analysis.tongues.no_loss import linear_pair
+from gearlib.analysis.tongues.meissner import Tongue, linear_pair
 from gearlib.data import status
 from gearlib.models.harmonics import Harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -48,15 +47,15 @@ def one_degree_map(pair, tuning):
 
 def one_degree(pair, start, stop):
     """Return the `Tongue`s of a linear `OneDegreePair` whose gaps meet a range of tunings."""
-    found = []
+    tongues = []
     for order, (before, here, after) in _extrema(pair, 1.0 / start):
         low, high = _gap(pair, order, before, here, after)
         if high < 1.0 / stop:
             continue
         if low > 1.0 / start:
             break
-        found.append(_tongue(pair, order, low, high))
-    return found
+        tongues.append(_tongue(pair, order, low, high))
+    return tongues
 
 
 def closing_damping(pair, tongue):
@@ -96,7 +95,7 @@ def closing_six(pair, tongue):
         if tongue.multiplier:
             over = lambda nu: inside * _miss(damped, nu, tongue.multiplier)  # noqa: E731
         else:
-            over = lambda nu: _log_radius(damped.contact_map(nu)) - _NEUTRAL  # noqa: E731
+            over = lambda nu: _growth(damped, nu) - _NEUTRAL  # noqa: E731
         return meissner.strongest(over, tongue.start, tongue.stop)[0]
 
     # Growth less loss, as if damping changed nothing else.
@@ -114,22 +113,15 @@ def with_damping(pair, damping):
     return pair.replace(material_damping=material)
 
 
-def _half_trace(pair, k):
-    """Return T / 2 of the map freed of the damping."""
+def _half_trace(pair, k, order):
+    """Return T / 2 of the map freed of the damping, > 1 in the gap of an order."""
     free = math.exp(2.0 * math.pi * pair.damping_ratio * k)
-    return 0.5 * free * float(np.trace(one_degree_map(pair, 1.0 / k)))
+    return 0.5 * (-1.0) ** order * free * float(np.trace(one_degree_map(pair, 1.0 / k)))
 
 
 def _extremum(pair, order, low, high):
     """Return where T has its extremum in a gap."""
-    sign = -1.0 if order % 2 else 1.0
-    found = minimize_scalar(
-        lambda k: -sign * _half_trace(pair, k),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": 1e-9},
-    )
-    return float(found.x)
+    return meissner.strongest(lambda k: _half_trace(pair, k, order), low, high)[1]
 
 
 def _extrema(pair, most):
@@ -143,26 +135,24 @@ def _extrema(pair, most):
             "stiffness that is not rectangular"
         )
     places, order = [0.0], 1
-    k, last = 2.0 * _STEP, [1.0, _half_trace(pair, _STEP)]
+    k, before, here = 2.0 * _STEP, 1.0, _half_trace(pair, _STEP, 0)
     while True:
-        last.append(_half_trace(pair, k))
-        sign = -1.0 if order % 2 else 1.0
-        if sign * (last[-2] - last[-3]) > 0.0 >= sign * (last[-1] - last[-2]):
+        after, sign = _half_trace(pair, k, 0), (-1) ** order
+        if sign * (here - before) > 0.0 >= sign * (after - here):
             places.append(_extremum(pair, order, k - 2.0 * _STEP, k))
             if order > 1:
                 yield order - 1, tuple(places[-3:])
                 if places[-2] > most:
                     return
             order += 1
-        k += _STEP
+        k, before, here = k + _STEP, here, after
 
 
 def _gap(pair, order, before, here, after):
     """Return (k, k) of the gap around an extremum of T, equal if it is too narrow to resolve."""
-    sign = -1.0 if order % 2 else 1.0
 
     def excess(k):
-        return sign * _half_trace(pair, k) - 1.0
+        return _half_trace(pair, k, order) - 1.0
 
     if excess(here) <= _ROUNDING:
         return here, here
@@ -171,15 +161,14 @@ def _gap(pair, order, before, here, after):
 
 
 def _tongue(pair, order, low, high):
-    sign = -1.0 if order % 2 else 1.0
+    """Return the `Tongue` in the gap of an order, from `low` to `high` over k = 1 / nu."""
     damping = pair.damping_ratio
 
     def growth(k):
-        half = max(sign * _half_trace(pair, k), 1.0)
-        return math.acosh(half) - 2.0 * math.pi * damping * k
+        return math.acosh(max(_half_trace(pair, k, order), 1.0)) - 2.0 * math.pi * damping * k
 
     def over(k):
-        return sign * _half_trace(pair, k) - math.cosh(2.0 * math.pi * damping * k)
+        return _half_trace(pair, k, order) - math.cosh(2.0 * math.pi * damping * k)
 
     return meissner.within_gap(order, low, high, damping, growth, over)
 
@@ -193,9 +182,14 @@ def several_degrees(pair, start, stop, step):
     maps = np.array([pair.contact_map(nu) for nu in grid])
     edges = [(nu, sign) for sign in (1, -1) for nu in _zeros(pair, sign, grid, maps)]
     unstable = [_log_radius(matrix) > _NEUTRAL for matrix in maps]
+
+    def over(nu):
+        return _growth(pair, nu) - _NEUTRAL
+
     for i, (low, high) in enumerate(pairwise(grid)):
         if unstable[i] != unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
-            edges.append((_leaves_circle(pair, low, high, unstable[i]), 0))
+            # A complex pair leaves the unit circle.
+            edges.append((brentq(over, low, high, xtol=1e-300, rtol=_LAST_PLACES), 0))
     edges = [(start, 0), *sorted(edges), (stop, 0)]
     tongues = []
     for (low, first), (high, last) in pairwise(edges):
@@ -218,20 +212,23 @@ def _strongest(pair, low, high, grid):
     """Return (growth, its tuning) between two edges: from grid points, refined about the best."""
     places = [low, *grid[(grid > low) & (grid < high)], high]
     inner = places[1:-1] or [0.5 * (low + high)]
-    growths = [_log_radius(pair.contact_map(nu)) for nu in inner]
+    growths = [_growth(pair, nu) for nu in inner]
     best = int(np.argmax(growths))
     if growths[best] <= _NEUTRAL:
         return growths[best], inner[best]
     around = places if len(places) > 2 else [low, inner[0], high]
-    return meissner.strongest(
-        lambda nu: _log_radius(pair.contact_map(nu)), around[best], around[best + 2]
-    )
+    return meissner.strongest(lambda nu: _growth(pair, nu), around[best], around[best + 2])
 
 
 def _miss(pair, nu, sign):
     """Return det(M - sign I), zero where a multiplier is `sign`."""
     matrix = pair.contact_map(nu)
     return float(np.linalg.det(matrix - sign * np.eye(len(matrix))))
+
+
+def _growth(pair, nu):
+    """Return the logarithm of the largest multiplier of the motion in contact."""
+    return _log_radius(pair.contact_map(nu))
 
 
 def _log_radius(matrix):
@@ -268,14 +265,3 @@ def _turns(three):
     """Return whether |values| have a minimum in the middle, all of one sign."""
     a, b, c = np.abs(three)
     return three[0] * three[1] > 0.0 < three[1] * three[2] and b <= a and b <= c
-
-
-def _leaves_circle(pair, low, high, unstable):
-    """Return the tuning between two grid points at which the growth becomes, or ceases to be."""
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if (_log_radius(pair.contact_map(middle)) > _NEUTRAL) == unstable:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)

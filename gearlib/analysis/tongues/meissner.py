@@ -22,6 +22,9 @@ the tongue of order n, near nu = 2 / n; on its edges the multiplier is (-1)^n. T
 growth is concave over 1 / nu in a gap without over-damped segment (it is a sum of logarithms of
 |1 - E nu^2| with E outside of the gap, less a linear term), so that a tongue is one interval.
 
+One mesh period of the motion without loss of contact is the affine map z -> M z + b of z = (x, x'),
+with Liouville's det M = exp(-4 pi beta / nu). Its fixed point is the orbit without loss of contact.
+
 Theory: Magnus, Winkler, Hill's Equation (1966), chapters 1, 2 and 7; E. Meissner, Schweizerische
 Bauzeitung 72 (1918) 95-98.
 """
@@ -169,10 +172,10 @@ def gap(m, order):
 
 def tongue(m, order):
     """Return the `Tongue` of an order, None where all is over-damped."""
-    found = gap(m, order)
-    if found is None:
+    ends = gap(m, order)
+    if ends is None:
         return None
-    low, high = found
+    low, high = ends
     return within_gap(
         order,
         low,
@@ -205,14 +208,14 @@ def within_gap(order, low, high, damping, growth, over):
 def strongest(growth, low, high):
     """Return (largest value, its place) of a function that has one maximum in an interval."""
     width = high - low
-    found = minimize_scalar(
+    maximum = minimize_scalar(
         # Shares of the interval: gaps may be narrower than the solver's own tolerance.
         lambda share: -growth(low + share * width),
         bounds=(0.0, 1.0),
         method="bounded",
         options={"xatol": 1e-9},
     )
-    return -float(found.fun), low + float(found.x) * width
+    return -float(maximum.fun), low + float(maximum.x) * width
 
 
 def edge(over, inside, outside):
@@ -240,8 +243,8 @@ def closing_damping(contact_ratio, stiffness_ratio, order):
     """Return the damping ratio from which the tongue of an order stays closed; 0: it is a point."""
 
     def growth(damping):
-        found = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
-        return -math.inf if found is None else found.growth
+        widest = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
+        return -math.inf if widest is None else widest.growth
 
     most = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
     return closing(growth, most * np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCAN)]))
@@ -302,3 +305,52 @@ def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
             high, _ = levels(share, kappa)
             points.append((value, 2.0 * (share - 1.0) * math.sqrt(high) / m))
     return np.array(points).reshape(-1, 2)
+
+
+def go(state, stiffness, damping, tuning, phase):
+    """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
+
+    (x, dx/dtau) in static deflections; stiffness over its mean, damping ratio beta.
+    """
+    equilibrium = 1.0 / stiffness
+    u, v = state[0] - equilibrium, tuning * state[1]
+    time = phase / tuning
+    cosine, sine, scale = pass_segment(stiffness - damping * damping, time)
+    factor = math.exp(scale - damping * time)
+    cosine, sine = factor * cosine, factor * sine
+    v, u = v * cosine - (damping * v + stiffness * u) * sine, u * cosine + (v + damping * u) * sine
+    return equilibrium + u, v / tuning
+
+
+def period_map(pair, tuning):
+    """Return (M, b) of one mesh period, shapes (2, 2) and (2,), of a `GearPair`."""
+    high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
+    half_high, whole_low = segment_lengths(pair.contact_ratio)
+
+    def whole(state):
+        for stiffness, length in ((high, half_high), (low, whole_low), (high, half_high)):
+            state = go(state, stiffness, pair.damping_ratio, tuning, length)
+        return np.array(state)
+
+    shift = whole((0.0, 0.0))
+    return np.column_stack([whole((1.0, 0.0)) - shift, whole((0.0, 1.0)) - shift]), shift
+
+
+def orbit(pair, tuning):
+    """Return the state at phase 0 of the orbit that repeats every mesh period.
+
+    Where many do, as with constant stiffness at nu = 1 / n, that next to static deflection.
+    """
+    matrix, shift = period_map(pair, tuning)
+    matrix = np.eye(2) - matrix
+    try:
+        state = np.linalg.solve(matrix, shift)
+    except np.linalg.LinAlgError:
+        static = np.array([1.0, 0.0])
+        state = static + np.linalg.lstsq(matrix, shift - matrix @ static)[0]
+    return tuple(map(float, state))
+
+
+def linear_pair(pair):
+    """Return a `GearPair` as the linear mesh: no backlash, the damping of contact everywhere."""
+    return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)

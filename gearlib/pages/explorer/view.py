@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.analysis.order_spectrum import orders
+from gearlib.analysis.order_maps import orders
 from gearlib.data import summary
 from gearlib.data.growing import without_growth
 from gearlib.runs.simulation import simulate

@@ -23,7 +23,7 @@ as many.
 import math
 from typing import Any, NamedTuple
 
-from gearlib.analysis.tongues import meissner, no_loss
+from gearlib.analysis.tongues import meissner
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
@@ -91,7 +91,7 @@ def _grazing(depth):
     # Backwards from the turning point; a depth in the backlash differs from one in contact by
     # depth times itself.
     high = levels(_FREE.contact_ratio, _FREE.stiffness_ratio)[0]
-    start = no_loss.go((-depth, 0.0), high, 0.0, tuning, -phase)
+    start = meissner.go((-depth, 0.0), high, 0.0, tuning, -phase)
     side = "past" if depth > 0.0 else "short of"
     size = f"{abs(depth):.0e}".replace("e-0", "e-")
     words = f"grazing, {size} {side} the flank line"
@@ -100,7 +100,7 @@ def _grazing(depth):
 
 def _resonance(words, tuning, periods, tilt=1e-6):
     """Return the problem that starts next to the orbit without loss of contact."""
-    x, v = no_loss.orbit(_ENDLESS, tuning)
+    x, v = meissner.orbit(_ENDLESS, tuning)
     return Problem(
         words,
         _ENDLESS,

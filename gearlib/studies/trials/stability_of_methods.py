@@ -11,7 +11,7 @@ method invents motion (false instability); below the exact one, it adds numerica
 
 import numpy as np
 
-from gearlib.analysis.tongues.no_loss import linear_pair
+from gearlib.analysis.tongues.meissner import linear_pair
 from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials.problems import Bound
