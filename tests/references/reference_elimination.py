@@ -21,17 +21,3 @@ def left(measured, modelled, basis, gain):
     normal = mpmath.matrix([[mp.fdot(a, b) for b in columns] for a in columns])
     best = mpmath.lu_solve(normal, mpmath.matrix([mp.fdot(a, wanted) for a in columns]))
     return [mp.fdot(best, row) - y for *row, y in zip(*columns, wanted, strict=True)]
-
-
-def left_of_orders(measured, modelled, deviations, gain, angle):
-    """Return what is left of complex orders, each block over its deviation; real, imaginary, ....
-
-    angle: of the shaft.
-    """
-    turns = [mp.expj(k * angle) for k in range(1, len(modelled[0]) + 1)]
-    flat: list[list] = [[], []]
-    for own, block, size in zip(measured, modelled, deviations, strict=True):
-        turned = [c * turn for c, turn in zip(block, turns, strict=True)]
-        for values, found in ((own, flat[0]), (turned, flat[1])):
-            found += [part / size for x in values for part in (mp.re(x), mp.im(x))]
-    return left(*flat, [], gain)
