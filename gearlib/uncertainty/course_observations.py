@@ -175,34 +175,12 @@ def _of_steady(model: Any, data: Any, mesh: int) -> Observation:
 
 
 def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps.
-
-    Around a jump, where the deviations of a motion grow, nothing is compared but its speed.
-    """
+    """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps."""
     course, (rows, options) = _Course(model, data), _course_of(_facts(data))
-    turning, times = Turning(rows), data.time.values
-    turns = turning.revolutions(times)
-    blocks = _whole_revolutions(turning, rows, times, turns)
-    bounds = np.arange(blocks + 1)
-    complete, count = complete_blocks(turns, bounds, course.teeth), blocks - _FIRST
-    allowed = f"of one without a gap behind the first {_FIRST}"
-    gaps = f"of {count} revolutions with gaps"
-    checks.require(complete[_FIRST:].any(), "time", gaps, allowed)
-    course.regress(turns, bounds, complete)
-    present = np.isfinite(course.share)
-    kept = present & (bounds[:-1] >= _FIRST)
-    warning = ""
-    if missing := count - int(kept.sum()):
-        warning = (
-            f"{missing} of {count} revolutions are left out of the run-up: they have gaps or too "
-            "few samples"
-        )
-    # A revolution without samples has the height of the one before it.
-    last = np.maximum.accumulate(np.where(present, bounds[:-1], present.argmax()))
-    heights = np.abs(course.orders[last, 0])
-    jumps = _run_up_jumps(heights)
-    for i in jumps:
-        kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
+    turning = Turning(rows)
+    turns = turning.revolutions(data.time.values)
+    blocks = _whole_revolutions(turning, rows, data.time.values, turns)
+    kept, heights, jumps, warning = _revolutions(course, turns, blocks)
     speeds = turning.at(np.arange(blocks) + 0.5)[1]
     channels = [course.channel("run-up", kept)]
     if jumps:
@@ -234,20 +212,54 @@ def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
         return values, max(0.0, -float(least[kept[: least.shape[0]]].min()))
 
     def draw(sensed: list) -> list:
-        falls, drawn = np.gradient(speeds) < 0.0, course.drawn(sensed[0])
+        units, falls = course.sensor.get("units", "m"), np.gradient(speeds) < 0.0
+        amplitudes = 2.0 * np.abs([course.orders.T, course.drawn(sensed[0]).T])
         return [
             Curve(
-                f"order {k + 1 if k else ''}z",
-                course.sensor.get("units", "m"),
+                f"order {k if k > 1 else ''}z",
+                units,
                 "speed",
                 speeds,
-                (2.0 * np.abs(course.orders[:, k]), 2.0 * np.abs(drawn[:, k])),
+                tuple(amplitudes[:, k - 1]),
                 falls,
             )
-            for k in range(ORDERS)
+            for k in range(1, ORDERS + 1)
         ]
 
     return Observation("run-up", channels, predict, draw, warning)
+
+
+def _revolutions(course: _Course, turns: np.ndarray, blocks: int) -> tuple:
+    """Return which revolutions are compared, heights of their first order, jumps, and a warning.
+
+    Around a jump, where the deviations of a motion grow, nothing is compared but its speed.
+    """
+    bounds = np.arange(blocks + 1)
+    complete, count = complete_blocks(turns, bounds, course.teeth), blocks - _FIRST
+    allowed = f"of one without a gap behind the first {_FIRST}"
+    gaps = f"of {count} revolutions with gaps"
+    checks.require(complete[_FIRST:].any(), "time", gaps, allowed)
+    course.regress(turns, bounds, complete)
+    present = np.isfinite(course.share)
+    kept = present & (bounds[:-1] >= _FIRST)
+    missing, warning = count - int(kept.sum()), ""
+    if missing:
+        warning = (
+            f"{missing} of {count} revolutions are left out of the run-up: they have gaps or too "
+            "few samples"
+        )
+    # A revolution without samples has the height of the one before it.
+    last = np.maximum.accumulate(np.where(present, bounds[:-1], present.argmax()))
+    heights = np.abs(course.orders[last, 0])
+    steps, jumps = np.abs(np.log(heights[1:] / heights[:-1])), []
+    for i in np.argsort(-steps):
+        if steps[i] < JUMP_SHARE or i < _FIRST:
+            break
+        if all(abs(i + 1 - jump) > _BEHIND for jump in jumps):
+            jumps.append(int(i + 1))
+    for i in jumps:
+        kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
+    return kept, heights, sorted(jumps), warning
 
 
 def _whole_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: np.ndarray) -> int:
@@ -261,17 +273,6 @@ def _whole_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: n
     allowed = f"of more than {2 * _FIRST} whole revolutions of known.course, not {blocks}"
     checks.require(blocks > 2 * _FIRST, "time", given, allowed)
     return blocks
-
-
-def _run_up_jumps(heights: np.ndarray) -> list[int]:
-    """Return the revolutions at which the first mesh order jumps."""
-    steps, jumps = np.abs(np.log(heights[1:] / heights[:-1])), []
-    for i in np.argsort(-steps):
-        if steps[i] < JUMP_SHARE or i < _FIRST:
-            break
-        if all(abs(i + 1 - jump) > _BEHIND for jump in jumps):
-            jumps.append(int(i + 1))
-    return sorted(jumps)
 
 
 def _crossing(levels: np.ndarray, i: int, heights: np.ndarray, speeds: np.ndarray) -> float:

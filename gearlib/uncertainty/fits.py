@@ -121,16 +121,7 @@ def fit(model, data, free):
     UserWarning
         How many revolutions of a run-up are left out, for they have gaps or too few samples.
     """
-    if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
-    if model.speed is None:
-        raise ValueError(
-            f"model of type {type(model).__name__} is not allowed: nothing turns in it"
-        )
-    if model.mesh_names and model.reference_frequency is None:
-        # A speed in rpm does not depend on the unit of the tunings.
-        hertz = float(model.mesh_frequency(1.0)) / math.tau
-        model = model.replace(reference_frequency=hertz)
+    model = _checked(model)
     names, low, high = _ranges(model, free)
     problem = Problem(model, names, low, high, observations_of(model, data))
     for observation in problem.observations:
@@ -150,6 +141,20 @@ def fit(model, data, free):
     if _has_no_upper_bound(problem, best, result, "backlash"):
         return report(problem, best, derivatives, ("backlash",))
     return result
+
+
+def _checked(model: Any) -> Any:
+    """Return a model in which something turns, with tunings whose unit no parameter changes."""
+    if not is_model(model):
+        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+    if model.speed is None:
+        raise ValueError(
+            f"model of type {type(model).__name__} is not allowed: nothing turns in it"
+        )
+    if model.mesh_names and model.reference_frequency is None:
+        hertz = float(model.mesh_frequency(1.0)) / math.tau
+        return model.replace(reference_frequency=hertz)
+    return model
 
 
 def _ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:

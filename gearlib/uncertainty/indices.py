@@ -6,6 +6,8 @@ Comput. Phys. Comm. 181 (2010) 259-270). Intervals are bootstrapped, so they cov
 chance and nothing else.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy import stats
 from scipy.stats import qmc
@@ -69,22 +71,7 @@ def sobol_indices(
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     search = search_of(designs, quantities, speed)
-    k = len(designs.names)
-    both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
-    a, b = both[:, :k], both[:, k:]
-    points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
-    rows = designs.tolerances.values(points.reshape(-1, k))
-    values = np.full((len(rows), len(quantities)), np.nan)
-    with notebook.telling("designs", len(rows), progress) as newly:
-        for i, row in enumerate(rows):
-            try:
-                design = designs.model(row)
-            except ValueError:
-                pass
-            else:
-                values[i] = search(design, designs.at_duty(row))[0]
-            newly(1)
-    tables = np.moveaxis(values.reshape(k + 2, n, len(quantities)), 2, 0)
+    tables = _values(designs, search, n, progress)
     indices = [
         _indices(table, level, designs.seed, name)
         for table, name in zip(tables, quantities, strict=True)
@@ -99,9 +86,29 @@ def sobol_indices(
         "parameter": list(designs.names),
         "bound": ["low", "high"],
     }
-    said = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
+    attributes = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
     title = "Sobol' indices of a gear mesh by its tolerances"
-    return result(title, designs.nominal, data, coords, method="Saltelli 2010", **said)
+    return result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
+
+
+def _values(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
+    """Return the quantities of the designs that are compared, shape (q, k + 2, n)."""
+    k = len(designs.names)
+    both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
+    a, b = both[:, :k], both[:, k:]
+    points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
+    rows = designs.tolerances.values(points.reshape(-1, k))
+    values = np.full((len(rows), len(search.quantities)), np.nan)
+    with notebook.telling("designs", len(rows), progress) as newly:
+        for i, row in enumerate(rows):
+            try:
+                design = designs.model(row)
+            except ValueError:
+                design = None
+            if design is not None:
+                values[i] = search(design, designs.at_duty(row))[0]
+            newly(1)
+    return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
 
 
 def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
@@ -124,8 +131,8 @@ def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
         # Twice, since of one parameter and one quantity scipy makes no arrays.
         a, b = (np.stack([values[rows]] * 2) for values in table[:2])
         ab = np.stack([table[2:, rows]] * 2, axis=1)
-        found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=rows.size)
-        return np.array([found.first_order, found.total_order]).reshape(2, 2, -1)[:, 0]
+        shares = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=rows.size)
+        return np.array([shares.first_order, shares.total_order]).reshape(2, 2, -1)[:, 0]
 
     interval = stats.bootstrap(
         (np.arange(n),),

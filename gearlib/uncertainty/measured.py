@@ -25,7 +25,7 @@ def read_measured(path):
     """Read a measured set: a YAML file that says what it is, and the table beside it.
 
     Nothing is guessed and nothing dropped: what is not in order is refused in a sentence, or
-    repaired and said so.
+    repaired and told.
 
     Parameters
     ----------
@@ -56,23 +56,23 @@ def read_measured(path):
     path = Path(path)
     if not path.is_file():
         raise checks.refusal("path", str(path), "a YAML file")
-    said = measured_description.read(path)
+    rig = measured_description.read(path)
     try:
-        data = _dataset(said, path.parent)
-        known = {name: _known(name, value) for name, value in said.known.items()}
+        data = _dataset(rig, path.parent)
+        known = {name: _known(name, value) for name, value in rig.known.items()}
     except ValueError as error:
         if isinstance(error, ImportError):
             raise
         raise ValueError(f"{path}: {error}") from None
-    conditions = {name: condition.model_dump() for name, condition in said.conditions.items()}
+    conditions = {name: condition.model_dump() for name, condition in rig.conditions.items()}
     data.attrs |= {
-        "title": said.title or path.stem,
-        "source": said.source,
-        "licence": said.licence,
-        "synthetic": int(bool(said.synthetic)),
+        "title": rig.title or path.stem,
+        "source": rig.source,
+        "licence": rig.licence,
+        "synthetic": int(bool(rig.synthetic)),
         "known": canonical_json(known),
         "conditions": canonical_json(conditions),
-        "not_said": ", ".join(said.not_said()),
+        "not_said": ", ".join(rig.not_said()),
     }
     return data
 
@@ -107,76 +107,76 @@ def _known(name: str, value: Any) -> Any:
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
-def _dataset(said: Any, folder: Path) -> xr.Dataset:
+def _dataset(rig: Any, folder: Path) -> xr.Dataset:
     """Return the table and the single speeds of a description as a dataset."""
     data = xr.Dataset(attrs={"repairs": ""})
-    if said.data is not None:
-        data = _of_table(said, folder / said.data)
-    for name, speed in (said.speeds.model_dump() if said.speeds else {}).items():
+    if rig.data is not None:
+        data = _of_table(rig, folder / rig.data)
+    for name, speed in (rig.speeds.model_dump() if rig.speeds else {}).items():
         cf, words = measured_names.SPEEDS[name]
         attrs = {"units": cf, "long_name": words, "noise_std": speed.get("noise", 0.0)}
         data[name] = (), speed["value"], attrs
     return data
 
 
-def _of_table(said: Any, path: Path) -> xr.Dataset:
+def _of_table(rig: Any, path: Path) -> xr.Dataset:
     """Return the table of a description as a dataset."""
     if not path.is_file():
-        raise checks.refusal("data", said.data, "a file beside its YAML")
+        raise checks.refusal("data", rig.data, "a file beside its YAML")
     if path.stat().st_size == 0:
-        raise checks.refusal("data", said.data, "a file with rows: it is empty")
-    if said.sha256 is not None:
+        raise checks.refusal("data", rig.data, "a file with rows: it is empty")
+    if rig.sha256 is not None:
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        if digest != said.sha256:
-            raise checks.refusal("sha256", said.sha256, f"{digest}, that of {said.data}")
+        if digest != rig.sha256:
+            raise checks.refusal("sha256", rig.sha256, f"{digest}, that of {rig.data}")
     texts = {
         key
-        for key, channel in said.channels.items()
+        for key, channel in rig.channels.items()
         if (channel.observableId or key) in ("direction", "condition")
         or channel.unit == measured_description.DATES
     }
-    columns = measured_tables.read(path, said, texts | {LONG[0], CONDITION})
+    columns = measured_tables.read(path, rig, texts | {LONG[0], CONDITION})
     lengths = {name: len(values) for name, values in columns.items()}
     if not lengths or min(lengths.values()) == 0:
-        raise checks.refusal("data", said.data, "a file with samples: it has none")
+        raise checks.refusal("data", rig.data, "a file with samples: it has none")
     if len(set(lengths.values())) > 1:
-        raise checks.refusal("data", said.data, f"of columns of one length, not {lengths}")
+        raise checks.refusal("data", rig.data, f"of columns of one length, not {lengths}")
     is_csv = path.suffix.lower() == ".csv"
     if is_csv and set(LONG) <= columns.keys():
-        data = _of_columns(said, *measured_tables.long_samples(said, columns))
+        data = _of_columns(rig, *measured_tables.long_samples(rig, columns))
         names = [str(name) for name in columns[LONG[0]].categories]
     else:
-        data = _of_columns(said, columns, {}, xr.Dataset())
-        names = measured_tables.header(path, said)[0] if is_csv else []
-    data.attrs["not_read"] = ", ".join(name for name in names if name not in said.channels)
+        data = _of_columns(rig, columns, {}, xr.Dataset())
+        names = measured_tables.header(path, rig)[0] if is_csv else []
+    data.attrs["not_read"] = ", ".join(name for name in names if name not in rig.channels)
     return data
 
 
-def _of_columns(said: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
+def _of_columns(rig: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
     """Return the dataset of columns by their keys; noises: key -> that of each sample.
 
     `data` is what there is beside the samples.
     """
-    keys = {said.channels[key].observableId or key: key for key in said.channels if key in columns}
+    keys = {rig.channels[key].observableId or key: key for key in rig.channels if key in columns}
     # PEtab's columns, and the times that a format knows, need no channel.
     for name, key in (("time", "time"), ("condition", CONDITION)):
         if key in columns:
             keys.setdefault(name, key)
-    coords, start = _coordinates(said, columns, keys)
-    order, repairs = _order(said, keys, coords)
+    coords, start = _coordinates(rig, columns, keys)
+    order, repairs = _order(rig, keys, coords)
     for name, key in keys.items():
         if name in measured_names.COORDINATES:
             continue
         if name in measured_names.SPEEDS:
-            where = f"{said.data}, column {key!r}"
+            where = f"{rig.data}, column {key!r}"
             raise checks.refusal(where, name, "none of a wide table: speeds has it")
-        if said.channels[key].gaps and (empty := int(np.isnan(columns[key]).sum())):
+        if rig.channels[key].gaps and (empty := int(np.isnan(columns[key]).sum())):
             repairs.append(f"{name}: {empty} empty cells are not measured")
-        for variable, values in _variables(said, name, key, columns[key][order], noises, order):
+        for variable, values in _variables(rig, name, key, columns[key][order], noises, order):
             data[variable] = values
     if not data.data_vars:
-        raise checks.refusal("channels", list(said.channels), "at least one that was measured")
+        raise checks.refusal("channels", list(rig.channels), "at least one that was measured")
     for name, values in coords.items():
         cf, words = measured_names.COORDINATES[name]
         data.coords[name] = "sample", values[order], {"units": cf, "long_name": words}
@@ -186,14 +186,14 @@ def _of_columns(said: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.
     return data
 
 
-def _order(said: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
+def _order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return the order in which the time of each condition rises, and what that repairs."""
     if "time" not in coords:
         return slice(None), []
     groups = [name for name in ("condition", "direction") if name in coords]
     codes = [np.unique(coords[name], return_inverse=True)[1] for name in groups]
     group = sum(code * 3**i for i, code in enumerate(codes[::-1])) + np.zeros(len(coords["time"]))
-    where = f"{said.data}, column {keys['time']!r}"
+    where = f"{rig.data}, column {keys['time']!r}"
     order = measured_tables.in_order(where, coords["time"], group)
     if order is None:
         return slice(None), []
@@ -201,11 +201,11 @@ def _order(said: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
 
 
 def _variables(
-    said: Any, name: str, key: str, values: np.ndarray, noises: dict, order: Any
+    rig: Any, name: str, key: str, values: np.ndarray, noises: dict, order: Any
 ) -> Iterator[tuple]:
     """Yield the variable of an observable, and its noise where it differs from sample to sample."""
-    channel = said.channels[key]
-    where = f"{said.data}, column {key!r}"
+    channel = rig.channels[key]
+    where = f"{rig.data}, column {key!r}"
     measured_tables.check_finite(where, values, gaps=bool(channel.gaps) or key in noises)
     factor, cf = channel.scale(key)
     attrs = {
@@ -228,31 +228,31 @@ def _variables(
     yield name, ("sample", values * factor, attrs)
 
 
-def _coordinates(said: Any, columns: dict, keys: dict) -> tuple[dict, str]:
+def _coordinates(rig: Any, columns: dict, keys: dict) -> tuple[dict, str]:
     """Return name -> values of the coordinates, and when the first sample was taken, or ""."""
     coords, start = {}, ""
     for name in ("time", "speed"):
         if name in keys:
             key = keys[name]
-            where, channel = f"{said.data}, column {key!r}", said.channels.get(key)
+            where, channel = f"{rig.data}, column {key!r}", rig.channels.get(key)
             values = columns[key]
             if channel is not None and channel.unit == measured_description.DATES:
                 values, start = measured_tables.dates(where, values)
             measured_tables.check_finite(where, values, endless=name == "time")
             coords[name] = values * (1.0 if channel is None else channel.scale(key)[0])
     if "direction" in keys:
-        where = f"{said.data}, column {keys['direction']!r}"
+        where = f"{rig.data}, column {keys['direction']!r}"
         coords["direction"] = measured_tables.directions(where, columns[keys["direction"]])
-    conditions, codes = list(said.conditions.values()), np.zeros(len(next(iter(columns.values()))))
+    conditions, codes = list(rig.conditions.values()), np.zeros(len(next(iter(columns.values()))))
     if "condition" in keys:
         given = columns[keys["condition"]]
-        codes = measured_tables.complete(f"{said.data}, column {keys['condition']!r}", given)
+        codes = measured_tables.complete(f"{rig.data}, column {keys['condition']!r}", given)
         names = [str(name) for name in given.categories]
-        for name in names if said.conditions else ():
-            if name not in said.conditions:
-                raise checks.refusal(CONDITION, name, f"one of {', '.join(said.conditions)}")
+        for name in names if rig.conditions else ():
+            if name not in rig.conditions:
+                raise checks.refusal(CONDITION, name, f"one of {', '.join(rig.conditions)}")
         coords["condition"] = np.array(names)[codes]
-        conditions = [said.conditions.get(name) for name in names]
+        conditions = [rig.conditions.get(name) for name in names]
     elif len(conditions) != 1:
         return coords, start
     for name, kind in (("speed", float), ("direction", np.int8)):

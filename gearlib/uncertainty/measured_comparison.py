@@ -1,7 +1,6 @@
 """Measured sets beside a model: sweeps in its scales, harmonics of time courses, mesh orders."""
 
 import warnings
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -45,8 +44,10 @@ _SWEEPS = {0: "cold", 1: "up", -1: "down"}
 _MAX_STRETCHES, _LEAST_SAMPLES = 400, 20
 #: Harmonics of the mesh period of a time course.
 _HARMONICS = 5
-#: Points of a time course that are drawn, samples that are regressed at once, phases of the model.
-_POINTS, _CHUNK, _PHASES = 600, 100_000, 256
+#: Points of a measured time course that are drawn, and of that of the model.
+_POINTS, _PHASES = 600, 256
+#: Share of the largest singular value below which samples do not tell harmonics apart.
+_LEAST_SINGULAR = 1e-7
 #: Multiples of the mesh order of a run-up, blocks of whole revolutions, samples in a mesh period.
 _ORDERS, _BLOCKS, _SAMPLES = 3, 300, 128
 #: Means of a measured speed, and its share by which lines between some of them may be off.
@@ -254,21 +255,15 @@ def _measured_harmonics(time: np.ndarray, course: xr.DataArray, rate: float) -> 
     if values.size <= columns:
         return {}
 
-    def basis(part: Any) -> np.ndarray:
-        turned = np.exp(1j * np.outer(rate * (part - time[0]), number))
-        return np.hstack([np.ones((part.size, 1)), turned.real, turned.imag])
-
-    square, right = np.zeros((columns, columns)), np.zeros(columns)
-    for start in range(0, time.size, _CHUNK):
-        rows = basis(time[start : start + _CHUNK])
-        square, right = square + rows.T @ rows, right + rows.T @ values[start : start + _CHUNK]
-    best, rank = np.linalg.lstsq(square, right, rcond=None)[::2]
+    turned = np.exp(1j * np.outer(rate * (time - time[0]), number))
+    basis = np.hstack([np.ones((time.size, 1)), turned.real, turned.imag])
+    best, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_LEAST_SINGULAR)
     if rank < columns:
         return {}
     # y = sum of A cos(k w t + phase): the conjugate of the coefficient of exp.
     wave = best[1 : _HARMONICS + 1] - 1j * best[_HARMONICS + 1 :]
     few = np.unique(np.linspace(0, time.size - 1, _POINTS).astype(int))
-    left = float(np.std(values[few] - basis(time[few]) @ best))
+    left = float(np.std(values[few] - basis[few] @ best))
     deviation = (course.attrs.get("noise_std", 0.0) or left) * np.sqrt(2.0 / time.size)
     angle = deviation / np.abs(wave)
     return {

@@ -27,52 +27,52 @@ _DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0
 _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
-def read(path, said, texts):
+def read(path, rig, texts):
     """Return the columns that a description names; texts: names of those that are no numbers."""
     reader = _READERS[path.suffix.lower()]
     try:
-        return reader(path, said, texts)
+        return reader(path, rig, texts)
     except (ValueError, MemoryError):
         raise
     except Exception as error:  # whatever a damaged file leads other packages to
         words = " ".join(str(error).split())
-        raise checks.refusal("data", said.data, f"a file that can be read ({words})") from None
+        raise checks.refusal("data", rig.data, f"a file that can be read ({words})") from None
 
 
-def header(path, said):
+def header(path, rig):
     """Return the names of the columns of a CSV and the line they stand in, from 1."""
     try:
-        with open(path, encoding=_encoding(said), newline="") as file:
-            for line, text in islice(enumerate(file, 1), said.skip, None):
-                text = text.split(said.comment)[0] if said.comment else text
-                (cells,) = csv.reader([text], delimiter=said.separator, skipinitialspace=True)
+        with open(path, encoding=_encoding(rig), newline="") as file:
+            for line, text in islice(enumerate(file, 1), rig.skip, None):
+                text = text.split(rig.comment)[0] if rig.comment else text
+                (cells,) = csv.reader([text], delimiter=rig.separator, skipinitialspace=True)
                 if any(cell.strip() for cell in cells):
                     return [cell.strip() for cell in cells], line
     except UnicodeDecodeError as error:
-        raise checks.refusal("data", said.data, f"{said.encoding} text ({error.reason})") from None
+        raise checks.refusal("data", rig.data, f"{rig.encoding} text ({error.reason})") from None
     except (OSError, csv.Error) as error:
-        raise checks.refusal("data", said.data, f"a file beside its YAML ({error})") from None
-    raise checks.refusal("data", said.data, "a file with names of columns: it is empty")
+        raise checks.refusal("data", rig.data, f"a file beside its YAML ({error})") from None
+    raise checks.refusal("data", rig.data, "a file with names of columns: it is empty")
 
 
-def _encoding(said: Any) -> str:
+def _encoding(rig: Any) -> str:
     """Return the encoding of a CSV."""
-    return "utf-8-sig" if said.encoding == "utf-8" else said.encoding
+    return "utf-8-sig" if rig.encoding == "utf-8" else rig.encoding
 
 
-def _wanted(names: list[str], said: Any) -> list[str]:
+def _wanted(names: list[str], rig: Any) -> list[str]:
     """Return the columns of a CSV that a description names."""
-    wanted = list(said.channels)
+    wanted = list(rig.channels)
     if set(LONG) <= {*names}:
         wanted = [*LONG, *(name for name in (CONDITION, "time", NOISE) if name in names)]
         wanted += [
-            key for key, channel in said.channels.items()
+            key for key, channel in rig.channels.items()
             if (channel.observableId or key) in ("time", "speed", "direction")
             and key in names and key not in wanted
         ]  # fmt: skip
     for name in wanted:
         if names.count(name) > 1:
-            raise ValueError(f"the column {name!r} of {said.data} is there twice: it must be once")
+            raise ValueError(f"the column {name!r} of {rig.data} is there twice: it must be once")
         if name not in names:
             separators = [
                 separator for separator in (";", "\t", "|", ",")
@@ -80,7 +80,7 @@ def _wanted(names: list[str], said: Any) -> list[str]:
             ]  # fmt: skip
             hint = f", or separator must be {separators[0]!r}" if separators else ""
             raise ValueError(
-                f"the column {name!r} of {said.data} is missing: it must be one of "
+                f"the column {name!r} of {rig.data} is missing: it must be one of "
                 f"{', '.join(map(repr, names[:12]))}{hint}"
             )
     return wanted
@@ -102,16 +102,16 @@ class _Rows:
         return iter(self.read, "")
 
 
-def _tables(path: Path, said: Any, kinds: dict, names: list, line: int, **how: Any) -> Iterator:
+def _tables(path: Path, rig: Any, kinds: dict, names: list, line: int, **how: Any) -> Iterator:
     """Yield the table of a CSV, or parts of it; kinds: number of a column -> its type."""
     import pandas as pd
 
-    how |= {"sep": said.separator, "decimal": said.decimal, "comment": said.comment}
+    how |= {"sep": rig.separator, "decimal": rig.decimal, "comment": rig.comment}
     how |= {"skipinitialspace": True, "engine": "c", "low_memory": False, "index_col": False}
     count = len(names)
-    with open(path, encoding=_encoding(said), newline="") as file:
+    with open(path, encoding=_encoding(rig), newline="") as file:
         # A cell behind the last column would be dropped in silence: it gets a column of its own.
-        rows = _Rows(file, line, count, said.separator)
+        rows = _Rows(file, line, count, rig.separator)
         kinds = {str(i): kind for i, kind in kinds.items()} | {str(count): "category"}
         if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):
             # Later ones round numbers correctly without being asked.
@@ -120,57 +120,57 @@ def _tables(path: Path, said: Any, kinds: dict, names: list, line: int, **how: A
         yield from frame if "chunksize" in how else [frame]
 
 
-def _read_csv(path: Path, said: Any, texts: set) -> dict:
+def _read_csv(path: Path, rig: Any, texts: set) -> dict:
     """Return columns of a CSV."""
-    names, line = header(path, said)
-    wanted = _wanted(names, said)
+    names, line = header(path, rig)
+    wanted = _wanted(names, rig)
     kinds = {names.index(name): "category" if name in texts else float for name in wanted}
     try:
-        (frame,) = _tables(path, said, kinds, names, line)
+        (frame,) = _tables(path, rig, kinds, names, line)
     except UnicodeDecodeError as error:
-        raise checks.refusal("data", said.data, f"{said.encoding} text ({error.reason})") from None
+        raise checks.refusal("data", rig.data, f"{rig.encoding} text ({error.reason})") from None
     except ValueError:
-        raise _no_number(path, said, kinds, names, line) from None
+        raise _no_number(path, rig, kinds, names, line) from None
     if frame.empty:
-        raise checks.refusal("data", said.data, "a file with rows: it has none")
+        raise checks.refusal("data", rig.data, "a file with rows: it has none")
     beyond = frame[str(len(names))].notna().to_numpy()
     if beyond.any():
-        hint = " (a decimal comma needs another separator)" if said.separator == "," else ""
+        hint = " (a decimal comma needs another separator)" if rig.separator == "," else ""
         raise ValueError(
-            f"{said.data}, row {int(beyond.argmax()) + 1}: it must have {len(names)} cells as its "
+            f"{rig.data}, row {int(beyond.argmax()) + 1}: it must have {len(names)} cells as its "
             f"names of columns have, not more{hint}"
         )
     columns = {name: frame.pop(str(names.index(name))) for name in wanted}
     return {name: c.array if name in texts else c.to_numpy() for name, c in columns.items()}
 
 
-def _no_number(path: Path, said: Any, kinds: dict, names: list, line: int) -> ValueError:
+def _no_number(path: Path, rig: Any, kinds: dict, names: list, line: int) -> ValueError:
     """Return the refusal of the first cell that is no number."""
     import pandas as pd
 
     first, numbers = 0, [i for i, kind in kinds.items() if kind is float]
     texts = dict.fromkeys(numbers, str)
     try:
-        for part in _tables(path, said, texts, names, line, chunksize=_CHUNK):
+        for part in _tables(path, rig, texts, names, line, chunksize=_CHUNK):
             for i in numbers:
                 cells = part[str(i)]
-                plain = cells.str.replace(said.decimal, ".", regex=False)
+                plain = cells.str.replace(rig.decimal, ".", regex=False)
                 wrong = (pd.to_numeric(plain, errors="coerce").isna() & cells.notna()).to_numpy()
                 if wrong.any():
                     row = int(wrong.argmax())
-                    where = f"{said.data}, column {names[i]!r}, row {first + row + 1}"
+                    where = f"{rig.data}, column {names[i]!r}, row {first + row + 1}"
                     return checks.refusal(where, cells.iloc[row], "a number")
             first += len(part)
     except ValueError as error:
-        return checks.refusal("data", said.data, f"a table ({' '.join(str(error).split())})")
-    return checks.refusal("data", said.data, "a table of numbers")
+        return checks.refusal("data", rig.data, f"a table ({' '.join(str(error).split())})")
+    return checks.refusal("data", rig.data, "a table of numbers")
 
 
-def _read_uff(path: Path, said: Any, texts: set) -> dict:
+def _read_uff(path: Path, rig: Any, texts: set) -> dict:
     """Return columns of the sets 58 and 58b of a universal file, named by their first line."""
     if not PYUFF.available():
         raise MissingPackage(
-            f"data = {said.data!r} is not allowed: it must be a CSV, or {PYUFF.module} be there "
+            f"data = {rig.data!r} is not allowed: it must be a CSV, or {PYUFF.module} be there "
             f"({PYUFF.note()})"
         )
     import pyuff
@@ -181,26 +181,26 @@ def _read_uff(path: Path, said: Any, texts: set) -> dict:
         sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
     except Exception as error:  # whatever a damaged file leads pyuff to
         words = " ".join(str(error).split())
-        raise checks.refusal("data", said.data, f"a universal file ({words})") from None
+        raise checks.refusal("data", rig.data, f"a universal file ({words})") from None
     if not sets:
-        raise checks.refusal("data", said.data, "a universal file with sets 58: it has none")
+        raise checks.refusal("data", rig.data, "a universal file with sets 58: it has none")
     names = [str(table["id1"]).strip() for table in sets]
     columns: dict = {}
-    for name in [key for key in said.channels if key != "time"]:
+    for name in [key for key in rig.channels if key != "time"]:
         if name not in names:
             raise ValueError(
-                f"the channel {name!r} of {said.data} is missing: it must be one of "
+                f"the channel {name!r} of {rig.data} is missing: it must be one of "
                 f"{', '.join(map(repr, names[:12]))}"
             )
         if names.count(name) > 1:
-            raise ValueError(f"the set {name!r} of {said.data} is there twice: it must be once")
+            raise ValueError(f"the set {name!r} of {rig.data} is there twice: it must be once")
         table = sets[names.index(name)]
         if np.iscomplexobj(table["data"]):
-            raise ValueError(f"the set {name!r} of {said.data} is complex: it must be real")
+            raise ValueError(f"the set {name!r} of {rig.data} is complex: it must be real")
         time = np.asarray(table["x"], float)
         if not np.array_equal(columns.setdefault("time", time), time):
             raise ValueError(
-                f"the channels {list(columns)[1]!r} and {name!r} of {said.data} have times of "
+                f"the channels {list(columns)[1]!r} and {name!r} of {rig.data} have times of "
                 "their own: they must be sampled together, or be two sets"
             )
         columns[name] = np.asarray(table["data"], float)
@@ -210,7 +210,7 @@ def _read_uff(path: Path, said: Any, texts: set) -> dict:
 _READERS = {".csv": _read_csv, ".uff": _read_uff, ".unv": _read_uff}
 
 
-def long_samples(said, columns):
+def long_samples(rig, columns):
     """Return columns over samples, the noise of each sample, and the single speeds.
 
     Measurements at the same condition, time and speed are one sample; where an observable was not
@@ -219,19 +219,19 @@ def long_samples(said, columns):
     """
     import pandas as pd
 
-    where = f"{said.data}, column "
+    where = f"{rig.data}, column "
     codes = complete(f"{where}{LONG[0]!r}", columns[LONG[0]])
     observables = [str(name) for name in columns[LONG[0]].categories]
     values = columns[LONG[1]]
     noise = columns.get(NOISE, np.full(values.size, np.nan))
-    numbers = {key: i for i, key in enumerate(observables) if key in said.channels}
-    for key in said.channels:
+    numbers = {key: i for i, key in enumerate(observables) if key in rig.channels}
+    for key in rig.channels:
         if key not in numbers and key not in columns:
             raise ValueError(
-                f"the observableId {key!r} of {said.data} is missing: it must be one of "
+                f"the observableId {key!r} of {rig.data} is missing: it must be one of "
                 f"{', '.join(map(repr, observables[:12]))}"
             )
-    gaps = np.isin(codes, [i for key, i in numbers.items() if said.channels[key].gaps])
+    gaps = np.isin(codes, [i for key, i in numbers.items() if rig.channels[key].gaps])
     check_finite(f"{where}{LONG[1]!r}", np.where(gaps & np.isnan(values), 0.0, values))
     wrong = np.flatnonzero((noise < 0) | np.isinf(noise))
     if wrong.size:
@@ -239,10 +239,10 @@ def long_samples(said, columns):
         raise checks.refusal(row, noise[wrong[0]], "a finite number >= 0")
     speeds = xr.Dataset()
     for key in list(numbers):
-        name = said.channels[key].observableId or key
+        name = rig.channels[key].observableId or key
         if name in measured_names.SPEEDS:
             rows = codes == numbers.pop(key)
-            speeds[name] = _single_speed(said, key, name, values[rows], noise[rows])
+            speeds[name] = _single_speed(rig, key, name, values[rows], noise[rows])
     kept = np.isin(codes, list(numbers.values()))
     keys = {
         name: columns[name].codes[kept] if name == CONDITION else columns[name][kept]
@@ -272,13 +272,13 @@ def long_samples(said, columns):
     return wide, noises, speeds
 
 
-def _single_speed(said: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
+def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
     """Return the one measurement of a speed at which the motion changes."""
     if values.size > 1:
         raise ValueError(
-            f"the observableId {key!r} of {said.data} is there {values.size} times: it must be once"
+            f"the observableId {key!r} of {rig.data} is there {values.size} times: it must be once"
         )
-    channel = said.channels[key]
+    channel = rig.channels[key]
     factor, units = channel.scale(key)
     deviation = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
     words = measured_names.SPEEDS[name][1]
@@ -346,9 +346,9 @@ def dates(where, given):
     import pandas as pd
 
     codes = complete(where, given)
-    found = pd.to_datetime(list(given.categories), utc=True, format="ISO8601", errors="coerce")
-    if found.isna().any():
-        wrong = given.categories[int(found.isna().argmax())]
+    days = pd.to_datetime(list(given.categories), utc=True, format="ISO8601", errors="coerce")
+    if days.isna().any():
+        wrong = given.categories[int(days.isna().argmax())]
         raise checks.refusal(where, wrong, "a date by ISO 8601")
-    seconds = np.asarray((found - found.min()) / pd.Timedelta(1, "s"), float)
-    return seconds[codes], found.min().isoformat()
+    seconds = np.asarray((days - days.min()) / pd.Timedelta(1, "s"), float)
+    return seconds[codes], days.min().isoformat()

@@ -116,7 +116,7 @@ def scatter(
     n : int, default 1024
         Samples, points of a scrambled Sobol' sequence: of powers of two they are balanced.
     speed : float, optional
-        Of the duty point, rpm, where quantities are asked for there.
+        Of the duty point, rpm, where quantities are wanted there.
     speeds, tunings : array_like of float, optional
         In rpm, or tunings of the nominal model, at which every design is run: bands over speed.
         Tunings become speeds, which all designs share, where anything turns.
@@ -155,16 +155,16 @@ def scatter(
     return gather([shard(model, tolerances, n, 0, n, **settings)])
 
 
-def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **question):
-    """Return what `gather` takes of the samples first ... last - 1; the rest are a `Question`."""
-    asked = Question(**question)
+def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **settings):
+    """Return what `gather` takes of the samples first ... last - 1; `settings` are a `Question`."""
+    question = Question(**settings)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    quantities = names_of("quantities", asked.quantities, tuple(QUANTITIES))
+    quantities = names_of("quantities", question.quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    designs = Designs(model, tolerances, asked.seed)
-    runs = _runs(designs.nominal, asked)
+    designs = Designs(model, tolerances, question.seed)
+    runs = _runs(designs.nominal, question)
     if runs is None and not quantities:
         raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
     count, data = last - first, {}
@@ -172,9 +172,9 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
         shape = count, len(runs.directions), runs.rates.size
         check_memory(f"{count:,} samples", count, 2 * shape[1] * shape[2], "samples")
         data = {name: np.full(shape, fill) for name, fill in _POINTS.items()}
-    search = search_of(designs, quantities, asked.speed) if quantities else None
-    found = np.full((count, len(quantities)), np.nan)
-    codes, refusals = np.full(found.shape, NO_DESIGN, np.int8), np.full(count, "", object)
+    search = search_of(designs, quantities, question.speed) if quantities else None
+    results = np.full((count, len(quantities)), np.nan)
+    codes, refusals = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
     points = designs.points(first, last)
     values = designs.values(points)
 
@@ -187,32 +187,32 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **q
             if runs:
                 _sweep(design, runs, points[i, -2:], {name: x[i] for name, x in data.items()})
             if search:
-                found[i], codes[i] = search(design, designs.at_duty(values[i]))
+                results[i], codes[i] = search(design, designs.at_duty(values[i]))
         newly(1)
 
     with notebook.telling("samples", count, progress) as newly, ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, range(count)))
-    said = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
-    said |= {"samples": n, "seed": designs.seed}
+    attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
+    attributes |= {"samples": n, "seed": designs.seed}
     coords: dict = {"sample": np.arange(first, last)}
     variables = _of_parameters(designs, values)
     if runs:
         over = runs.key.removesuffix("s")
         variables |= {name: (("sample", "direction", over), x) for name, x in data.items()}
         coords |= {"direction": list(runs.directions), over: runs.rates}
-        said |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
+        attributes |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
     if search:
-        variables |= _of_quantities(search, found, codes)
-        said |= {"quantities": list(quantities)}
-        said |= {} if asked.speed is None else {"speed": asked.speed}
+        variables |= _of_quantities(search, results, codes)
+        attributes |= {"quantities": list(quantities)}
+        attributes |= {} if question.speed is None else {"speed": question.speed}
     variables["refusal"] = ("sample",), refusals
     title = "Scatter of a gear mesh by its tolerances"
-    return result(title, designs.nominal, variables, coords, method="scatter", **said)
+    return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
 
 
-def _runs(model: Any, asked: Question) -> Runs | None:
+def _runs(model: Any, question: Question) -> Runs | None:
     """Return the runs over speed, checked; None without speeds."""
-    speeds, tunings, box = asked.speeds, asked.tunings, asked.box
+    speeds, tunings, box = question.speeds, question.tunings, question.box
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
@@ -222,12 +222,12 @@ def _runs(model: Any, asked: Question) -> Runs | None:
     else:
         check = functools.partial(check_speed, model)
         rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = names_of("directions", asked.directions, DIRECTIONS)
+    directions = names_of("directions", question.directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "one at least")
     if "seeded" in directions and model.size > 2:
         raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
-    periods = checks.integer("periods", asked.periods, 1)
-    recorded = checks.integer("record_periods", asked.record_periods, 1, periods)
+    periods = checks.integer("periods", question.periods, 1)
+    recorded = checks.integer("record_periods", question.record_periods, 1, periods)
     ends = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.many("box", box, 2))
     for low, high in ends:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")

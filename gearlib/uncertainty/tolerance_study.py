@@ -32,16 +32,16 @@ def model_of(pair, drawing=None):
     )
 
 
-def compute(*, pair, tolerances, samples, shard, threads, drawing=None, **asked):
+def compute(*, pair, tolerances, samples, shard, threads, drawing=None, **settings):
     """Return a shard, "first-last", of `gearlib.scatter`; other arguments are as there."""
     first, last = map(int, shard.split("-"))
     model = model_of(pair, drawing)
-    return shard_of(model, tolerances, samples, first, last, threads=threads, **asked)
+    return shard_of(model, tolerances, samples, first, last, threads=threads, **settings)
 
 
-def indices(*, pair, tolerances, samples, drawing=None, **asked):
+def indices(*, pair, tolerances, samples, drawing=None, **settings):
     """Return Sobol' indices, see `gearlib.uncertainty.indices.sobol_indices`."""
-    return sobol_indices(model_of(pair, drawing), tolerances, n=samples, **asked)
+    return sobol_indices(model_of(pair, drawing), tolerances, n=samples, **settings)
 
 
 def rows(scattered):
