@@ -186,7 +186,8 @@ def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
     if jumps:
         places = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
         widths = [_BEHIND * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
-        channels.append(Channel("jumps", places, np.array(widths), True))
+        noise_known = channels[0].noise_known
+        channels.append(Channel("jumps", places, np.array(widths), noise_known, joined=True))
 
     def run_of(model: Any) -> Any:
         return run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES, **options)

@@ -200,14 +200,19 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     One common scale would let the channel that is described worst hide all others, and jumps with
     a known noise would weigh nothing beside them. None where there is nothing to weigh.
     """
-    channels = problem.channels
-    if len(channels) < 2 or problem.noise_known:
+    blocks: list = []
+    for channel in problem.channels:
+        if channel.joined:
+            blocks[-1][0] += channel.values.size
+        else:
+            blocks.append([channel.values.size, channel.noise_known])
+    if len(blocks) < 2 or problem.noise_known:
         return None
     weights, end = np.ones(residuals.size), 0
-    for channel in channels:
-        part = slice(end, end + channel.values.size)
-        end = part.stop
-        if not channel.noise_known and channel.values.size > _WEIGHTED_RATIO * len(problem.names):
+    for size, known in blocks:
+        part = slice(end, end + size)
+        end += size
+        if not known and size > _WEIGHTED_RATIO * len(problem.names):
             left = (residuals / problem.weights)[part]
             weights[part] = 1.0 / max(float(np.sqrt(np.mean(left**2))), _LEAST_NOISE)
     return weights

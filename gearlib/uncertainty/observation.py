@@ -29,6 +29,7 @@ class Channel(NamedTuple):
     unknown_offset: bool = False
     #: Numbers of the values in the order in which they were measured, shape (sequences, steps).
     sequences: Any = None
+    joined: bool = False  #: whether its deviations are weighted with those of the channel before it
 
     @property
     def eliminated(self) -> int:
