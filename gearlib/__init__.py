@@ -10,8 +10,7 @@ room             responsibility
 ``runs``         `simulate`, `sweep`, maps of small deviations
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
-``rig``          measured sets and fits: `read_measured`, `fit`
-``tolerances``   tolerances of a drawing: `scatter`, `sobol_indices`
+``uncertainty``  measured sets, fits, tolerances: `read_measured`, `fit`, `scatter`
 ``figures``      one file per figure, functions that return a `Figure`
 ``pages``        tables as pages, the explorer with its sliders
 ``cli``          the command ``gearlib``
@@ -50,7 +49,7 @@ _PUBLIC = {
     "certify_range": "analysis.proofs.ranges",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
-    "fit": "rig.fits",
+    "fit": "uncertainty.fits",
     "harmonic_balance": "analysis.harmonics.harmonic_balance",
     "idler": "models.trains.ready_made",
     "locus": "analysis.orbits.loci",
@@ -61,13 +60,13 @@ _PUBLIC = {
     "periodic_orbit": "analysis.orbits.shooting",
     "planetary": "models.trains.ready_made",
     "poincare_section": "analysis.global_dynamics.poincare",
-    "read_measured": "rig.measured",
+    "read_measured": "uncertainty.measured",
     "run_up": "runs.run_up",
-    "scatter": "tolerances.scatter",
+    "scatter": "uncertainty.scatter",
     "schmidt": "analysis.harmonics.schmidt",
     "sensitivities": "analysis.sensitivities",
     "simulate": "runs.simulation",
-    "sobol_indices": "tolerances.indices",
+    "sobol_indices": "uncertainty.indices",
     "split_power_reducer": "models.trains.reducer_train",
     "sweep": "runs.sweeping",
     "switch_branch": "analysis.orbits.continuation",

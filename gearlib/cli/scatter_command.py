@@ -118,7 +118,7 @@ def scatter(model, mapping, drawn, tolerances, quantities, points, save, **asked
 
     import gearlib
     from gearlib.figures import scatter_figure
-    from gearlib.tolerances.scatter import refused
+    from gearlib.uncertainty.scatter import refused
 
     names = [name for name, _ in tolerances]
     for name in names:
@@ -138,8 +138,8 @@ def scatter(model, mapping, drawn, tolerances, quantities, points, save, **asked
         "tunings": np.linspace(start, stop, points) if points else None,
         "directions": ("up", "down", "seeded") if single else ("up", "down"),
     }
-    n, stages = asked["n"], bool(points) + bool(asked["quantities"])
-    with progress.counter("designs", stages * n) as done:
+    n = asked["n"]
+    with progress.counter("designs", n) as done:
         found = gearlib.scatter(source, given, progress=done, **asked)
     for text in refused(found):
         output.words(text)
@@ -187,8 +187,8 @@ def _scattering(model, mapping, given, classes):
         raise click.UsageError(
             f"--{option} is not allowed: it must be left out where no drawing describes the gears"
         )
-    from gearlib.tolerances.quality_classes import by_class
-    from gearlib.tolerances.tolerance_study import model_of
+    from gearlib.uncertainty.quality_classes import by_class
+    from gearlib.uncertainty.tolerance_study import model_of
 
     drawing = model_options.load(mapping, "The configuration").gears.described()
     if thickness := classes.get("thickness_class"):

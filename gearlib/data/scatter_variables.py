@@ -28,7 +28,7 @@ DESCRIPTIONS = {
     "missing_designs": ("1", "designs without the quantity"),
 }
 
-#: The same of the quantities of each design, see `gearlib.tolerances.quantities`.
+#: The same of the quantities of each design, see `gearlib.uncertainty.design_quantities`.
 QUANTITIES = {
     "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
     "jump_down": ("min-1", "speed at which the main resonance falls, running down"),

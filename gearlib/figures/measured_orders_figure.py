@@ -9,10 +9,11 @@ _HEIGHT = 2.4
 
 @style.styled()
 def draw(orders, *, colours=None):
-    """Draw datasets as of `gearlib.rig.measured_orders.compute`: a row for each observable.
+    """Draw datasets of `gearlib.uncertainty.measured_comparison.orders`.
 
-    orders: one or several; colours: those of the dampings by name. A column for each order; levels
-    in dB of the largest measured one, so that an unknown gain moves nothing.
+    orders: one or several; colours: those of the dampings by name. A row for each observable, a
+    column for each order; levels in dB of the largest measured one, so that an unknown gain moves
+    nothing.
     """
     rows = [
         (one.attrs["title"], one.isel(track=i, observable=j))

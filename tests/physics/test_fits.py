@@ -8,9 +8,8 @@ import xarray as xr
 from scipy.stats import binom
 
 import gearlib
-from gearlib.rig.projection import projected
-from gearlib.rig.run_up_observations import RunUpOrders
-from gearlib.rig.synthetic_rigs import synthetic_rig
+from gearlib.uncertainty.observations import observations_of
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 COUNT = int(os.environ.get("GEARLIB_RIGS", "1"))
@@ -56,15 +55,6 @@ def test_intervals_hold_the_truth():
     assert min(held.values()) >= binom.ppf(1e-3, COUNT, 0.95)
 
 
-@pytest.mark.parametrize("gain", [False, True])
-def test_what_a_sensor_adds_changes_nothing(gain):
-    rng = np.random.default_rng(0)
-    measured, modelled, basis = (rng.normal(size=n) for n in (30, 30, (30, 2)))
-    residuals = projected(measured, modelled, basis, gain)[0]
-    more = projected(measured + basis @ [3.0, -5.0], modelled, basis, gain)[0]
-    np.testing.assert_allclose(more, residuals, rtol=0, atol=1e-13)
-
-
 def test_an_unknown_gain_is_found_beside_the_parameters():
     data = synthetic_rig(TRUTH, course(TRUTH, 1.0), 5, gain=3.0)
     free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
@@ -79,12 +69,13 @@ def test_an_unknown_gain_is_found_beside_the_parameters():
     assert data.synthetic == 1
     # Two parameters and the noise: 2 k n / (n - k - 1) is Akaike's penalty, corrected.
     k, n = 3, found.ndata
-    squares = float(np.sum(RunUpOrders(TRUTH, data).residuals(found.model) ** 2))
+    (compared,) = observations_of(TRUTH, data)
+    squares = float(np.sum(compared.residuals(found.model) ** 2))
     assert found.bic - found.aicc == pytest.approx(k * (np.log(n) - 2.0 * n / (n - k - 1)))
     assert found.bic - k * np.log(n) == pytest.approx(n * np.log(squares / n))
     correlation = found.correlations[0, 1]
     assert f"C(material_damping, reduced_mass) = {correlation:+.4f}" in str(found).splitlines()[-1]
-    assert len(RunUpOrders(TRUTH, data).jumps) == 2
+    assert [channel.values.size for channel in compared.channels][1:] == [2]
 
 
 def test_backlash_is_bounded_where_the_far_flank_is_never_struck():

@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 import gearlib
 from gearlib.analysis.order_sums import Turning
 from gearlib.models.profiles import Tabulated
-from gearlib.rig.order_observations import regressed
-from gearlib.rig.run_up_observations import RunUpOrders
-from gearlib.rig.steady_observations import SteadyOrders, courses_of
+from gearlib.uncertainty.course_observations import regressed
+from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -73,18 +72,18 @@ def steady(tuning, seed, gain=1.0, way=0, truth=TRUTH):
     )
 
 
+def residuals(model, data):
+    """Return the residuals of a time course."""
+    return observations_of(model, data)[0].residuals(model)
+
+
 @pytest.mark.parametrize("rate", [13e3, 20e3, 41e3])
 def test_orders_are_those_of_samples_at_any_times(rate):
-    one = RunUpOrders(TRUTH, run_up(0.0, 1, rate=rate, phase=0.0))
-    rest = one.residuals(TRUTH)
+    rest = residuals(TRUTH, run_up(0.0, 1, rate=rate, phase=0.0))
     # An eccentricity as large as the signal, and an offset, leave the noise alone.
     assert 0.6 < rest @ rest / rest.size < 1.4
-    # What is drawn of a fit are the orders of its model.
-    own = one.compared(TRUTH)
-    np.testing.assert_allclose(one.fitted(TRUTH)[one.kept], own[one.kept], rtol=1e-9)
-    assert np.isnan(one.fitted(TRUTH)[~one.kept]).all()
     with pytest.raises(ValueError, match="5.75 samples in a mesh period.* of 10 or more"):
-        RunUpOrders(TRUTH, run_up(0.0, 1, rate=7e3))
+        residuals(TRUTH, run_up(0.0, 1, rate=7e3))
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.3, 0.9])
@@ -125,8 +124,8 @@ def test_a_run_up_may_begin_at_any_phase():
             assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
             assert one.stderr < 0.02 * one.value, name
         # Said to be another one, it is not this model.
-        wrong = RunUpOrders(TRUTH, run_up(phase, 2, phase=phase + 1.0)).residuals(TRUTH)
-        right = RunUpOrders(TRUTH, run_up(phase, 2, phase=phase)).residuals(TRUTH)
+        wrong = residuals(TRUTH, run_up(phase, 2, phase=phase + 1.0))
+        right = residuals(TRUTH, run_up(phase, 2, phase=phase))
         assert wrong @ wrong > 100.0 * (right @ right) and right @ right < 1.4 * right.size
 
 
@@ -134,15 +133,17 @@ def test_a_run_up_may_begin_at_any_phase():
     ("tuning", "way", "gain"), [(0.62, 0, 1.0), (0.78, 1, 3.0), (0.8, -1, 1.0), (0.9, 0, 1.0)]
 )
 def test_what_is_drawn_of_a_time_course_are_the_waves_that_were_compared(tuning, way, gain):
-    course = SteadyOrders(TRUTH, steady(tuning, 1, gain, way))
-    residuals = course.residuals(TRUTH)
-    assert residuals @ residuals < 4.0 * (residuals.size - course.eliminated)
-    (shown,) = course.curves(TRUTH)
+    (course,) = observations_of(TRUTH, steady(tuning, 1, gain, way))
+    rest, (channel,) = course.residuals(TRUTH), course.channels
+    assert rest @ rest < 4.0 * (rest.size - channel.eliminated)
+    sensed = course.sensed(TRUTH)
+    (shown,) = course.draw(sensed)
     assert shown.at[0] == 0.0 and shown.at[-1] == 1.0
-    for height, orders in zip(shown.heights, (course.measured, course.fitted(TRUTH)), strict=True):
+    for height, values in zip(shown.heights, (channel.values, *sensed), strict=True):
         waves = np.fft.rfft(height[:-1], norm="forward")
+        orders = values.view(complex)
         np.testing.assert_allclose(
-            waves[1 : orders.size + 1], orders[0], rtol=0, atol=1e-9 * height.max()
+            waves[1 : orders.size + 1], orders, rtol=0, atol=1e-9 * height.max()
         )
 
 
@@ -157,8 +158,8 @@ def conditions(tunings, truth=TRUTH):
 
 def test_conditions_are_courses_of_their_own():
     data = conditions([0.62, 0.9])
-    found = courses_of(TRUTH, data)
-    assert [one.speed for one in found] == [TRUTH.speed(0.62), TRUTH.speed(0.9)]
+    found = observations_of(TRUTH, data)
+    assert len(found) == 2
     fitted = gearlib.fit(GUESS, data, FREE)
     for name, one in fitted.params.items():
         assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
@@ -166,7 +167,7 @@ def test_conditions_are_courses_of_their_own():
     assert fitted.redchi == pytest.approx(rest @ rest / (16 - 2), rel=1e-6)
     moving = data.assign_coords(speed=("sample", np.linspace(1e3, 2e3, data.sizes["sample"])))
     with pytest.raises(ValueError, match="2 conditions with time courses: each must have one"):
-        courses_of(TRUTH, moving)
+        observations_of(TRUTH, moving)
 
 
 def test_no_interval_holds_where_a_wrong_model_leaves_what_is_no_noise():

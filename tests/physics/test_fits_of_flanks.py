@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 import gearlib
-from gearlib.rig.synthetic_rigs import synthetic_rig
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 COUNT = int(os.environ.get("GEARLIB_RIGS", "1"))

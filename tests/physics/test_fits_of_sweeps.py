@@ -1,17 +1,15 @@
 """Fits to slow sweeps of synthetic rigs: statistics over speed, jumps, onset of contact loss."""
 
 import os
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.rig.branch_observations import BranchStatistics
-from gearlib.rig.identifiability import correlated
-from gearlib.rig.orbit_at_speed import STATISTICS
-from gearlib.rig.speed_observations import Speeds
+from gearlib.uncertainty import orbit_values
+from gearlib.uncertainty.fit_report import correlated
+from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
 #: Speeds of each direction.
@@ -34,8 +32,8 @@ def resonance(pair, seed, names=("displacement_max", "fraction_backlash"), gain=
         }
     )
     for name in names:
-        scale = {"length": pair.static_deflection, "force": pair.load, "share": 1.0}
-        values = scale[STATISTICS[name]] * np.hstack([run[name].values for run in runs])
+        scale = {"displacement": pair.static_deflection}.get(name.partition("_")[0], 1.0)
+        values = scale * np.hstack([run[name].values for run in runs])
         noise = 0.0 if seed is None else 0.02 * values.std()
         attrs = {"noise_std": gain * noise, "unknown_gain": int(gain != 1.0)}
         data[name] = "sample", gain * (values + rng.normal(0.0, noise, 2 * COUNT)), attrs
@@ -75,9 +73,9 @@ def test_load_is_a_scale_that_an_unknown_gain_hides():
 
 def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
     once = resonance(TRUTH, 3).isel(sample=slice(12))
-    residuals = BranchStatistics(once, TRUTH).residuals(TRUTH)
+    residuals = observations_of(TRUTH, once)[0].residuals(TRUTH)
     twice = xr.concat([once, once], "sample", combine_attrs="override")
-    both = BranchStatistics(twice, TRUTH).residuals(TRUTH)
+    both = observations_of(TRUTH, twice)[0].residuals(TRUTH)
     assert both.size == 2 * residuals.size
     np.testing.assert_allclose(both @ both, 2.0 * residuals @ residuals, rtol=1e-9)
 
@@ -94,33 +92,26 @@ def test_data_of_unknown_noise_that_no_model_comes_near_are_said_to_be():
 
 
 def test_a_false_alarm_on_independent_residuals_is_rarer_than_one_in_a_hundred():
-    data = resonance(TRUTH, None)
-    problem = SimpleNamespace(observations=[BranchStatistics(data, TRUTH)])
-    rng, size = np.random.default_rng(0), problem.observations[0].size
-    alarms = [correlated(problem, rng.normal(size=size)) for _ in range(500)]
+    channels = observations_of(TRUTH, resonance(TRUTH, None))[0].channels
+    rng, size = np.random.default_rng(0), 4 * COUNT
+    alarms = [correlated(channels, rng.normal(size=size)) for _ in range(500)]
     assert sum(map(bool, alarms)) < 5
-    assert correlated(problem, np.sin(0.3 * np.arange(size)))[0].endswith("no interval holds")
+    assert correlated(channels, np.sin(0.3 * np.arange(size)))[0].endswith("no interval holds")
 
 
 def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
-    one = BranchStatistics(data, TRUTH)
-    assert len(one.branches) == 4 and set(one.jumps) == {"jump_up", "jump_down"}
-    # What is drawn of the model does not hang on the noise that was said, and is what was measured.
-    bare = data.copy()
-    for name in one.names:
-        bare[name] = bare[name].assign_attrs(noise_std=0.0)
-    for shown, own in zip(
-        one.curves(TRUTH), BranchStatistics(bare, TRUTH).curves(TRUTH), strict=True
-    ):
-        (values, fitted), (_, same) = shown.heights, own.heights
-        np.testing.assert_allclose(same, fitted, rtol=1e-12)
+    points, jumps = observations_of(TRUTH, data)
+    places = jumps.draw(jumps.sensed(TRUTH))
+    assert {place.name for place in places} == {"jump up", "jump down"}
+    for curve in points.draw(points.sensed(TRUTH)):
+        values, fitted = curve.heights
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
     # A model that jumps some points later is no large difference at any point.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
-    rest = one.residuals(near).reshape(2, -1)
+    rest = points.residuals(near).reshape(2, -1)
     pixels = resonance(near, 0)
-    for i, name in enumerate(one.names):
+    for i, name in enumerate(data.data_vars):
         far = [
             np.interp(data.speed[k], pixels.speed[k], pixels[name][k]) - data[name][k]
             for k in (slice(0, COUNT), slice(COUNT, None))
@@ -130,8 +121,7 @@ def test_each_side_of_a_jump_has_its_own_branch():
 
 def speeds_of(pair, **speeds):
     """Return the speeds that a fit compares with measured ones, rpm."""
-    data = {name: xr.DataArray(x, attrs={"noise_std": 1.0}) for name, x in speeds.items()}
-    return Speeds(data).residuals(pair) + np.array([*speeds.values()])
+    return [*orbit_values.special_speeds(pair, speeds).values()]
 
 
 def test_onset_of_contact_loss_is_a_grazing():
@@ -146,8 +136,7 @@ def test_onset_of_contact_loss_is_a_grazing():
 
 def test_jumps_are_folds_of_the_branch():
     near = {"jump_up": TRUTH.speed(0.8), "jump_down": TRUTH.speed(0.7)}
-    data = {name: xr.DataArray(x, attrs={"noise_std": 1.0}) for name, x in near.items()}
-    searched = Speeds(data)._speeds_of_folds(TRUTH)
+    searched = orbit_values.fold_speeds(TRUTH, near)
     np.testing.assert_allclose(speeds_of(TRUTH, **near), [searched[name] for name in near], 1e-9)
 
 

@@ -5,9 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import gearlib
-from gearlib.rig.synthetic_rigs import synthetic_points, synthetic_rig
+from gearlib.uncertainty import orbit_values
+from gearlib.uncertainty.observations import quantities_of
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.physics.test_fits import TRUTH
 
 SUN, RING = "max_stiffness of mesh sun 1", "max_stiffness of mesh ring 1"
@@ -32,10 +35,21 @@ def planetary():
     return train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * np.pi))
 
 
+def synthetic_points(model, speed, names):
+    """Return values of a settled motion with a noise of 0.3 %."""
+    rng = np.random.default_rng(5)
+    point = orbit_values.at_speed(model, speed, None, orbit_values.SAMPLES)
+    data = xr.Dataset(coords={"speed": ("sample", [speed])})
+    for name, which in quantities_of(model, names).items():
+        value = orbit_values.pick(point, *which)
+        attrs = {"noise_std": 0.003 * abs(value)}
+        data[name] = "sample", value + rng.normal(0.0, attrs["noise_std"], 1), attrs
+    return data
+
+
 def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders():
     truth = planetary()
-    data = synthetic_points(truth, [SPEED], NAMES, 5, noise=0.003)
-    assert data.attrs["synthetic"] == 1
+    data = synthetic_points(truth, SPEED, NAMES)
     off = truth.with_values({SUN: 5.5e8, RING: 6.5e8, PIN: 0.0})
     found = gearlib.fit(off, data, FREE)
     assert found.ndata == 6 and found.redchi < 2.6 and not found.unknown
@@ -116,7 +130,7 @@ def test_what_does_not_go_together_is_refused_in_a_sentence():
     still = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
     assert "nothing turns in it" in refused(still, run_up, free)
     train = planetary()
-    points = synthetic_points(TRUTH, [2000.0], ("order_amplitude_1",), 1)
+    points = synthetic_points(TRUTH, 2000.0, ("order_amplitude_1",))
     assert "'mass' is not allowed: it must be one of" in refused(train, points, {"mass": (1, 9e3)})
     # Nothing says of which mesh it is.
     assert "data = " in refused(train, points, {PIN: (-1e-5, 3e-5)})

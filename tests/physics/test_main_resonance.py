@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.period_map import linear_orbit_of
 from gearlib.data.lost_contact import ROUNDING
 from gearlib.kernels import orbit as columns
-from gearlib.tolerances.quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
+from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import GEARS, gears
 

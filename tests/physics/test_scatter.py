@@ -8,9 +8,8 @@ import pytest
 import gearlib
 from gearlib import notebook
 from gearlib.data import storage
-from gearlib.tolerances import bands
-from gearlib.tolerances.designs import Designs
-from gearlib.tolerances.scatter import gather, refused, scatter, shard
+from gearlib.uncertainty.designs import Designs
+from gearlib.uncertainty.scatter import QUANTILES, gather, refused, scatter, shard
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -52,7 +51,7 @@ def test_bands_are_those_of_plain_loops():
     found = scatter(PAIR, MANY, n=24, **RUNS)
     for name, own in (("height_band", height), ("factor_band", factor)):
         # Single precision.
-        assert np.allclose(found[name], np.quantile(own, bands.QUANTILES, axis=0), rtol=3e-7)
+        assert np.allclose(found[name], np.quantile(own, QUANTILES, axis=0), rtol=3e-7)
     assert np.array_equal(found.contact_loss_probability, lost.mean(axis=0))
     up, down = height[:, 0], height[:, 1]
     two = np.abs(up - down) > 0.02 * np.maximum(up, down)
@@ -190,7 +189,7 @@ def test_other_models_go_one_by_one():
                 how = {"initial_state": tuple(point[-2:] + [1.0, 2.0])}
             one = gearlib.sweep(model, [0.8, 0.9], **run, **how)
             heights.append(one.displacement_max - one.displacement_min)
-        expected = np.quantile(heights, bands.QUANTILES, axis=0)
+        expected = np.quantile(heights, QUANTILES, axis=0)
         assert np.allclose(found.height_band.sel(direction=direction), expected, rtol=1e-6)
     assert found.height_band.attrs["units"] == "1" and "tuning" in found.dims
     assert math.isfinite(float(found.factor_band.max()))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.rig.branch_observations import BranchStatistics
-from gearlib.rig.speed_observations import Speeds
+from gearlib.uncertainty.observations import observations_of
 from tests.physics.test_fits_of_sweeps import COUNT, FREE, TRUTH, resonance
 
 #: The last three jump onto a higher branch, which strikes the far flank, before they fall.
@@ -46,10 +45,8 @@ def test_a_sweep_that_jumps_up_and_then_down_is_followed():
     # Going down: up onto a higher branch, then off it.
     steps = np.diff(heights)[::-1] / heights.max()
     assert steps.max() > 0.5 and steps.min() < -0.15
-    branches = BranchStatistics(data, truth)
-    rest = branches.residuals(truth)
-    assert rest @ rest < 1.5 * branches.size
-    for name, one in branches.jumps.items():
-        apart = Speeds({name: one}).residuals(truth)
-        # Between the two points that lie about it.
-        assert abs(apart[0]) < np.sqrt(3.0), name
+    points, jumps = observations_of(truth, data)
+    rest = points.residuals(truth)
+    assert rest @ rest < 1.5 * rest.size
+    # Between the two points that lie about each jump.
+    assert (np.abs(jumps.residuals(truth)) < np.sqrt(3.0)).all()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.tolerances.indices import sobol_indices
-from gearlib.tolerances.quantities import DesignQuantities
+from gearlib.uncertainty.design_quantities import DesignQuantities
+from gearlib.uncertainty.indices import sobol_indices
 from tests.paper import PAPER
 
 DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)

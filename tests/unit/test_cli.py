@@ -18,8 +18,8 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main
 from gearlib.data import storage
-from gearlib.tolerances.designs import DrawnPair
-from gearlib.tolerances.quality_classes import by_class
+from gearlib.uncertainty.designs import DrawnPair
+from gearlib.uncertainty.quality_classes import by_class
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
 

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib.cli import main
-from gearlib.rig.synthetic_rigs import synthetic_rig
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)

@@ -7,7 +7,7 @@ from matplotlib import pyplot
 
 import gearlib
 from gearlib import plot
-from gearlib.rig.synthetic_rigs import synthetic_rig
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)

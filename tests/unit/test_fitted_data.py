@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.rig.branch_observations import BranchStatistics
+from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
 TIME = np.arange(2000) * 1e-3
@@ -80,6 +80,7 @@ def test_data_that_cannot_be_fitted_are_refused_in_a_sentence(sentence):
 def test_gain_and_offset_of_a_sweep_cost_data_and_samples_have_their_noise():
     noise = np.array([1e-7, 2e-7, 3e-7])
     data = sweep(unknown_gain=1, unknown_offset=1, noise_std=2e-7, units="V")
-    one = BranchStatistics(data.assign(displacement_max_noise_std=("sample", noise)), PAPER)
-    assert one.eliminated == 2 and one.deviations["displacement_max"].tolist() == noise.tolist()
-    assert BranchStatistics(data, PAPER).deviations["displacement_max"].tolist() == [2e-7] * 3
+    other = data.assign(displacement_max_noise_std=("sample", noise))
+    own, common = (observations_of(PAPER, one)[0].channels[0] for one in (other, data))
+    assert own.eliminated == 2 and own.deviations.tolist() == noise.tolist()
+    assert common.deviations.tolist() == [2e-7] * 3

@@ -298,7 +298,7 @@ def test_a_universal_file_is_read(tmp_path, binary):
 
 
 def test_a_package_that_is_not_there_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("gearlib.rig.measured_files.Package.available", lambda self: False)
+    monkeypatch.setattr("gearlib.uncertainty.measured_tables.Package.available", lambda self: False)
     with pytest.raises(ImportError, match="pip install pyuff"):
         read_measured(rig(tmp_path, b"x", data="rig.uff", channels=OTHERS))
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from gearlib import read_measured
-from gearlib.rig import measured_files, measured_orders
-from gearlib.rig.measured_checks import in_order
+from gearlib.uncertainty import measured_comparison, measured_tables
+from gearlib.uncertainty.measured_tables import in_order
 
 
 @pytest.mark.parametrize(
     ("time", "group", "order"),
     [
-        ([0.0, 1.0, 2.0], None, None),
-        ([0.0, 2.0, 1.0], None, [0, 2, 1]),
+        ([0.0, 1.0, 2.0], [0, 0, 0], None),
+        ([0.0, 2.0, 1.0], [0, 0, 0], [0, 2, 1]),
         ([0.0, 1.0, 0.0, 1.0], [5, 5, 2, 2], None),
         # Two conditions row by row, each of which rises: they become two blocks, in their order.
         ([0.0, 0.0, 1.0, 1.0, 2.0, 2.0], [5, 2, 5, 2, 5, 2], [0, 2, 4, 1, 3, 5]),
@@ -21,7 +21,7 @@ from gearlib.rig.measured_checks import in_order
     ],
 )
 def test_conditions_become_blocks_in_which_time_rises(time, group, order):
-    found = in_order("t", np.array(time), None if group is None else np.array(group))
+    found = in_order("t", np.array(time), np.array(group))
     assert order == (None if found is None else found.tolist())
 
 
@@ -39,7 +39,7 @@ def test_a_file_that_another_package_cannot_read_is_named(tmp_path, monkeypatch)
     def damaged(*_):
         raise KeyError("no such block")
 
-    monkeypatch.setitem(measured_files._READERS, ".csv", damaged)
+    monkeypatch.setitem(measured_tables._READERS, ".csv", damaged)
     (tmp_path / "rig.csv").write_text("x\n1\n")
     channels = "{x: {observableId: displacement, unit: um}}"
     said = f"{{data: rig.csv, source: synthetic, licence: own data, channels: {channels}}}"
@@ -51,7 +51,7 @@ def test_a_file_that_another_package_cannot_read_is_named(tmp_path, monkeypatch)
 def test_a_course_of_few_straight_lines_is_the_measured_speed():
     time = np.linspace(0.0, 10.0, 5001)
     speed = np.interp(time, [0.0, 4.0, 10.0], [1000.0, 3000.0, 500.0])
-    course = np.array(measured_orders._knots(time, speed))
+    course = np.array(measured_comparison._knots(time, speed))
     # A mean of samples is taken where the lines meet.
     assert np.abs(np.interp(time, *course.T) - speed).max() < 15.0
     assert 3 <= len(course) <= 6

@@ -55,14 +55,14 @@ try:
         raise configuration.ConfigError("\n".join(refused))
     if workflow.is_main_process and CONFIG.measured:
         # The tables as well, before any job runs; they cost numpy.
-        from gearlib.rig.measured import refused as refused_tables
+        from gearlib.uncertainty.measured import refused as refused_tables
 
         if refused := refused_tables(CONFIG.measured):
             raise configuration.ConfigError("\n".join(refused))
     if workflow.is_main_process and CONFIG.tolerances.needs_scipy():
         # So do laws of scipy and correlations.
         from gearlib.config.studies.of_tolerances import question
-        from gearlib.tolerances import distributions
+        from gearlib.uncertainty import distributions
 
         laws, section = question(CONFIG)["tolerances"], CONFIG.tolerances
         try:

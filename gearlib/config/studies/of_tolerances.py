@@ -44,7 +44,7 @@ def _refusal(c):
 
 
 def question(c):
-    """Return what the study asks, arguments of `gearlib.tolerances.tolerance_study`."""
+    """Return what the study asks, arguments of `gearlib.uncertainty.tolerance_study`."""
     section = c.tolerances
     found = {
         "pair": c.pair_parameters(section.damping),
@@ -95,26 +95,26 @@ TOLERANCES_STUDY = Study(
     TOLERANCES,
     Job(
         "tolerance_shard",
-        "gearlib.tolerances.tolerance_study:compute",
+        "gearlib.uncertainty.tolerance_study:compute",
         lambda c: _of_designs(c) | _runs(c) | {"shard": "{samples}"},
         files=("tolerances/{samples}.nc",),
     ),
     Job(
         "gather_tolerances",
-        "gearlib.tolerances.scatter:gather",
+        "gearlib.uncertainty.scatter:gather",
         data={"shards": _shards},
         files=("tolerances.nc",),
         kernels=(),
     ),
     Job(
         "tolerance_indices",
-        "gearlib.tolerances.tolerance_study:indices",
+        "gearlib.uncertainty.tolerance_study:indices",
         lambda c: _of_designs(c) | {"samples": c.tolerances.index_samples},
         files=("tolerance_indices.nc",),
     ),
     Table(
         "tolerances",
-        "gearlib.tolerances.tolerance_table:rows",
+        "gearlib.uncertainty.tolerance_study:rows",
         {"scattered": "tolerances.nc"},
         "Tolerances: table",
         """What of each quantity the tolerances leave open: of the nominal design, mean, standard

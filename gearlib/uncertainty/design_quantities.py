@@ -9,21 +9,20 @@ from gearlib import checks
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
-from gearlib.tolerances.by_mesh import SHARES, measured, worst
 
-#: Meanings of the codes, 0 first.
+#: Meanings of the codes, 0 first, and the code of a design that does not exist.
 CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
-#: Code of a design that does not exist.
 NO_DESIGN = -1
-#: Designs that are built at a time.
-_BUILT_TOGETHER = 16
-
 #: Names of speeds of the main resonance in `MainResonance`.
 _SPEEDS = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 _PEAKS = {"peak", "peak_dynamic_factor"}
-_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *SHARES}
+#: Quantities of the duty point that are shares of the load, and those whose least value counts.
+_SHARES = {"load_sharing", "least_load_sharing"}
+_LEAST = {"contact_margin", "least_load_sharing"}
+_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SHARES}
 
 
 class DesignQuantities:
@@ -59,10 +58,10 @@ class DesignQuantities:
         self.speed = speed
         self._orbit: Any = None
         if duty:
-            own = at_duty() if at_duty else model
-            _check_duty(own, duty, speed)
-            tuning = check_speed(own, "speed", speed)
-            self._orbit = periodic_orbit(own, tuning, period=own.repeats)
+            duty_model = at_duty() if at_duty else model
+            _check_duty(duty_model, duty, speed)
+            tuning = check_speed(duty_model, "speed", speed)
+            self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         self._resonant = [_SPEEDS.get(name, name) for name in self.quantities if name not in duty]
         self.nominal = self(model, at_duty)[0]
 
@@ -73,11 +72,9 @@ class DesignQuantities:
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
-        resonance: Any = None
-        if self._resonant:
-            resonance = main_resonance(model, self._resonant)
-        duty = at_duty() if at_duty and self._orbit is not None else model
-        summary = None if self._orbit is None else self._duty_summary(duty)
+        resonance: Any = main_resonance(model, self._resonant) if self._resonant else None
+        duty = at_duty() if at_duty and self._orbit else model
+        summary = self._duty_summary(duty) if self._orbit else None
         for i, name in enumerate(self.quantities):
             if name in _DUTY:
                 values[i] = _of_summary(name, duty, summary, self._orbit.period)
@@ -89,7 +86,7 @@ class DesignQuantities:
                 codes[i] = LOST
         return values, codes
 
-    def _duty_summary(self, model):
+    def _duty_summary(self, model: Any) -> np.ndarray | None:
         """Return the summary of the orbit at the duty point next to the nominal one, or None."""
         tuning, nominal = float(model.tuning_at(self.speed)), self._orbit
         for guess in (nominal.state, None):
@@ -103,12 +100,12 @@ class DesignQuantities:
         return None
 
 
-def _check_duty(model, duty, speed):
+def _check_duty(model: Any, duty: set, speed: float | None) -> None:
     """Refuse quantities of the duty point that a model does not have."""
     if speed is None:
         raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
-    if duty & SHARES and not model.mesh_names:
-        name = min(duty & SHARES)
+    if duty & _SHARES and not model.mesh_names:
+        name = min(duty & _SHARES)
         raise ValueError(f"quantities = {name!r} is not allowed: it is one of trains")
     if "transmission_error" in duty and model.equation and len(model.equation.deviation):
         raise ValueError(
@@ -117,26 +114,26 @@ def _check_duty(model, duty, speed):
         )
 
 
-def _check_model(model, of_resonance):
+def _check_model(model: Any, resonant: set) -> None:
     """Refuse quantities of the resonance that a model does not have."""
     if model.speed is None:
         raise ValueError(
             f"model = {type(model).__name__} is not allowed: nothing turns in this model"
         )
     one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
-    if of_resonance and not one_degree and model.equation is not None:
+    if resonant and not one_degree and model.equation is not None:
         raise ValueError(
-            f"quantities = {min(of_resonance)!r} is not allowed for this {type(model).__name__}: "
+            f"quantities = {min(resonant)!r} is not allowed for this {type(model).__name__}: "
             "the main resonance is searched of models whose excitation repeats every mesh period"
         )
-    if _PEAKS & of_resonance and not one_degree:
+    if _PEAKS & resonant and not one_degree:
         raise ValueError(
-            f"quantities = {min(_PEAKS & of_resonance)!r} is not allowed for this "
+            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this "
             f"{type(model).__name__}: peaks are searched of models with one degree of freedom"
         )
 
 
-def _of_resonance(name, model, resonance):
+def _of_resonance(name: str, model: Any, resonance: Any) -> float:
     """Return a quantity of a `MainResonance` in SI units, NaN where there is none."""
     if name == "peak":
         return resonance.peak_displacement * model.static_deflection
@@ -145,15 +142,33 @@ def _of_resonance(name, model, resonance):
     return float(model.speed(1.0)) * getattr(resonance, _SPEEDS[name])
 
 
-def _of_summary(name, model, summary, period):
+def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
     """Return a quantity of the duty point, of the mesh where it is worst; NaN without an orbit."""
     if summary is None:
         return math.nan
-    if name in SHARES:
+    table = np.atleast_2d(summary)
+    if name in _SHARES:
         values = model.more_summary((), summary, 2.0 * math.pi * period)["load_sharing"][1]
+    elif name == "contact_margin":
+        values = table[:, columns.X_MIN] * model.static_deflection
+    elif name == "transmission_error":
+        values = (table[:, columns.X_MAX] - table[:, columns.X_MIN]) * model.static_deflection
+        if model.mesh_names:
+            return float(values[model.mesh_names.index(model.reference)])
+    elif name == "force":
+        values = table[:, columns.FORCE_MAX] * model.load
     else:
-        values = np.array(measured(name, model, summary))
-    return float(values[worst(name, values)])
+        values = table[:, columns.FORCE_MAX] / np.asarray(
+            model.mean_forces if model.mesh_names else 1.0
+        )
+    # There are no dynamic factors without load.
+    return float((np.fmin if name in _LEAST else np.fmax).reduce(values))
+
+
+def search_of(designs, quantities, speed):
+    """Return the `DesignQuantities` near the nominal one of `Designs`."""
+    duty = designs.at_duty(designs.tolerances.centres)
+    return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
 
 
 def names_of(key, given, allowed):
@@ -161,28 +176,8 @@ def names_of(key, given, allowed):
     if isinstance(given, str) or not hasattr(given, "__iter__"):
         words = f"a sequence of {', '.join(map(repr, allowed))}"
         raise checks.refusal(key, given, words)
-    found = tuple(given)
-    for name in found:
+    names = tuple(given)
+    for name in names:
         checks.one_of(key, name, allowed)
-    checks.require(len(set(found)) == len(found), key, given, "names, each once")
-    return found
-
-
-def of_designs(search, designs, values, done=lambda count: None):
-    """Return (values (n, q), codes (n, q), refusals) of many designs, one after the other.
-
-    search: `DesignQuantities`; designs: `gearlib.tolerances.designs.Designs`; values: parameters
-    of the designs, shape (n, k). Where there is no design the values are NaN, the codes -1 and the
-    text says why.
-    Threads would wait for each other: shards and processes do not.
-    """
-    found = np.full((len(values), len(search.quantities)), np.nan)
-    codes, refusals = np.full(found.shape, NO_DESIGN, np.int8), []
-    for first in range(0, len(values), _BUILT_TOGETHER):
-        models, texts = designs.built(values[first : first + _BUILT_TOGETHER])
-        refusals += texts
-        for i, model in enumerate(models, first):
-            if model is not None:
-                found[i], codes[i] = search(model, designs.at_duty(values[i]))
-        done(len(models))
-    return found, codes, refusals
+    checks.require(len(set(names)) == len(names), key, given, "names, each once")
+    return names

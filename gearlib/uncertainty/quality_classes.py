@@ -29,16 +29,7 @@ _ALLOWANCES = (
 _STEPS = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _FINER = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
 #: Series and first number of each row of diameters.
-_ROWS = (
-    (_STEPS, 0),
-    (_STEPS, 1),
-    (_FINER, 0),
-    (_STEPS, 2),
-    (_FINER, 1),
-    (_STEPS, 3),
-    (_FINER, 2),
-    (_STEPS, 4),
-)
+_ROWS = (*zip((_STEPS, *(_STEPS, _FINER) * 3, _STEPS), (0, 1, 0, 2, 1, 3, 2, 4), strict=True),)
 _FIRST, _LAST = 21, 30
 #: Distances up to which a row goes, m, and IT 5 to IT 11 in um, ISO 286-1.
 _DISTANCES = {
@@ -72,8 +63,9 @@ def thickness_limits(diameter, designation):
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    most = _DIAMETERS[-1]
-    diameter = checks.number("diameter", diameter, f"> 0 and <= {most} m", lambda d: 0 < d <= most)
+    largest = _DIAMETERS[-1]
+    words = f"> 0 and <= {largest} m"
+    diameter = checks.number("diameter", diameter, words, lambda d: 0 < d <= largest)
     match = _THICKNESS.fullmatch(designation.strip()) if isinstance(designation, str) else None
     number, series = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
     number = int(number)
@@ -139,19 +131,19 @@ def by_class(mesh, *, thickness=None, centre_distance=None, form=False):
         Naming the argument, its value and the allowed range.
     """
     mesh = checks.drawn_mesh(mesh)
-    found: dict = {}
+    tolerances: dict = {}
     if thickness is not None:
-        both = (thickness,) * 2 if isinstance(thickness, str) else thickness
-        both = checks.many("thickness", both, 2)
-        for part, own in zip(("pinion", "wheel"), both, strict=True):
-            low, high = thickness_limits(getattr(mesh, part).reference_diameter, own)
-            found[f"{part}.thickness_allowance"] = {"min": low, "max": high}
+        pair = (thickness,) * 2 if isinstance(thickness, str) else thickness
+        pair = checks.many("thickness", pair, 2)
+        for part, designation in zip(("pinion", "wheel"), pair, strict=True):
+            low, high = thickness_limits(getattr(mesh, part).reference_diameter, designation)
+            tolerances[f"{part}.thickness_allowance"] = {"min": low, "max": high}
     if centre_distance is not None:
         lower, upper = distance_limits(mesh.centre_distance, centre_distance)
         limits = {"nominal": mesh.centre_distance, "upper": upper, "lower": lower}
-        found["centre_distance"] = limits
+        tolerances["centre_distance"] = limits
     if form:
         half = max(gear.form_deviation for gear in (mesh.pinion, mesh.wheel)) / 2.0
         for name in ("deviation_cosine", "deviation_sine"):
-            found[name] = {"min": -half, "max": half}
-    return found
+            tolerances[name] = {"min": -half, "max": half}
+    return tolerances

@@ -6,18 +6,19 @@ Comput. Phys. Comm. 181 (2010) 259-270). Intervals are bootstrapped, so they cov
 chance and nothing else.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
 from gearlib import checks, notebook
 from gearlib.data.result import result
-from gearlib.tolerances.designs import Designs
-from gearlib.tolerances.quantities import QUANTITIES, DesignQuantities, names_of, of_designs
+from gearlib.uncertainty.design_quantities import QUANTITIES, names_of, search_of
+from gearlib.uncertainty.designs import Designs
 
-#: Between the two draws of which the interval is reported.
+#: Samples of the bootstrap.
 _RESAMPLES = 200
-_BOUNDS = ("low", "high")
 
 
 def sobol_indices(
@@ -69,70 +70,77 @@ def sobol_indices(
             "independent parameters"
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    duty = designs.at_duty(designs.tolerances.centres)
-    search = DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
+    search = search_of(designs, quantities, speed)
+    tables = _values(designs, search, n, progress)
+    indices = [
+        _indices(table, level, designs.seed, name)
+        for table, name in zip(tables, quantities, strict=True)
+    ]
+    over, data = ("quantity", "parameter"), {}
+    for i, name in enumerate(("first_index", "total_index")):
+        data[name] = over, [values[i] for values, _ in indices]
+        data[f"{name}_interval"] = (*over, "bound"), [interval[i] for _, interval in indices]
+    data["missing_designs"] = "quantity", np.isnan(tables).sum(axis=(1, 2)).astype(np.int32)
+    coords = {
+        "quantity": list(quantities),
+        "parameter": list(designs.names),
+        "bound": ["low", "high"],
+    }
+    attributes = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
+    title = "Sobol' indices of a gear mesh by its tolerances"
+    return result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
+
+
+def _values(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
+    """Return the quantities of the designs that are compared, shape (q, k + 2, n)."""
     k = len(designs.names)
     both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = both[:, :k], both[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
-    values = designs.tolerances.values(points.reshape(-1, k))
-    with notebook.telling("designs", len(values), progress) as newly:
-        found, _, _ = of_designs(search, designs, values, newly)
-    found = np.moveaxis(found.reshape(k + 2, n, len(quantities)), 2, 0)
-    tables = [
-        _indices(one, level, designs.seed, name)
-        for one, name in zip(found, quantities, strict=True)
-    ]
-    over, data = ("quantity", "parameter"), {}
-    for i, name in enumerate(("first_index", "total_index")):
-        data[name] = over, [one[0][i] for one in tables]
-        data[f"{name}_interval"] = (*over, "bound"), [one[1][i] for one in tables]
-    data["missing_designs"] = "quantity", np.isnan(found).sum(axis=(1, 2)).astype(np.int32)
-    coords = {
-        "quantity": list(quantities),
-        "parameter": list(designs.names),
-        "bound": list(_BOUNDS),
-    }
-    said = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
-    title = "Sobol' indices of a gear mesh by its tolerances"
-    return result(title, designs.nominal, data, coords, method="Saltelli 2010", **said)
+    rows = designs.tolerances.values(points.reshape(-1, k))
+    values = np.full((len(rows), len(search.quantities)), np.nan)
+    with notebook.telling("designs", len(rows), progress) as newly:
+        for i, row in enumerate(rows):
+            try:
+                design = designs.model(row)
+            except ValueError:
+                design = None
+            if design is not None:
+                values[i] = search(design, designs.at_duty(row))[0]
+            newly(1)
+    return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
 
 
-def _indices(table, level, seed, name):
-    """Return (indices (2, k), their intervals (2, k, 2)) of values, shape (k + 2, n)."""
-    there = np.isfinite(table).all(axis=0)
-    if there.sum() < 2:
+def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
+    """Return indices, (2, k), and their intervals, (2, k, 2), of values, shape (k + 2, n)."""
+    complete = np.isfinite(table).all(axis=0)
+    n, count = complete.size, int(complete.sum())
+    if count < 2:
         raise ValueError(
-            f"quantities = {name!r} is not allowed with these tolerances: of {there.size} samples "
-            f"{there.sum()} have it in all designs that are compared"
+            f"quantities = {name!r} is not allowed with these tolerances: of {n} samples {count} "
+            "have it in all designs that are compared"
         )
     # As many as before, as the balance of the points asks for: each that is missing gives its place
     # to one that is there.
-    rows = np.arange(there.size)
-    own = np.flatnonzero(there)
-    rows[~there] = own[np.arange((~there).sum()) * own.size // max((~there).sum(), 1) % own.size]
-    table = table[:, rows]
+    missing = n - count
+    samples = np.arange(n)
+    samples[~complete] = samples[complete][np.arange(missing) * count // max(missing, 1) % count]
+    table = table[:, samples]
 
-    def of(rows):
+    def indices(rows):
         # Twice, since of one parameter and one quantity scipy makes no arrays.
-        parts = (
-            table[[0, 0]][:, rows],
-            table[[1, 1]][:, rows],
-            table[2:, None][:, [0, 0]][..., rows],
-        )
-        found = stats.sobol_indices(
-            func=dict(zip(("f_A", "f_B", "f_AB"), parts, strict=True)), n=rows.size
-        )
-        return np.array([found.first_order, found.total_order]).reshape(2, 2, -1)[:, 0]
+        a, b = (np.stack([values[rows]] * 2) for values in table[:2])
+        ab = np.stack([table[2:, rows]] * 2, axis=1)
+        shares = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=rows.size)
+        return np.array([shares.first_order, shares.total_order]).reshape(2, 2, -1)[:, 0]
 
-    every = np.arange(there.size)
     interval = stats.bootstrap(
-        (every,),
-        of,
+        (np.arange(n),),
+        indices,
         n_resamples=_RESAMPLES,
         vectorized=False,
         confidence_level=level,
         method="percentile",
         rng=np.random.default_rng(seed),
     ).confidence_interval
-    return of(every), np.stack([interval.low, interval.high], axis=-1)
+    return indices(np.arange(n)), np.stack([interval.low, interval.high], axis=-1)
