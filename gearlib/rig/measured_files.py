@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 
 from gearlib import checks
-from gearlib.integrators.peers.package import MissingPackage, Package
+from gearlib.integrators.method import MissingPackage, Package
 
 PYUFF = Package("pyuff", "pyuff")
 #: Columns of a long table, by PEtab.
