@@ -48,6 +48,7 @@ class Exact(Integrator):
 class Taylor(Integrator):
     """Taylor steps of order 20 that end at events: every model of one degree of freedom."""
 
+    # Order and tolerance of `gearlib.models.propagators.taylor`, which is loaded where it runs.
     ORDER = 20
     EVENTS = "steps end at switches and crossings, which are isolated in Bernstein form"
     OPTIONS = {

@@ -36,7 +36,7 @@ from gearlib.kernels.closed_form.mesh_constants import contact_between
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.grid import work_of
 from gearlib.kernels.several_meshes.train_run import set_contacts
-from gearlib.kernels.several_meshes.train_system import matrix_of
+from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
 from gearlib.kernels.steps import equation_of_motion, train_steps
 from gearlib.kernels.steps.equation_of_motion import SIDE
 
@@ -191,10 +191,15 @@ class Linear(_Problem):
 
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
-        whole = np.empty((*np.shape(t), self.unit.size))
-        rows = whole.reshape(-1, self.unit.size)
-        states = np.reshape(z, (-1, self.size))
-        train_steps.set_states(self.system.harmonics, np.reshape(t, -1), states, rows)
+        if isinstance(t, np.ndarray):
+            whole = np.empty((len(t), self.unit.size))
+            # Of one layout, since kernels are compiled for each.
+            states = np.ascontiguousarray(z)
+            train_steps.set_states(self.system.harmonics, t, states, whole)
+            return whole
+        whole = np.empty(self.unit.size)
+        whole[: self.size] = z
+        set_harmonics(self.system.harmonics, whole, t)
         return whole
 
     def start(self, state):
@@ -216,7 +221,8 @@ class Linear(_Problem):
 
     def lines(self, t, z):
         """Return the distances from near and far flanks."""
-        return np.moveaxis(self.full(t, z) @ self._columns, 0, -2)
+        lines = self.full(t, z) @ self._columns
+        return np.moveaxis(lines, 0, 1) if isinstance(t, np.ndarray) else lines
 
     def speeds(self, t, z):
         """Return their rates by phase, the same on every branch."""
