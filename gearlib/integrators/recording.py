@@ -16,6 +16,7 @@ TURN = 2.0 * math.pi
 RANGE = 1e150
 #: Rounding of the phase of a long run: a period that starts so close to a step begins with it.
 SAME_PHASE = 1e-9
+#: Column of a summary that holds the time at each contact code.
 _TIMES = {
     NORMAL: orbit.TIME_NORMAL,
     BACKLASH: orbit.TIME_BACKLASH,

@@ -79,6 +79,7 @@ def _error(control, h, x, v, new_x, new_v, stages):
 
 @inlined
 def _first_step(control, end, x, v, a):
+    """Return the length of the first step, as ode45 chooses it."""
     threshold, rtol = control.atol / control.rtol, control.rtol
     speed = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
     speed /= 0.8 * rtol**0.2
