@@ -1,7 +1,8 @@
-"""Models as right-hand sides for solvers in Python: dimensionless, over the phase of the run.
+"""Models as right-hand sides for methods with steps: dimensionless, over the phase of the run.
 
 A branch of a model is one segment of constant stiffness with one contact code for each of its m
-meshes. Both classes offer
+meshes. Where t is an array, shape (k,), states have a row for each, shape (k, size), and so has
+what a problem returns. Both classes offer
 
 ``starts, first, low``
     phases that bound the segments, where the mesh periods begin among them, and which segments lie
@@ -17,20 +18,16 @@ meshes. Both classes offer
     distances from near and far flanks, (2, m), ``speeds(t, z)`` their rates by phase;
 ``observe(t, z)``
     (displacements, velocities) of the meshes;
-``forces(t, z, segment, codes)``
+``forces(t, z, segments, codes)``
     elastic forces of the meshes and their rates by phase;
-``due(t, z, exits, distance)``
-    which of the flank lines that may end a phase z is on or beyond, on its way out
 ``put(t, z, mesh, line, distance)``
     move z to a distance from a line;
 ``jammed(t, z)``
     whether both flanks touch at once;
-``fill(rows, samples)``
-    the sample table of rows (phase, state, segment, contact codes).
+``fill(samples, t, z, segments, codes)``
+    the sample table of states on branches.
 """
 
-import math
-from bisect import bisect_right
 from typing import Any
 
 import numpy as np
@@ -40,11 +37,11 @@ from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.several_meshes.grid import work_of
 from gearlib.kernels.several_meshes.train_run import set_contacts
 from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
-from gearlib.kernels.steps import train_steps
+from gearlib.kernels.steps import equation_of_motion, train_steps
 from gearlib.kernels.steps.equation_of_motion import SIDE
-from gearlib.kernels.taylor.series import damping_of
 
-_TURN = 2.0 * math.pi
+#: Flank lines of a mesh.
+NEAR, FAR = 0, 1
 
 
 def problem_of(model, tuning):
@@ -52,31 +49,27 @@ def problem_of(model, tuning):
     return Linear(model, tuning) if model.equation is None else OneDegree(model, tuning)
 
 
-def _wave(rows, phase):
-    return sum(a * math.cos(n * phase) + b * math.sin(n * phase) for n, a, b in rows)
+def codes_of(lines):
+    """Return the contact codes of distances from near and far flanks, shape (..., 2, m)."""
+    near, far = lines[..., NEAR, :], lines[..., FAR, :]
+    return np.where(near >= 0.0, NORMAL, np.where(far <= 0.0, INVERSE, BACKLASH))
 
 
 class _Problem:
     """What both have in common."""
 
-    _starts: list
+    starts: Any
     lines: Any
     speeds: Any
-    rate: Any
 
     def segment(self, t):
         """Return the segment of constant stiffness just after a phase."""
-        at = bisect_right(self._starts, (t + SIDE) % self._starts[-1])
-        return min(at, len(self._starts) - 1) - 1
+        after = np.searchsorted(self.starts, (t + SIDE) % self.starts[-1], side="right")
+        return np.minimum(after, len(self.starts) - 1) - 1
 
     def codes(self, t, z):
         """Return the contact codes of a state, int, shape (m,)."""
-        near, far = self.lines(t, z)
-        return np.where(near >= 0.0, NORMAL, np.where(far <= 0.0, INVERSE, BACKLASH))
-
-    def field(self, t, z):
-        """Return z' on the branch of a state."""
-        return self.rate(t, z, self.segment(t), self.codes(t, z))
+        return codes_of(self.lines(t, z))
 
     def due(self, t, z, exits, distance):
         """Return which exit z is beyond, or before by less than a distance, going out; or None."""
@@ -90,30 +83,24 @@ class _Problem:
 
 
 class OneDegree(_Problem):
-    """One degree of freedom, any damping, stiffness and excitation; z = (x, x')."""
+    """One degree of freedom, any damping, stiffness and excitation; z = (x, x').
 
-    def __init__(self, model, tuning):
+    With a `sharpness` the contact law is smoothed.
+    """
+
+    def __init__(self, model, tuning, sharpness=0.0):
         self.law = law = model.law(tuning)
-        self.starts, self._starts = law.breaks, law.breaks.tolist()
-        self.first = np.array([0, len(law.low)])
+        self.contact = equation_of_motion.contact_law(law, sharpness)
+        self.starts, self.first = law.breaks, np.array([0, len(law.low)])
         self.low = np.repeat(law.low[None, :, None], 3, axis=0)
         self.repeats, self.gaps = 1, np.array([law.gap])
         self.closing = np.array([False])
-        self._edges, self._ground = np.array([[law.upper], [law.lower]]), law.ground
-        self._places = law.upper, law.lower
-        near = law.pieces.tolist(), law.stiffness.tolist()
-        far = law.far_pieces.tolist(), law.far_stiffness.tolist()
-        self._stiffness = {NORMAL: near, BACKLASH: near, INVERSE: far}
-        self._force = law.force.tolist()
-        codes = (NORMAL, BACKLASH, INVERSE)
-        self._damping = {code: damping_of(law, code).tolist() for code in codes}
-        self._powers = law.powers.tolist()
-        self.tuning, self._unit = tuning, tuning * tuning
+        self._edges = np.array([law.upper, law.lower])
+        self.tuning = tuning
 
     def start(self, state):
         """Return (z, contact codes) at phase 0."""
-        (upper,), (lower,) = self._edges
-        return np.array(state, dtype=float), np.array([contact_between(upper, lower, *state)])
+        return np.array(state, dtype=float), np.array([contact_between(*self._edges, *state)])
 
     def ends(self, t, z):
         """Return what a run returns of a state: displacement and velocity."""
@@ -121,63 +108,58 @@ class OneDegree(_Problem):
 
     def lines(self, t, z):
         """Return the distances from near and far flank."""
-        return z[0] - self._edges
+        return (z[..., :1] - self._edges)[..., None]
 
     def speeds(self, t, z):
         """Return their rates."""
-        return np.array(((z[1],), (z[1],)))
-
-    def due(self, t, z, exits, distance):
-        """Return which exit z is at: in floats, since solvers ask before each phase."""
-        (x, v), edges = z.tolist(), self._places
-        for i, leave in enumerate(exits):
-            if leave.direction * (x - edges[leave.line]) > -distance and leave.direction * v > 0.0:
-                return i
-        return None
+        return np.full((2, 1), z[1])
 
     def observe(self, t, z):
         """Return (displacement, velocity)."""
-        return z[:1], z[1:]
+        return z[..., :1], z[..., 1:]
 
     def put(self, t, z, mesh, line, distance):
         """Move z to a distance from a line."""
-        z[0] += distance - (z[0] - self._edges[line, 0])
+        z[0] += distance - (z[0] - self._edges[line])
 
     def jammed(self, t, z):
         """Return whether both flanks touch at once: edges stand still."""
         return False
 
-    def _mesh(self, t, x, piece, contact):
-        """Return (c, c g)."""
-        lines, waves = self._stiffness[contact]
-        value, slope = lines[piece]
-        # From the start of the piece, also where rounding puts t just before it.
-        inside = (t - self._starts[piece] + 1e-6) % _TURN - 1e-6
-        c = value + slope * inside + _wave(waves, t)
-        if contact == BACKLASH:
-            return c, 0.0
-        u = x - float(self._edges[0 if contact == NORMAL else 1, 0])
-        return c, c * (u + (self._powers[0] * abs(u) + self._powers[1] * u * u) * u)
-
     def rate(self, t, z, segment, codes):
         """Return z' on a branch."""
-        (x, v), contact = z.tolist(), int(codes[0])
-        d1, d2, d3 = self._damping[contact]
-        drag = (d1 + (d2 + d3 * abs(v)) * abs(v)) * v
-        push = self._mesh(t, x, segment, contact)[1]
-        return np.array([v, _wave(self._force, t) - drag - push - self._ground * x])
+        branch = np.array([t]), z[None], np.array([segment]), codes[None]
+        return np.array([z[1], self._on_branches(*branch)[2, 0]])
 
-    def forces(self, t, z, segment, codes):
+    def field(self, t, z):
+        """Return z' on the branch of a state."""
+        return np.array([z[1], equation_of_motion.rate(self.contact, self.law, t, *z)])
+
+    def _on_branches(self, t, z, segments, codes):
+        """Return stiffness, elastic deflection, acceleration, shape (3, k)."""
+        # Of one layout, since kernels are compiled for each.
+        rows = [np.ascontiguousarray(a) for a in (t, segments, codes[:, 0], z)]
+        return equation_of_motion.on_branches(self.contact, self.law, *rows).T
+
+    def rates_of_steps(self, start, z, end, new):
+        """Return z' at the starts and ends of steps, each with the stiffness inside the step."""
+        first, last = self.segment(start), self.segment(end - 2.0 * SIDE)
+        return [
+            np.stack([y[:, 1], self._on_branches(t, y, p, self.codes(t, y))[2]], axis=1)
+            for t, y, p in ((start, z, first), (end, new, last))
+        ]
+
+    def forces(self, t, z, segments, codes):
         """Return (force, 0): nobody asks one mesh for its mean force."""
-        push = self._mesh(t, float(z[0]), segment, int(codes[0]))[1]
-        return np.array([self._unit * push]), np.zeros(1)
+        c, g, _ = self._on_branches(t, z, segments, codes)
+        forces = (self.tuning**2 * c * g)[:, None]
+        return forces, np.zeros_like(forces)
 
-    def fill(self, rows, samples):
+    def fill(self, samples, t, z, segments, codes):
         """Fill samples, shape (k, 6)."""
-        for (t, z, segment, codes), sample in zip(rows, samples, strict=False):
-            c, push = self._mesh(t, float(z[0]), segment, int(codes[0]))
-            a = self.rate(t, z, segment, codes)[1]
-            sample[:] = z[0], z[1], a, codes[0], self._unit * c, self._unit * push
+        c, g, a = self._on_branches(t, z, segments, codes)
+        c = self.tuning**2 * c
+        samples[:] = np.stack([z[:, 0], z[:, 1], a, codes[:, 0], c, c * g], axis=1)
 
 
 class Linear(_Problem):
@@ -190,19 +172,18 @@ class Linear(_Problem):
         self.propagator = model.propagator(tuning)
         self.system, self._grid = self.propagator.whole()
         system, size = self.system, model.size
-        self.starts, self._starts = system.starts, system.starts.tolist()
-        self.first, self.low, self.repeats = system.first_segment, system.low, system.repeats
+        self.starts, self.first, self.low = system.starts, system.first_segment, system.low
         lines = np.atleast_2d(np.array(model.flank_lines).reshape(2, -1))
         self.gaps, self.closing = lines[0] - lines[1], self._grid.closing
+        self.repeats = system.repeats
         self.tuning, self.size, self._train = tuning, size, bool(model.mesh_names)
         #: From states to those of the system, all components.
         self.unit = np.ones(len(system.free))
         if not self._train:
             self.unit[:size] = self.propagator.scale
         self._lines = self.unit * np.stack([system.near, system.far])
-        self._flat = self._lines.reshape(-1, self.unit.size)
-        rates = np.stack([self._grid.rate, self._grid.far_rate])
-        self._rates = self.unit * rates / tuning
+        self._columns = np.moveaxis(self._lines, 2, 1).copy()
+        self._rates = self.unit * np.stack([self._grid.rate, self._grid.far_rate]) / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.near))
         # Moves of the coordinates that change the distance of one mesh only.
@@ -210,6 +191,12 @@ class Linear(_Problem):
 
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
+        if isinstance(t, np.ndarray):
+            whole = np.empty((len(t), self.unit.size))
+            # Of one layout, since kernels are compiled for each.
+            states = np.ascontiguousarray(z)
+            train_steps.set_states(self.system.harmonics, t, states, whole)
+            return whole
         whole = np.empty(self.unit.size)
         whole[: self.size] = z
         set_harmonics(self.system.harmonics, whole, t)
@@ -228,13 +215,14 @@ class Linear(_Problem):
         """Return what a run returns of a state: that of one mesh, coordinates of a train."""
         if self._train:
             half = self.size // 2
-            own = z / self.propagator.scale
-            return own[:half], own[half:]
-        return tuple(float(one[0]) for one in self.observe(t, z))
+            state = z / self.propagator.scale
+            return state[:half], state[half:]
+        return tuple(float(values[0]) for values in self.observe(t, z))
 
     def lines(self, t, z):
         """Return the distances from near and far flanks."""
-        return (self._flat @ self.full(t, z)).reshape(2, -1)
+        lines = self.full(t, z) @ self._columns
+        return np.moveaxis(lines, 0, 1) if isinstance(t, np.ndarray) else lines
 
     def speeds(self, t, z):
         """Return their rates by phase, the same on every branch."""
@@ -243,7 +231,7 @@ class Linear(_Problem):
     def observe(self, t, z):
         """Return (displacements, velocities) of the meshes."""
         full = self.full(t, z)
-        return self._lines[0] @ full, self._rates[0] @ full
+        return full @ self._lines[NEAR].T, full @ self._rates[NEAR].T
 
     def put(self, t, z, mesh, line, distance):
         """Move z to a distance from a line."""
@@ -254,37 +242,33 @@ class Linear(_Problem):
         """Return whether both flanks touch at once in a mesh."""
         return train_steps.jammed(self.system, self.closing, t, z * self.unit[: self.size])
 
-    def matrix(self, segment, codes):
-        """Return the matrix dz/dtau of a branch, shape (size, n)."""
+    def rate(self, t, z, segment, codes):
+        """Return z' on a branch."""
         key = segment, codes.tobytes()
         if key not in self._matrices:
             whole = np.empty_like(self.system.free)
             matrix_of(self.system, self.system.effect[codes + 1, segment, self._meshes], whole)
             rows = whole[: self.size] / self.unit[: self.size, None]
             self._matrices[key] = rows * self.unit / self.tuning
-        return self._matrices[key]
-
-    def rate(self, t, z, segment, codes):
-        """Return z' on a branch."""
-        return self.matrix(segment, codes) @ self.full(t, z)
+        return self._matrices[key] @ self.full(t, z)
 
     def field(self, t, z):
         """Return z' on the branch of a state."""
-        return train_steps.rate(self.system, t, z) if self._train else super().field(t, z)
+        unit = self.unit[: self.size]
+        return train_steps.rate(self.system, t, z * unit) / unit
 
-    def forces(self, t, z, segment, codes):
+    def forces(self, t, z, segments, codes):
         """Return (elastic forces of the meshes, their rates by phase)."""
         full = self.full(t, z)
-        c = self.system.stiffness[codes + 1, segment, self._meshes] * (codes != BACKLASH)
-        line = (codes != NORMAL).astype(int)
-        own, rates = self._lines[line, self._meshes], self._rates[line, self._meshes]
+        c = self.system.stiffness[codes + 1, segments[:, None], self._meshes] * (codes != BACKLASH)
+        near, far = (
+            np.stack([full @ rows[line].T for rows in (self._lines, self._rates)])
+            for line in (NEAR, FAR)
+        )
         # Nothing is far behind a flank that is not there.
-        return c * (own @ full), c * (rates @ full)
+        return c * np.where(codes == NORMAL, near, far)
 
-    def fill(self, rows, samples):
+    def fill(self, samples, t, z, segments, codes):
         """Fill the samples of the model."""
-        raw = [
-            np.concatenate([self.unit * self.full(t, z), codes, [segment]])
-            for t, z, segment, codes in rows
-        ]
-        self.propagator.fill(np.array(raw), samples, self.system)
+        raw = np.concatenate([self.unit * self.full(t, z), codes, segments[:, None]], axis=1)
+        self.propagator.fill(raw, samples, self.system)

@@ -8,63 +8,67 @@ started again.
 
 from functools import partial
 
+import numpy as np
+
 from gearlib import checks
 from gearlib.data import status
-from gearlib.integrators.each import run_each
-from gearlib.integrators.option import Option
+from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
+from gearlib.integrators.recording import TURN, Run, within_range
 from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.split import TURN, Phase, Split, Stall, Whole, within_range
+from gearlib.integrators.split import Phase, Split, Stall
 
-#: That of the solver: 5, 8, 5, or up to 12.
-ORDER = None
-EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
-MODELS = "all: one or six degrees of freedom, gear trains"
 SOLVERS = ("RK45", "DOP853", "Radau", "LSODA")
-OPTIONS = {
-    "solver": Option("RK45", partial(checks.one_of, choices=SOLVERS), f"one of {SOLVERS}"),
-    "rtol": Option(1e-3, checks.finite_positive, "relative tolerance of a step"),
-    "atol": Option(
-        1e-6, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"
-    ),
-    "events": Option(
-        False,
-        partial(checks.one_of, choices=(False, True)),
-        "whether runs are split at switches of stiffness and at contact",
-    ),
-}
+#: Steps whose dense output is kept at a time.
+_STEPS = 1_000
 
 
-def takes(pair):
-    """Return whether it takes a model: it takes all."""
-    return True
+class Scipy(Integrator):
+    """The solvers of scipy."""
+
+    EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
+    MODELS = "all: one or six degrees of freedom, gear trains"
+    OPTIONS = {
+        "solver": Option("RK45", partial(checks.one_of, choices=SOLVERS), f"one of {SOLVERS}"),
+        "rtol": RELATIVE,
+        "atol": ABSOLUTE,
+        "events": Option(
+            False,
+            partial(checks.one_of, choices=(False, True)),
+            "whether runs are split at switches of stiffness and at contact",
+        ),
+    }
+
+    def takes(self, model):
+        """Return whether it takes a model: it takes all."""
+        return True
+
+    def run(self, model, tuning, state, *record, solver, rtol, atol, events):
+        """Run one tuning; see `Integrator.run`."""
+        kind = _Split if events else _Whole
+        return kind(problem_of(model, tuning), solver, rtol, atol).run(state, *record)
 
 
-def run(pair, tuning, state, *arguments, solver, rtol, atol, events):
-    """Run one tuning; see `gearlib.integrators`."""
-    kind = _Split if events else _Whole
-    return kind(problem_of(pair, tuning), solver, rtol, atol).run(state, *arguments)
-
-
-def run_many(pair, *arguments, **options):
-    """Run many tunings; see `gearlib.integrators`."""
-    run_each(partial(run, pair, **options), *arguments)
-
-
-class _Whole(Whole):
+class _Whole(Run):
     """One run over the whole span."""
 
     def __init__(self, problem, solver, rtol, atol):
         super().__init__(problem)
         self.solver, self.rtol, self.atol = solver, rtol, atol
 
+    def _rate(self, t, z):
+        """Return dz/dtau."""
+        self.evaluations += 1
+        return self.problem.field(t, z)
+
     def go(self, z, codes):
         """Go through the run; return (z, status)."""
         from scipy import integrate
 
         kind, end = getattr(integrate, self.solver), TURN * self.periods
-        solver = kind(self.right_side, 0.0, z, end, rtol=self.rtol, atol=self.atol)
-        strobe, counted, period = max(self.strobe, 1), 0, 0
-        self.add_strobe(0, z)
+        solver = kind(self._rate, 0.0, z, end, rtol=self.rtol, atol=self.atol)
+        counted, period, steps = 0, 0, []
+        if self.strobe == 0:
+            self.add_strobes(np.array([0]), z[None])
         while solver.status == "running":
             t, z = solver.t, solver.y.copy()
             if int(t // TURN) > period:
@@ -79,14 +83,25 @@ class _Whole(Whole):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return z, status.STALLED
-            if TURN * strobe > solver.t and TURN * self.first >= solver.t:
-                continue
-            dense = solver.dense_output()
-            while strobe < self.periods and TURN * strobe <= solver.t:
-                self.add_strobe(strobe, dense(TURN * strobe))
-                strobe += 1
-            self.record(t, solver.t, z, solver.y.copy(), lambda times, of=dense: of(times).T)
+            recorded = solver.t > TURN * self.first
+            if recorded or solver.t // TURN > max(t // TURN, self.strobe - 1):
+                steps.append((t, z, solver.dense_output()))
+            if steps and (not recorded or len(steps) == _STEPS):
+                self._record(steps, solver)
+                steps = []
+        if steps:
+            self._record(steps, solver)
         return solver.y, status.OK
+
+    def _record(self, steps, solver):
+        """Record steps (phase, state, dense output) up to the present state of a solver."""
+        from scipy.integrate import OdeSolution
+
+        starts, states, outputs = zip(*steps, strict=True)
+        t, n = np.array([*starts, solver.t]), int(starts[0] // TURN)
+        solution, turn = OdeSolution(t, outputs), TURN * n
+        states = np.array([*states, solver.y])
+        self.record(n, t - turn, states, lambda phases: solution(phases + turn).T)
 
 
 class _Split(Split):
@@ -96,23 +111,23 @@ class _Split(Split):
         super().__init__(problem)
         self.solver, self.rtol, self.atol = solver, rtol, atol
 
-    def _crossing(self, n, leave):
-        """Return the event function of an exit in mesh period n."""
+    def _crossing(self, turn, leave):
+        """Return the event function of an exit in a mesh period that starts at a phase."""
 
         def function(t, z):
-            return self.problem.lines(TURN * n + t, z)[leave.line][leave.mesh]
+            return self.problem.lines(turn + t, z)[leave.line][leave.mesh]
 
         function.terminal = True  # type: ignore[attr-defined]
         function.direction = leave.direction  # type: ignore[attr-defined]
         return function
 
-    def solve(self, n, start, end, z, segment, codes, exits):
+    def solve(self, turn, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
         from scipy.integrate import solve_ivp
 
         def rate(t, z):
             self.evaluations += 1
-            return self.problem.rate(TURN * n + t, z, segment, codes)
+            return self.problem.rate(turn + t, z, segment, codes)
 
         done = solve_ivp(
             rate,
@@ -121,8 +136,8 @@ class _Split(Split):
             method=self.solver,
             rtol=self.rtol,
             atol=self.atol,
-            dense_output=self.keep and len(self.rows) < self.samples,
-            events=[self._crossing(n, leave) for leave in exits],
+            dense_output=self.keep and self.taken < len(self.samples),
+            events=[self._crossing(turn, leave) for leave in exits],
         )
         if done.status < 0:
             raise Stall
@@ -130,5 +145,7 @@ class _Split(Split):
         if done.status == 1:
             hit = next(i for i, times in enumerate(done.t_events) if times.size)
         dense = (lambda times: done.sol(times).T) if done.sol is not None else None
-        points = zip(done.t, done.y.T, strict=True)
-        return Phase(done.t[-1], done.y[:, -1].copy(), hit, points, dense)
+        return Phase(done.t, done.y.T, hit, dense)
+
+
+METHODS = {"scipy": Scipy()}

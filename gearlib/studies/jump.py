@@ -26,7 +26,7 @@ from gearlib.runs.sweeping import sweep
 from gearlib.studies import many_starts
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.integrators import rk45  # noqa: F401
+    from gearlib.integrators import embedded_pair  # noqa: F401
 
 #: Heights closer than this, in static deflections, are those of one orbit.
 SAME_HEIGHT = 0.1

@@ -14,7 +14,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data import measured_names
-from gearlib.integrators.peers.package import MissingPackage, Package
+from gearlib.integrators.method import MissingPackage, Package
 
 PYUFF = Package("pyuff", "pyuff")
 #: Columns of a long table, by PEtab.

@@ -51,7 +51,7 @@ def test_missing_package_is_told(name, monkeypatch):
     package = integrators.METHODS[name].PACKAGE
     found = importlib.util.find_spec
     monkeypatch.setattr(
-        "gearlib.integrators.peers.package.find_spec",
+        "gearlib.integrators.method.find_spec",
         lambda module: None if module == package.module else found(module),
     )
     listed = {method.name: method for method in gearlib.methods()}[name]

@@ -192,9 +192,9 @@ def test_methods_and_packages_are_those_of_the_library():
     methods = schema()["$defs"]["Trial"]["properties"]["method"]["enum"]
     assert methods == [method.name for method in gearlib.methods()]
     packages = {
-        name: module.PACKAGE.module
-        for name, module in METHODS.items()
-        if hasattr(module, "PACKAGE")
+        name: method.PACKAGE.module
+        for name, method in METHODS.items()
+        if method.PACKAGE is not None
     }
     assert packages == PEERS
 

@@ -140,9 +140,8 @@ def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
 
 
 def test_own_methods_are_those_without_a_package_of_others():
-    for name, module in integrators.METHODS.items():
-        others = hasattr(module, "PACKAGE") or module.__name__.endswith("scipy_ivp")
-        assert (name in wp.OF_LIBRARY) == (not others)
+    for name, method in integrators.METHODS.items():
+        assert (name in wp.OF_LIBRARY) == (method.PACKAGE is None and name != "scipy")
 
 
 def test_a_method_that_does_not_take_a_model_has_no_numbers():

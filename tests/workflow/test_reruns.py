@@ -152,9 +152,8 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
             jobs("basins", "bifurcation", "poincare"),
         ),
         ("gearlib/runs/simulation.py", after_an_edit_of_simulate()),
-        ("gearlib/integrators/newmark.py", jobs("stability_chart")),
         (
-            "gearlib/integrators/rk4.py",
+            "gearlib/integrators/fixed_steps.py",
             {
                 **jobs("stability_chart", "failures"),
                 "trial": 1,
@@ -186,7 +185,7 @@ def test_an_edited_source_reruns_what_depends_on_it(records, path, expected):
 
 
 @pytest.mark.parametrize(
-    "path", ["gearlib/kernels/closed_form/event_by_event.py", "gearlib/integrators/rk4.py"]
+    "path", ["gearlib/kernels/closed_form/event_by_event.py", "gearlib/integrators/fixed_steps.py"]
 )
 def test_snakemake_finds_the_same(project, records, path):
     edit(project / path, "\n# one more line\n")

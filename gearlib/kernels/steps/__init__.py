@@ -1,11 +1,11 @@
-"""For comparison: methods with steps, over switches and contact.
+"""Methods with steps over switches and contact, for comparison, and the equation that they solve.
 
-======================  ================================================
+======================  ===================================================
 module                  responsibility
-======================  ================================================
-``equation_of_motion``  the nonlinear mesh at one phase and state
-``fixed``               fixed steps, a whole run
-``embedded``            an embedded pair under step control, a whole run
-``recording``           what is recorded of a run in steps
-======================  ================================================
+======================  ===================================================
+``equation_of_motion``  one mesh at a phase and state, of any contact
+``fixed``               fixed steps of one mesh
+``embedded``            steps of one mesh by an embedded pair, step control
+``train_steps``         gear trains at a phase and state, their fixed steps
+======================  ===================================================
 """

@@ -1,8 +1,7 @@
 """The Dormand-Prince pair of order 4(5) under step control, without event location.
 
 Coefficients, first step, error norm and step control are those of MATLAB's ode45 (Shampine and
-Reichelt: The MATLAB ODE suite, SIAM J. Sci. Comput. 18 (1997) 1-22). One run over the whole
-span: what happens at period ends is read off the dense output.
+Reichelt: The MATLAB ODE suite, SIAM J. Sci. Comput. 18 (1997) 1-22).
 """
 
 import math
@@ -10,21 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels import orbit
 from gearlib.kernels.codes import EVENT_LIMIT, OK, OVERFLOW, STALLED
 from gearlib.kernels.jit import inlined, kernel
 from gearlib.kernels.overflow import within_range
-from gearlib.kernels.steps.equation_of_motion import (
-    SIDE,
-    acceleration,
-    contact_law,
-    stiffness_at,
-    waves_at,
-)
-from gearlib.kernels.steps.recording import DENSE, Step, record_step, value_at
-
-#: ode45 shows the solution at four points of every step by default ("Refine").
-REFINE = 4
+from gearlib.kernels.steps.equation_of_motion import rate_at
 
 _NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
 _WEIGHTS = np.array(
@@ -40,7 +28,7 @@ _WEIGHTS = np.array(
 )
 _ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 #: Dense output: rows of stages, columns of powers 1 to 4 of the share of the step.
-_DENSE = np.array(
+DENSE = np.array(
     [
         [1.0, -183 / 64, 37 / 12, -145 / 128],
         [0.0, 0.0, 0.0, 0.0],
@@ -62,14 +50,7 @@ class Control(NamedTuple):
 
 
 @inlined
-def _rate(breaks, lines, waves, force, m, t, x, v):
-    phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
-    c = stiffness_at(breaks, lines, waves, phase, SIDE)
-    return acceleration(m, c, waves_at(force, phase), x, v)
-
-
-@inlined
-def take_step(breaks, lines, waves, force, m, t, h, x, v, stages):
+def _take_step(breaks, lines, waves, force, m, t, h, x, v, stages):
     """Fill stages 2 to 7, rows (x', x''), from the first; return the state at the end."""
     new_x, new_v = x, v
     for i in range(1, 7):
@@ -79,7 +60,7 @@ def take_step(breaks, lines, waves, force, m, t, h, x, v, stages):
             dv += _WEIGHTS[i, j] * stages[j, 1]
         new_x, new_v = x + h * dx, v + h * dv
         stages[i, 0] = new_v
-        stages[i, 1] = _rate(breaks, lines, waves, force, m, t + _NODES[i] * h, new_x, new_v)
+        stages[i, 1] = rate_at(breaks, lines, waves, force, m, t + _NODES[i] * h, new_x, new_v)
     return new_x, new_v
 
 
@@ -96,110 +77,82 @@ def _error(control, h, x, v, new_x, new_v, stages):
     return h * max(ex, ev)
 
 
-@kernel
-def fill_dense(dense, h, x, v, stages):
-    """Fill the dense output, shape (2, 5), of a step from its stages."""
-    for i, start in enumerate((x, v)):
-        dense[i, 0] = start
-        for k in range(4):
-            total = 0.0
-            for j in range(7):
-                total += _DENSE[j, k] * stages[j, i]
-            dense[i, k + 1] = h * total
+@inlined
+def _first_step(control, end, x, v, a):
+    """Return the length of the first step, as ode45 chooses it."""
+    threshold, rtol = control.atol / control.rtol, control.rtol
+    speed = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
+    speed /= 0.8 * rtol**0.2
+    h = min(control.max_step, end)
+    return 1.0 / speed if h * speed > 1.0 else h
 
 
 @kernel
-def run_embedded(
-    law, sharpness, control, x, v, periods, record_periods, samples, events, limit, summary
-):
-    """Run under step control; arguments as of `gearlib.kernels.closed_form.pair_run.run`.
+def take_embedded_steps(law, m, control, wanted, end, limit, place, times, states, stages):
+    """Take steps under step control until the arrays are full or the end is reached.
 
-    Returns in addition the number of evaluations of the right-hand side, those for the record
-    not counted. `limit`: most steps, rejected ones included, in one mesh period.
+    Parameters
+    ----------
+    law, m, control : Law, Contact, Control
+    wanted, end : float
+        Phases before which steps need not be kept, and at which the last one ends.
+    limit : int
+        Most steps, rejected ones included, in one mesh period.
+    place : ndarray, shape (3,)
+        Length of the next step, 0 at the start of the run; number of the mesh period and steps of
+        it so far. Kept up to date.
+    times, states : ndarray, shape (k + 1,) and (k + 1, 2)
+        Filled from the first.
+    stages : ndarray, shape (k, 7, 2)
+        Rates (x', x'') of the steps, filled.
+
+    Returns
+    -------
+    steps, status, evaluations
     """
-    orbit.clear_summary(summary)
-    m = contact_law(law, sharpness)
     # Local names: every attribute access counts references.
     breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
-    kept = min(periods, orbit.STROBE_PERIODS)
-    strobes = np.empty((kept + 1, 2))
-    per_period = samples.shape[0] // record_periods
-    first = periods - record_periods
-    dense, stages = np.empty((2, DENSE)), np.empty((7, 2))
-    found, taken, evaluations = 0, 0, 1
-    turn = 2.0 * math.pi
-    end, t = turn * periods, 0.0
-    if not within_range(x, v):
-        return x, v, 0, events, 0, OVERFLOW, 0
-    stages[0, 0], stages[0, 1] = v, _rate(breaks, lines, waves, force, m, 0.0, x, v)
-    threshold, rtol = control.atol / control.rtol, control.rtol
-    speed = max(
-        abs(stages[0, 0]) / max(abs(x), threshold), abs(stages[0, 1]) / max(abs(v), threshold)
-    ) / (0.8 * rtol**0.2)
-    h = min(control.max_step, end)
-    if h * speed > 1.0:
-        h = 1.0 / speed
-    counted, current, strobe = 0, 0, periods - kept
-    if strobe == 0:
-        strobes[0, 0], strobes[0, 1] = x, v
-        strobe = 1
-    done = False
-    while not done:
+    rtol, turn = control.rtol, 2.0 * math.pi
+    t, x, v, evaluations = times[0], states[0, 0], states[0, 1], 0
+    a = rate_at(breaks, lines, waves, force, m, t, x, v)
+    if place[0] == 0.0:
+        place[0], evaluations = _first_step(control, end, x, v, a), 1
+    h = place[0]
+    i = 0
+    while i < stages.shape[0]:
+        rates = stages[i]
+        rates[0, 0], rates[0, 1] = v, a
         shortest = 16.0 * np.spacing(t)
         h = min(control.max_step, max(shortest, h))
-        if 1.1 * h >= end - t:
-            # The last step is stretched by a tenth rather than followed by a tiny one.
-            h, done = end - t, True
+        # The last step is stretched by a tenth rather than followed by a tiny one.
+        last = 1.1 * h >= end - t
+        h = end - t if last else h
         failed = False
         while True:
-            if counted >= limit:
-                return x, v, 0, events, 0, EVENT_LIMIT, evaluations
-            counted += 1
-            new_x, new_v = take_step(breaks, lines, waves, force, m, t, h, x, v, stages)
+            if place[2] >= limit:
+                return i, EVENT_LIMIT, evaluations
+            place[2] += 1
+            new_x, new_v = _take_step(breaks, lines, waves, force, m, t, h, x, v, rates)
             evaluations += 6
-            error = _error(control, h, x, v, new_x, new_v, stages)
+            error = _error(control, h, x, v, new_x, new_v, rates)
             if not error > rtol:
                 break
             if h <= shortest:
-                return x, v, 0, events, 0, STALLED, evaluations
+                return i, STALLED, evaluations
             h = max(shortest, h * (0.5 if failed else max(0.1, 0.8 * (rtol / error) ** 0.2)))
-            failed, done = True, False
-        if not within_range(new_x, new_v):
-            return new_x, new_v, 0, events, 0, OVERFLOW, evaluations
-        new_t = end if done else t + h
-        if turn * strobe <= new_t or turn * first < new_t:
-            fill_dense(dense, h, x, v, stages)
-        while strobe < periods and turn * strobe <= new_t:
-            share = (turn * strobe - t) / h
-            row = strobe - (periods - kept)
-            strobes[row, 0] = value_at(dense[0], share)
-            strobes[row, 1] = value_at(dense[1], share)
-            strobe += 1
-        n = int(t / turn)
-        if n > current:
-            current, counted = n, 0
-        if turn * first < new_t:
-            step = Step(n, t - turn * n, h, x, v, new_x, new_v)
-            taken, events, found = record_step(
-                law,
-                m,
-                step,
-                dense,
-                REFINE,
-                first,
-                per_period,
-                samples,
-                taken,
-                events,
-                found,
-                summary,
-            )
-        t, x, v = new_t, new_x, new_v
-        stages[0, 0], stages[0, 1] = stages[6, 0], stages[6, 1]
+            failed, last = True, False
+        if int(t / turn) > place[1]:
+            place[1], place[2] = int(t / turn), 0
+        t, x, v, a = end if last else t + h, new_x, new_v, rates[6, 1]
+        if t > wanted:
+            i += 1
+        times[i], states[i, 0], states[i, 1] = t, x, v
+        if not within_range(x, v):
+            return i, OVERFLOW, evaluations
+        if last:
+            return i, OK, evaluations
         if not failed:
             growth = 1.25 * (error / rtol) ** 0.2
             h = h / growth if growth > 0.2 else 5.0 * h
-    strobes[kept, 0], strobes[kept, 1] = x, v
-    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    period = orbit.orbit_period(strobes, law.tuning, height)
-    return x, v, period, events, found, OK, evaluations
+        place[0] = h
+    return i, OK, evaluations

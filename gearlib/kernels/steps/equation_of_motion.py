@@ -1,15 +1,18 @@
-"""The equation of motion at one phase and state, as methods with steps see it.
+"""The equation of motion of one degree of freedom at one phase and state, for methods with steps.
 
 In static deflections and mesh phase
 
-    x'' = F(tau) - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
+    x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact decided by the displacement alone, H1 = [x >= 0], H2 = [x <= -s], or, smoothed,
-H1 = (1 + tanh(sharpness x)) / 2 and H2 = (1 - tanh(sharpness (x + s))) / 2.
+with contact where the displacement lies beyond a flank, or, smoothed, with the shares
+H1 = (1 + tanh(sharpness (x - upper))) / 2 and H2 = (1 - tanh(sharpness (x - lower))) / 2 of both
+flanks in spring force and damping.
 """
 
 import math
 from typing import NamedTuple
+
+import numpy as np
 
 from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.kernels.jit import inlined, kernel
@@ -22,104 +25,96 @@ SIDE = 1e-12
 class Contact(NamedTuple):
     """The contact law as plain floats, which kernels pass on at no cost."""
 
-    d1: float  #: damping while the flanks touch
-    d2: float
-    d3: float
-    e1: float  #: damping in the backlash
-    e2: float
-    e3: float
-    p2: float  #: powers of the contact stiffness
-    p3: float
-    gap: float  #: backlash in static deflections
-    sharpness: float  #: of the smoothed law, per static deflection; 0: not smoothed
-    plain: bool  #: whether the law is sharp, its damping and stiffness linear
+    normal_damping: tuple  #: d1, d2, d3 while the normal flanks touch
+    backlash_damping: tuple  #: d1, d2, d3 in the backlash
+    inverse_damping: tuple  #: d1, d2, d3 while the inverse flanks touch
+    powers: tuple  #: p2, p3 of the contact stiffness
+    upper: float  #: displacement of the normal flank, static deflections
+    lower: float  #: displacement of the inverse flank
+    ground: float  #: e, stiffness towards x = 0 that never parts
+    sharpness: float = 0.0  #: of the smoothed law, per static deflection; 0: not smoothed
+    plain: bool = False  #: whether the law is sharp, its damping and stiffness linear
 
 
-@kernel
-def contact_law(law, sharpness):
+def contact_law(law, sharpness=0.0):
     """Return the `Contact` of a `gearlib.kernels.taylor.series.Law`."""
-    plain = sharpness == 0.0 and law.powers[0] == 0.0 and law.powers[1] == 0.0
-    for damping in (law.material, law.oil):
-        plain = plain and damping[1] == 0.0 and damping[2] == 0.0
-    return Contact(
-        law.material[0],
-        law.material[1],
-        law.material[2],
-        law.oil[0],
-        law.oil[1],
-        law.oil[2],
-        law.powers[0],
-        law.powers[1],
-        law.gap,
-        sharpness,
-        plain,
-    )
+    damping = [tuple(row.tolist()) for row in (law.material, law.oil, law.far_damping)]
+    powers = tuple(law.powers.tolist())
+    curved = any(powers) or any(any(row[1:]) for row in damping)
+    plain = sharpness == 0.0 and not curved and damping[0] == damping[2] and law.ground == 0.0
+    edges = float(law.upper), float(law.lower), float(law.ground)
+    return Contact(*damping, powers, *edges, float(sharpness), plain)
 
 
 @inlined
-def side_of(gap, x):
+def side_of(m, x):
     """Return the contact code of a displacement; a flank line belongs to contact."""
-    if x >= 0.0:
+    if x >= m.upper:
         return NORMAL
-    return INVERSE if x <= -gap else BACKLASH
+    return INVERSE if x <= m.lower else BACKLASH
 
 
 @inlined
-def _curve(m, u):
-    return u + (m.p2 * abs(u) + m.p3 * u * u) * u
+def damping_force(coefficients, v):
+    """Return d1 v + d2 |v| v + d3 v^3."""
+    return (coefficients[0] + (coefficients[1] + coefficients[2] * abs(v)) * abs(v)) * v
+
+
+@inlined
+def _spring(m, u):
+    return u + (m.powers[0] * abs(u) + m.powers[1] * u * u) * u
+
+
+@inlined
+def branch_of(m, code):
+    """Return (1 in contact, else 0; displacement of its flank; damping) of a contact code."""
+    if code == NORMAL:
+        return 1.0, m.upper, m.normal_damping
+    if code == INVERSE:
+        return 1.0, m.lower, m.inverse_damping
+    return 0.0, m.upper, m.backlash_damping
+
+
+@inlined
+def forces_at(m, code, x, v):
+    """Return (g, damping force) of a contact code, of the sharp law."""
+    touching, line, damping = branch_of(m, code)
+    return touching * _spring(m, x - line), damping_force(damping, v)
 
 
 @inlined
 def _smoothed(m, x):
-    """Return g(x) with its powers, and H1 + H2, both smoothed."""
-    near, far = 0.5 * (1.0 + math.tanh(m.sharpness * x)), 0.0
-    total = near * _curve(m, x)
-    if m.gap < math.inf:
-        far = 0.5 * (1.0 - math.tanh(m.sharpness * (x + m.gap)))
-        total += far * _curve(m, x + m.gap)
+    """Return g and the share of contact, H1 + H2, both smoothed."""
+    near, far = 0.5 * (1.0 + math.tanh(m.sharpness * (x - m.upper))), 0.0
+    total = near * _spring(m, x - m.upper)
+    if m.lower > -math.inf:
+        far = 0.5 * (1.0 - math.tanh(m.sharpness * (x - m.lower)))
+        total += far * _spring(m, x - m.lower)
     return total, near + far
 
 
 @inlined
-def spring(m, x):
-    """Return g(x), with its powers."""
+def on_branch(m, code, c, f, x, v):
+    """Return (g, x'') of a contact code (if not smoothed) at stiffness c and force f."""
     if m.sharpness > 0.0:
-        return _smoothed(m, x)[0]
-    if x >= 0.0:
-        return _curve(m, x)
-    return _curve(m, x + m.gap) if x <= -m.gap else 0.0
-
-
-@inlined
-def _material(m, v):
-    return (m.d1 + (m.d2 + m.d3 * abs(v)) * abs(v)) * v
-
-
-@inlined
-def _oil(m, v):
-    return (m.e1 + (m.e2 + m.e3 * abs(v)) * abs(v)) * v
-
-
-@inlined
-def drag(m, x, v):
-    """Return the damping force over the mass, of the sharp law."""
-    return _material(m, v) if x >= 0.0 or x <= -m.gap else _oil(m, v)
+        g, share = _smoothed(m, x)
+        drag = share * damping_force(m.normal_damping, v)
+        return g, f - drag - (1.0 - share) * damping_force(m.backlash_damping, v) - c * g
+    g, drag = forces_at(m, code, x, v)
+    return g, f - m.ground * x - drag - c * g
 
 
 @inlined
 def acceleration(m, c, f, x, v):
-    """Return x'' at stiffness c and force f."""
+    """Return x'' at stiffness c and force f, with the contact of the displacement."""
     if m.plain:
         # Half the time of the general law, which comparisons of methods should not pay for.
-        if x >= 0.0:
-            return f - m.d1 * v - c * x
-        if x <= -m.gap:
-            return f - m.d1 * v - c * (x + m.gap)
-        return f - m.e1 * v
-    if m.sharpness > 0.0:
-        total, share = _smoothed(m, x)
-        return f - share * _material(m, v) - (1.0 - share) * _oil(m, v) - c * total
-    return f - drag(m, x, v) - c * spring(m, x)
+        if x >= m.upper:
+            return f - m.normal_damping[0] * v - c * (x - m.upper)
+        if x <= m.lower:
+            return f - m.normal_damping[0] * v - c * (x - m.lower)
+        return f - m.backlash_damping[0] * v
+    return on_branch(m, side_of(m, x), c, f, x, v)[1]
 
 
 @inlined
@@ -147,3 +142,48 @@ def stiffness_at(breaks, lines, waves, phase, side):
     while i + 2 < breaks.shape[0] and p >= breaks[i + 1]:
         i += 1
     return lines[i, 0] + lines[i, 1] * (p - side - breaks[i]) + waves_at(waves, phase)
+
+
+@inlined
+def rate_at(breaks, lines, waves, force, m, t, x, v):
+    """Return x'' at a phase of the run and a state, with the contact of the displacement."""
+    phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
+    c = stiffness_at(breaks, lines, waves, phase, SIDE)
+    return acceleration(m, c, waves_at(force, phase), x, v)
+
+
+@kernel
+def rate(m, law, t, x, v):
+    """Return x'' at a phase of the run and a state, with the contact of the displacement."""
+    if m.sharpness == 0.0 and x <= m.lower:
+        return rate_at(law.breaks, law.far_pieces, law.far_stiffness, law.force, m, t, x, v)
+    return rate_at(law.breaks, law.pieces, law.stiffness, law.force, m, t, x, v)
+
+
+@inlined
+def _stiffness_on(breaks, lines, waves, piece, t):
+    """Return c on a piece, also where rounding puts t just before it."""
+    inside = (t - breaks[piece] + 1e-6) % (2.0 * math.pi) - 1e-6
+    return lines[piece, 0] + lines[piece, 1] * inside + waves_at(waves, t)
+
+
+@kernel
+def on_branches(m, law, phases, pieces, codes, states):
+    """Return rows (c, g, x'') of states, shape (k, 2), on pieces of the stiffness.
+
+    Contact codes are given; a smoothed law does not ask for them.
+    """
+    # Local names: every attribute access counts references.
+    breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
+    far_lines, far_waves = law.far_pieces, law.far_stiffness
+    table = np.empty((phases.shape[0], 3))
+    for i in range(phases.shape[0]):
+        t, piece, code = phases[i], pieces[i], codes[i]
+        if code == INVERSE and m.sharpness == 0.0:
+            c = _stiffness_on(breaks, far_lines, far_waves, piece, t)
+        else:
+            c = _stiffness_on(breaks, lines, waves, piece, t)
+        f = waves_at(force, t)
+        g, a = on_branch(m, code, c, f, states[i, 0], states[i, 1])
+        table[i, 0], table[i, 1], table[i, 2] = c, g, a
+    return table

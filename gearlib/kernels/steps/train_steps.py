@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.kernels.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW
 from gearlib.kernels.jit import kernel
 from gearlib.kernels.several_meshes.train_system import behind, dot, set_harmonics
 from gearlib.kernels.steps.equation_of_motion import SIDE
@@ -18,7 +18,7 @@ def rate(system, t, z):
     for i in range(size):
         full[i] = z[i]
     set_harmonics(system.harmonics, full, t)
-    place, segment = (t + SIDE) % (2.0 * math.pi * system.repeats), 0
+    place, segment = (t + SIDE) % system.starts[-1], 0
     while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= place:
         segment += 1
     for r in range(size):
@@ -54,26 +54,30 @@ def jammed(system, closing, t, z):
 
 
 @kernel
-def runge_kutta_step(system, t, h, z):
-    """Return z after one step from (t, z)."""
-    k1 = rate(system, t, z)
-    k2 = rate(system, t + h / 2.0, z + h / 2.0 * k1)
-    k3 = rate(system, t + h / 2.0, z + h / 2.0 * k2)
-    k4 = rate(system, t + h, z + h * k3)
-    return z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+def set_states(frequencies, phases, states, full):
+    """Fill rows of `full`, shape (k, n), with states, shape (k, size), constant and harmonics."""
+    for i in range(phases.shape[0]):
+        full[i, : states.shape[1]] = states[i]
+        set_harmonics(frequencies, full[i], phases[i])
 
 
 @kernel
-def runge_kutta_period(system, closing, n, steps, z, largest):
-    """Return (z after mesh period n, steps taken, whether the flanks are `jammed` there).
+def take_runge_kutta_steps(system, closing, period, steps, states, largest):
+    """Fill states, shape (k + 1, size), from the first, at the start of a mesh period.
 
-    Fewer steps where z leaves `largest`, or is NaN, and where flanks jam.
+    Returns (status, steps taken): the run ends where a state leaves `largest`, or is NaN, and
+    where flanks are `jammed`.
     """
     h = 2.0 * math.pi / steps
-    for i in range(steps):
-        z = runge_kutta_step(system, 2.0 * math.pi * n + i * h, h, z)
-        if not np.abs(z).max() < largest:
-            return z, i + 1, False
-        if jammed(system, closing, 2.0 * math.pi * n + (i + 1) * h, z):
-            return z, i + 1, True
-    return z, steps, False
+    for i in range(states.shape[0] - 1):
+        t, z = 2.0 * math.pi * (period + i // steps) + (i % steps) * h, states[i]
+        k1 = rate(system, t, z)
+        k2 = rate(system, t + h / 2.0, z + h / 2.0 * k1)
+        k3 = rate(system, t + h / 2.0, z + h / 2.0 * k2)
+        k4 = rate(system, t + h, z + h * k3)
+        states[i + 1] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        if jammed(system, closing, t + h, states[i + 1]):
+            return JAMMED, i + 1
+        if not np.abs(states[i + 1]).max() < largest:
+            return OVERFLOW, i + 1
+    return OK, states.shape[0] - 1

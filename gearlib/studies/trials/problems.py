@@ -106,7 +106,7 @@ class Bound:
         self._summary = empty_record(model).summary
 
     def raw(self, state, periods, record_periods=1):
-        """Run; return what the method does, see `gearlib.integrators`."""
+        """Run; return what `run` of the method returns, see `gearlib.integrators.method`."""
         record = empty_record(self._model)._replace(summary=self._summary)
         arguments = record.over(Span(periods, record_periods, MAX_EVENTS))
         return self._module.run(self._model, self._tuning, state, *arguments, **self._options)

@@ -1,0 +1,177 @@
+"""Fixed steps over switches and contact: classical Runge-Kutta, Newmark, generalised-alpha."""
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.integrators.method import STEPS_PER_PERIOD, Integrator, Option
+from gearlib.integrators.recording import RANGE, TURN, Run
+from gearlib.integrators.right_hand_sides import problem_of
+from gearlib.kernels.codes import OK
+from gearlib.kernels.steps.fixed import Scheme, nodes, take_steps
+from gearlib.kernels.steps.train_steps import take_runge_kutta_steps
+
+#: Steps that are taken and recorded at a time.
+_STEPS = 8_192
+
+
+class FixedSteps(Integrator):
+    """A method in fixed steps; a subclass gives its `Scheme`."""
+
+    EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
+
+    #: ``scheme(**options)`` returns the `Scheme` of the options besides the steps.
+    scheme: Any
+
+    def run(self, model, tuning, state, *record, steps_per_period, **options):
+        """Run one tuning; see `Integrator.run`."""
+        kind = _Trains if model.mesh_names else _OneMesh
+        run = kind(problem_of(model, tuning), steps_per_period, self.scheme(**options))
+        return run.run(state, *record)
+
+
+class RungeKutta(FixedSteps):
+    """Classical Runge-Kutta, as Simulink's ode4."""
+
+    ORDER = 4
+    MODELS = f"{Integrator.MODELS}, or gear trains"
+    OPTIONS = {"steps_per_period": STEPS_PER_PERIOD}
+
+    def takes(self, model):
+        """Return whether the model is one mesh with one degree of freedom, or a gear train."""
+        return model.one_mesh or bool(model.mesh_names)
+
+    def scheme(self):
+        """Return the `Scheme`."""
+        return Scheme(True)
+
+
+class Newmark(FixedSteps):
+    """Newmark's average acceleration, gamma = 1/2 and beta = 1/4."""
+
+    ORDER = 2
+    OPTIONS = {
+        "steps_per_period": STEPS_PER_PERIOD,
+        "contact": Option(
+            "iterated",
+            partial(checks.one_of, choices=("frozen", "iterated")),
+            "contact and damping of the step start, or iterated until the residual is rounding",
+        ),
+    }
+
+    def scheme(self, contact):
+        """Return the `Scheme`."""
+        return Scheme(False, contact == "iterated", 0.0, 0.0, 0.25, 0.5)
+
+
+class GeneralisedAlpha(FixedSteps):
+    """The generalised-alpha method, with the numerical damping of its spectral radius.
+
+    Chung, Hulbert: J. Appl. Mech. 60 (1993) 371-375. Mesh force and damping are those of the middle
+    state at share 1 - alpha_f of the step.
+    """
+
+    ORDER = 2
+    OPTIONS = {
+        **Newmark.OPTIONS,
+        "spectral_radius": Option(
+            0.8,
+            partial(checks.number, allowed="from 0 to 1", accept=lambda r: 0.0 <= r <= 1.0),
+            "rho_inf: what is left per step of the fastest oscillations; 1: no numerical damping",
+        ),
+    }
+
+    def scheme(self, contact, spectral_radius):
+        """Return the `Scheme` of Chung and Hulbert's optimal parameters."""
+        alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
+        alpha_f = spectral_radius / (spectral_radius + 1.0)
+        shift = alpha_f - alpha_m
+        beta, gamma = 0.25 * (1.0 + shift) ** 2, 0.5 + shift
+        return Scheme(False, contact == "iterated", alpha_m, alpha_f, beta, gamma)
+
+
+class _Steps(Run):
+    """A run in equal steps of a mesh period; a subclass takes them."""
+
+    def __init__(self, problem, steps, scheme):
+        super().__init__(problem)
+        self.steps, self.scheme = steps, scheme
+
+    def take(self, period, states):
+        """Fill states, shape (k + 1, size), from the first, at a period; return the status."""
+        raise NotImplementedError
+
+    def between(self, t, z, phases):
+        """Return the states at phases between the step ends (t, z)."""
+        raise NotImplementedError
+
+    def go(self, z, codes):
+        """Go through the run; return (z, status)."""
+        stretch, n = max(1, _STEPS // self.steps), 0
+        table = np.empty((min(stretch, self.periods) * self.steps + 1, z.size))
+        starts = TURN * np.arange(stretch + 1)[:, None]
+        t = (starts + TURN / self.steps * np.arange(self.steps)).ravel()
+        wanted = min(self.first, self.strobe)
+        while n < self.periods:
+            count = min(stretch, (wanted if n < wanted else self.periods) - n)
+            states = table[: count * self.steps + 1]
+            states[0] = z
+            code = self.take(n, states)
+            if code != OK:
+                return states[-1], code
+            if n >= wanted:
+                phases = t[: len(states)]
+                self.record(n, phases, states, partial(self.between, phases, states))
+            z, n = states[-1].copy(), n + count
+        return z, OK
+
+
+class _OneMesh(_Steps):
+    def __init__(self, problem, steps, scheme):
+        super().__init__(problem, steps, scheme)
+        share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
+        self.nodes, self.acceleration = nodes(problem.law, steps, share), math.nan
+
+    def take(self, period, states):
+        contact, a = self.problem.contact, self.acceleration
+        code, evaluations, a = take_steps(contact, self.scheme, self.nodes, a, states)
+        self.evaluations, self.acceleration = self.evaluations + evaluations, a
+        return code
+
+    def between(self, t, z, phases):
+        """Return the cubics through displacements and velocities, and their rates, at step ends."""
+        i, share = _step_of(t, phases)
+        h = (t[i + 1] - t[i])[:, None]
+        first, last = self.problem.rates_of_steps(t[i], z[i], t[i + 1], z[i + 1])
+        rise, first, last = z[i + 1] - z[i], h * first, h * last
+        bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+        return z[i] + share * (first + share * (bend + share * twist))
+
+
+class _Trains(_Steps):
+    def take(self, period, states):
+        system, closing = self.problem.system, self.problem.closing
+        code, taken = take_runge_kutta_steps(system, closing, period, self.steps, states, RANGE)
+        self.evaluations += 4 * taken
+        return code
+
+    def between(self, t, z, phases):
+        """Return the straight lines between step ends."""
+        i, share = _step_of(t, phases)
+        return z[i] + share * (z[i + 1] - z[i])
+
+
+def _step_of(t, phases):
+    """Return which steps between t, shape (k + 1,), phases lie in, and at which share of them."""
+    i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
+    return i, ((phases - t[i]) / (t[i + 1] - t[i]))[:, None]
+
+
+METHODS = {
+    "rk4": RungeKutta(),
+    "newmark": Newmark(),
+    "generalised_alpha": GeneralisedAlpha(),
+}
