@@ -13,7 +13,7 @@ module                 responsibility
 ``settling``           when a run has settled, and where it then ends
 ``pair_run``           a whole run: fast until its last periods, which are recorded
 ``recorded_arcs``      what is recorded of a period, read off its arcs
-``many_runs``          runs over many tunings, of many designs, over many initial states
+``many_runs``          runs over many tunings, over many initial states
 ``sections``           states of many orbits at one mesh phase of every period
 ``deviation``          linearised maps of phases and flank crossings
 ``pair_maps``          growth of small deviations over mesh periods

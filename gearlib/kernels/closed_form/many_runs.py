@@ -1,4 +1,4 @@
-"""Runs over many tunings, of many designs, and over many initial states."""
+"""Runs over many tunings, and over many initial states."""
 
 import math
 
@@ -55,44 +55,6 @@ def run_many(
         if status != OK or not carry:
             x, v = state[0], state[1]
         codes[i, 0], codes[i, 1] = period, status
-
-
-@kernel
-def run_designs(
-    ratios,
-    tunings,
-    order,
-    states,
-    carry,
-    periods,
-    record_periods,
-    limit,
-    bounds,
-    summaries,
-    ends,
-    codes,
-):
-    """Run each of k designs as `run_many` does one.
-
-    `ratios`, shape (k, 7), `tunings`, shape (k, n), `states`, shape (k, 2), and `bounds`, shape
-    (k,), are those of each design; so are the rows of `summaries`, shape (k, n, 9), `ends`, shape
-    (k, n, 2), and `codes`, shape (k, n, 2).
-    """
-    for i in range(ratios.shape[0]):
-        run_many(
-            ratios[i],
-            tunings[i],
-            order,
-            states[i],
-            carry,
-            periods,
-            record_periods,
-            limit,
-            bounds[i],
-            summaries[i],
-            ends[i],
-            codes[i],
-        )
 
 
 @kernel

@@ -24,9 +24,6 @@ class Base:
     #: and states at one phase of every period, as of `gearlib.kernels.closed_form.sections.section`
     #: without the mesh; None: not in one call.
     run_many: Callable | None = None
-    #: The same of many designs: numbers of the model are arrays of shape (k,), each design has its
-    #: row of tunings, shape (k, n), its start, shape (k, 2), and its bound; None: one by one.
-    run_designs: Callable | None = None
     sections: Callable | None = None
     #: Whether periods that `run` returns are proven, see `stable_repeats`, or those of its states.
     proves_periods = False

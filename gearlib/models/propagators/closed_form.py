@@ -51,12 +51,6 @@ class Propagator(Base):
         begin = np.array(state), carry
         many_runs.run_many(ratios(model), tunings, order, *begin, *span, *rows)
 
-    @staticmethod
-    def run_designs(pairs, tunings, order, states, carry, span, rows):
-        """Run many pairs in one call of the kernel, see `Base.run_designs`."""
-        table = np.ascontiguousarray(ratios(pairs).T)
-        many_runs.run_designs(table, tunings, order, states, carry, *span, *rows)
-
     def vary(self, z, periods, limit, maps, first):
         """Fill the maps; see `Base.vary`."""
         *z[:], code = vary(self.mesh, *z, periods, limit, maps)
