@@ -197,7 +197,6 @@ class Frame:
         block[-1], into[-1] = 0.0, 0.0
         into[-1, one] = 1.0
         rows[..., seen : n - 1], block[: seen - fast, seen - fast : -1] = 0.0, 0.0
-        block[np.abs(block) < 1e-13 * np.abs(a).max()] = 0.0
         return Basis(out, into, rates, pairs, block, rows)
 
 
@@ -216,13 +215,22 @@ def _split(a):
         if rates[fast].imag.sum() != 0.0:
             continue  # a pair stays together
         pairs, real = fast[rates[fast].imag > 0.0], fast[rates[fast].imag == 0.0]
-        p = np.stack([right[:, pairs].real, -right[:, pairs].imag], axis=2).reshape(size, -1)
         dual = np.hstack([left[:, pairs].real, left[:, pairs].imag, left[:, real].real])
         rest = scipy.linalg.null_space(dual.T, rcond=1e-13) if fast.size else np.eye(size)
-        p = np.hstack([p, right[:, real].real, rest])
+        kept = np.concatenate([pairs, real])
+        modes = right[:, kept] - rest @ _slow_parts(a, rates[kept], right[:, kept], rest)
+        p = np.stack([modes[:, : pairs.size].real, -modes[:, : pairs.size].imag], axis=2)
+        p = np.hstack([p.reshape(size, -1), modes[:, pairs.size :].real, rest])
         if p.shape[1] == size and (np.linalg.cond(p) < _CONDITION or not fast.size):
             break
-    return rates[np.concatenate([pairs, real])], pairs.size, p, np.linalg.inv(p)
+    return rates[kept], pairs.size, p, np.linalg.inv(p)
+
+
+def _slow_parts(a, rates, modes, rest):
+    """Return the slow motions, in columns of `rest`, that rounding has left in fast modes."""
+    block = rest.T @ a @ rest
+    residuals = (rest.T @ (a @ modes - modes * rates)).T[..., None]
+    return np.linalg.solve(block - rates[:, None, None] * np.eye(len(block)), residuals)[..., 0].T
 
 
 def _turned(rows, block, constant, scale):
