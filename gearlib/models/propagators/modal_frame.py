@@ -25,6 +25,8 @@ _TERMS = 36
 _CONDITION = 100.0
 #: Rates, over that of the reference mode, and over the fastest, below which motions are slow.
 _SLOW, _SLOW_SHARE = 1e-5, 1e-9
+#: Static deflections beyond which the rounding of a basis, which changes of contact add up, counts.
+_FAR = 8.0
 #: Bases that are kept.
 _MAX_BASES = 64
 #: Growth of a mode that is rounding.
@@ -179,9 +181,10 @@ class Frame:
         a[moving:, moving:] = whole[moving:, moving:]
         # The constant and the harmonics are scaled by the deflections that they cause.
         frequencies = self.free[range(r), range(r, 2 * r)]
-        deflections = np.abs(a[r : 2 * r, moving:] / frequencies[:, None])
+        forces = a[r : 2 * r, moving:] / frequencies[:, None]
+        deflection = np.abs(self.out[: moving // 2, :r] @ forces).max(initial=0.0)
         scale = np.ones(n)
-        scale[moving:] /= deflections.max(initial=1.0)
+        scale[moving:] /= np.abs(forces).max(initial=1.0)
         out[:moving, :moving], into[:moving, :moving] = self.out, self.into
         out, into, a = out * scale, into / scale[:, None], a * scale / scale[:, None]
         rates, pairs, p, inverse = _split(a)
@@ -192,7 +195,10 @@ class Frame:
         turn, hidden = _turned(rows[:, fast:], block, out[one, fast:], np.abs(rows).max())
         back = np.linalg.inv(turn)
         out[:, fast:], into[fast:], block = out[:, fast:] @ turn, back @ into[fast:], back @ block
-        block, rows, seen = block @ turn, lines @ out, n - 1 - hidden
+        block, seen = block @ turn, n - 1 - hidden
+        if deflection > _FAR:
+            out, into, rates, block = _refined(whole, out, into, rates, pairs, block)
+        rows = lines @ out
         # What is zero but for rounding would make the constant move.
         block[-1], into[-1] = 0.0, 0.0
         into[-1, one] = 1.0
@@ -231,6 +237,42 @@ def _slow_parts(a, rates, modes, rest):
     block = rest.T @ a @ rest
     residuals = (rest.T @ (a @ modes - modes * rates)).T[..., None]
     return np.linalg.solve(block - rates[:, None, None] * np.eye(len(block)), residuals)[..., 0].T
+
+
+def _refined(matrix, out, into, rates, pairs, block):
+    """Return (out, into, rates, block) after a step of Newton's method with long residuals."""
+    n, fast = len(matrix), pairs + rates.size
+    long = [x.astype(np.longdouble) for x in (matrix, out, into)]
+    # Amplitudes of pairs as two complex numbers, that of w and that of its conjugate.
+    turn = np.eye(n, dtype=complex)
+    order = np.concatenate([np.arange(0, 2 * pairs, 2), np.arange(2 * pairs, fast)])
+    eigenvalues = np.zeros(fast, complex)
+    eigenvalues[order], eigenvalues[1 : 2 * pairs : 2] = rates, rates[:pairs].conj()
+    for i in range(0, 2 * pairs, 2):
+        turn[i : i + 2, i : i + 2] = (1.0, 1.0j), (1.0, -1.0j)
+    back = np.linalg.inv(turn)
+    diagonal = np.zeros((n, n), complex)
+    diagonal[range(fast), range(fast)] = eigenvalues
+    motion = (back @ diagonal @ turn).real
+    motion[fast:, fast:] = block
+    gram = long[2] @ long[1]
+    residual = (long[2] @ (long[0] @ long[1]) - gram @ motion.astype(np.longdouble)).astype(float)
+    error, residual = (gram - np.eye(n)).astype(float), turn @ residual @ back
+    step, apart = np.zeros((n, n), complex), eigenvalues[None] - eigenvalues[:, None]
+    # Equal ones stay as they are: any vectors of them will do.
+    alike = np.abs(apart) <= 1e-6 * np.abs(eigenvalues).max(initial=0.0)
+    step[:fast, :fast] = np.where(alike, 0.0, residual[:fast, :fast] / np.where(alike, 1.0, apart))
+    for i, eigenvalue in enumerate(eigenvalues):
+        unlike = block - eigenvalue * np.eye(n - fast)
+        step[i, fast:] = np.linalg.solve(unlike.T, residual[i, fast:])
+        step[fast:, i] = -np.linalg.solve(unlike, residual[fast:, i])
+    step = (back @ step @ turn).real
+    return (
+        (long[1] + out @ step).astype(float),
+        (long[2] - (step + error) @ into).astype(float),
+        rates + residual.diagonal()[order],
+        block + residual[fast:, fast:].real,
+    )
 
 
 def _turned(rows, block, constant, scale):
