@@ -18,9 +18,9 @@ def train(teeth, planets, **options):
     return planetary(**given | options)
 
 
-def harmonics(model, tuning):
+def harmonics(model, tuning, guess=None):
     """Return amplitudes of the sun over axis and order, 1 to 12, and the bounces of an orbit."""
-    orbit = periodic_orbit(model, tuning)
+    orbit = periodic_orbit(model, tuning, guess=guess)
     run = simulate(
         model, tuning, periods=1, samples_per_period=SAMPLES, initial_state=tuple(orbit.state)
     )
@@ -88,7 +88,9 @@ def shifted(model):
 
 def test_a_late_mesh_lets_forbidden_harmonics_in():
     for teeth, planets, tuning in (((28, 98), 3, 10.0), ((26, 98), 4, 8.0)):
-        found, _ = harmonics(shifted(train(teeth, planets)), tuning)
+        model = shifted(train(teeth, planets))
+        # From rest rounding grows until one of several motions is reached.
+        found, _ = harmonics(model, tuning, model.start_state("static"))
         assert found[:2, 2 * planets - 3].min() > 1e-6
 
 

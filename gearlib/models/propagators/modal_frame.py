@@ -236,7 +236,12 @@ def _slow_parts(a, rates, modes, rest):
     """Return the slow motions, in columns of `rest`, that rounding has left in fast modes."""
     block = rest.T @ a @ rest
     residuals = (rest.T @ (a @ modes - modes * rates)).T[..., None]
-    return np.linalg.solve(block - rates[:, None, None] * np.eye(len(block)), residuals)[..., 0].T
+    apart = block - rates[:, None, None] * np.eye(len(block))
+    try:
+        return np.linalg.solve(apart, residuals)[..., 0].T
+    except np.linalg.LinAlgError:
+        # Equal rates stay as they are: any vectors of them will do.
+        return (np.linalg.pinv(apart, 1e-6) @ residuals)[..., 0].T
 
 
 def _refined(matrix, out, into, rates, pairs, block):
