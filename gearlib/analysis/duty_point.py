@@ -20,9 +20,9 @@ from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
 #: Longest motion that is followed, in mesh periods, and of pairs of teeth in steps: some 0.2 s.
-_MAX_PERIODS, _MAX_STEPS = 10_000, 200_000
+_MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
 #: Mesh periods times sets of pairs of teeth that are tabulated at most: some 0.5 s.
-_MAX_TABLES = 3000
+_MAX_TABLES = 2500
 #: Revolutions that are recorded of a motion that does not repeat, and most mesh periods of these.
 _REVOLUTIONS, _MAX_RECORD = 10, 2000
 

@@ -38,7 +38,7 @@ SAME_PLACE = 1e-12
 #: Slices of a helical face at least, fewest and most lines of a base pitch.
 _SLICES, FEWEST_LINES, _MOST_LINES = 48, 48, 128
 #: Slices at all phases together, some 0.4 s: where pitch errors make more, both are coarser.
-_MOST_ROWS = 150_000
+_MOST_ROWS = 120_000
 #: Largest number of pairs of teeth in mesh at once.
 _MAX_PAIRS = 10
 #: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
