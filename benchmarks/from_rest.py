@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.short import repeats
 from gearlib import sweep
-from gearlib.models.propagators.closed_form import ratios
+from gearlib.engines.pair.propagator import ratios
 
 TUNINGS, ROUNDS = 4096, repeats(7)
 #: Range of tunings, periods: the paper's characteristic, and where nothing settles.

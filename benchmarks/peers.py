@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.short import repeats
 from gearlib import integrators, sweep
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 
 _TUNING, _REPEATS = 0.9, repeats(5)
 

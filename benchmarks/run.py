@@ -21,10 +21,10 @@ from benchmarks import from_rest, geometry, peers, trains
 from benchmarks.scipy_split import run as scipy_split
 from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
-from gearlib.kernels import orbit
-from gearlib.kernels.polynomial import bernstein_matrix
-from gearlib.kernels.taylor.series import ORDER
-from gearlib.kernels.taylor.taylor_run import run_nonlinear, steady_course
+from gearlib.engines import orbit
+from gearlib.engines.polynomial import bernstein_matrix
+from gearlib.engines.taylor.series import ORDER
+from gearlib.engines.taylor.taylor_run import run_nonlinear, steady_course
 from gearlib.pages.explorer.view import look
 
 REPEATS = repeats(7)

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import train_yardstick
 from benchmarks.short import repeats
 from gearlib import GearTrain, idler, integrators, planetary, sweep, two_stage
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 from gearlib.studies.trials.difficult_problems import PAPER
 
 ROUNDS = repeats(4)

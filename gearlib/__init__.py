@@ -4,7 +4,7 @@
 room             responsibility
 ===============  ================================================================================
 ``models``       what can be simulated: parameters, mesh stiffness, equations of motion
-``kernels``      compiled code, floats and arrays only; one folder for each kind of solution
+``engines``      exact runs from event to event; compiled, one folder for each kind of system
 ``data``         from tables of numbers to named datasets and files
 ``integrators``  what stands behind ``method=``: own propagators, and solvers of other packages
 ``runs``         `simulate`, `sweep`, maps of small deviations

@@ -53,9 +53,9 @@ def _matrices():
 
 
 def _pair():
-    from gearlib import kernels
+    from gearlib import engines
 
-    kernels.warm_up()
+    engines.warm_up()
 
 
 def _taylor():

@@ -20,8 +20,8 @@ from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
+from gearlib.engines.growth import carry
 from gearlib.integrators import choose
-from gearlib.kernels.growth import carry
 from gearlib.models.model import FAR
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import CARRIED

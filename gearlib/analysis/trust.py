@@ -31,7 +31,7 @@ from gearlib.analysis import lyapunov
 from gearlib.checks import finite_positive, integer
 from gearlib.data import status
 from gearlib.data.result import result, stacked
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 from gearlib.models.profiles import Fourier
 from gearlib.runs.run_arguments import check_tuning
 from gearlib.runs.simulation import run

@@ -28,8 +28,8 @@ from gearlib.config.types import (
     numbers,
     whole,
 )
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.models.stiffness import mean_over_max
 
 #: Gears beyond these have no squares of their scales within the floating-point numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30

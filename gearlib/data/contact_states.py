@@ -13,7 +13,7 @@ the dynamic mesh force C(tau) g(x) and the modified stiffness function C(tau) (H
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 #: CF flag attributes of every variable that holds one of the codes above.
 FLAGS = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.kernels.codes import (
+from gearlib.engines.codes import (
     EVENT_LIMIT,
     JAMMED,
     NO_START,

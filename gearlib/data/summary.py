@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.data.motion_words import not_settled
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 
 
 def variables(pair, dims, table, ends, codes, record_periods):

@@ -3,11 +3,11 @@
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.codes import OK
 from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
 from gearlib.integrators.recording import TURN, Run
 from gearlib.integrators.right_hand_sides import OneDegree
-from gearlib.kernels.codes import OK
-from gearlib.kernels.steps.embedded import DENSE, Control, take_embedded_steps
+from gearlib.integrators.steps.embedded import DENSE, Control, take_embedded_steps
 
 #: Steps that are taken and recorded at a time.
 _STEPS = 1_024

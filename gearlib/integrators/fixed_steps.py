@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.codes import OK
 from gearlib.integrators.method import STEPS_PER_PERIOD, Integrator, Option
 from gearlib.integrators.recording import RANGE, TURN, Run
 from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.kernels.codes import OK
-from gearlib.kernels.steps.fixed import Scheme, nodes, take_steps
-from gearlib.kernels.steps.train_steps import take_runge_kutta_steps
+from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps
+from gearlib.integrators.steps.train_steps import take_runge_kutta_steps
 
 #: Steps that are taken and recorded at a time.
 _STEPS = 8_192

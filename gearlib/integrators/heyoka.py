@@ -9,11 +9,11 @@ import threading
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.taylor.series import damping_of
 from gearlib.integrators.method import Integrator, Option, Package
 from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.split import Phase, Split, Stall
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.taylor.series import damping_of
 
 #: Parameters of one degree of freedom: flank lines, mean force, stiffness towards x = 0, damping,
 #: and from where on the harmonics of the force stand.

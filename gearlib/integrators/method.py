@@ -11,7 +11,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import status
 from gearlib.data.summary import reach
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 
 
 class Option(NamedTuple):
@@ -62,7 +62,7 @@ class Integrator:
     PACKAGE: ClassVar[Package | None] = None
 
     #: ``run(model, tuning, state, *record, **options)`` runs one tuning; `record` and returns are
-    #: those of `gearlib.kernels.closed_form.pair_run.run`, periods first, and the number of
+    #: those of `gearlib.engines.pair.pair_run.run`, periods first, and the number of
     #: evaluations of the right-hand side.
     run: Any
 

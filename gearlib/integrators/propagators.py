@@ -1,12 +1,12 @@
 """The methods that are chosen where none is named: closed forms, and Taylor steps to events.
 
-See `gearlib.models.propagators`. One degree of freedom goes by scalar closed forms, with harmonic
+See `gearlib.engines`. One degree of freedom goes by scalar closed forms, with harmonic
 excitation, and six degrees of freedom, by matrix exponentials.
 """
 
 from gearlib import checks
+from gearlib.engines.stable_repeats import proven
 from gearlib.integrators.method import Integrator, Option, run_each
-from gearlib.models.propagators.stable_repeats import proven
 
 
 class Exact(Integrator):
@@ -48,7 +48,7 @@ class Exact(Integrator):
 class Taylor(Integrator):
     """Taylor steps of order 20 that end at events: every model of one degree of freedom."""
 
-    # Order and tolerance of `gearlib.models.propagators.taylor`, which is loaded where it runs.
+    # Order and tolerance of `gearlib.engines.taylor.propagator`, which is loaded where it runs.
     ORDER = 20
     EVENTS = "steps end at switches and crossings, which are isolated in Bernstein form"
     OPTIONS = {

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from gearlib.data import status
+from gearlib.engines import orbit
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.integrators.right_hand_sides import FAR, NEAR, codes_of
-from gearlib.kernels import orbit
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
-from gearlib.kernels.steps.equation_of_motion import SIDE
+from gearlib.integrators.steps.equation_of_motion import SIDE
 
 TURN = 2.0 * math.pi
 #: Beyond it a motion has no digits left, or no room for squares.

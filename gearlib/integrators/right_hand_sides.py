@@ -32,13 +32,13 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.kernels.closed_form.mesh_constants import contact_between
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.several_meshes.grid import work_of
-from gearlib.kernels.several_meshes.train_run import set_contacts
-from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
-from gearlib.kernels.steps import equation_of_motion, train_steps
-from gearlib.kernels.steps.equation_of_motion import SIDE
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.linear.grid import work_of
+from gearlib.engines.linear.train_run import set_contacts
+from gearlib.engines.linear.train_system import matrix_of, set_harmonics
+from gearlib.engines.pair.mesh_constants import contact_between
+from gearlib.integrators.steps import equation_of_motion, train_steps
+from gearlib.integrators.steps.equation_of_motion import SIDE
 
 #: Flank lines of a mesh.
 NEAR, FAR = 0, 1

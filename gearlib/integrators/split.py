@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.data import status
+from gearlib.engines.codes import BACKLASH, BOTH, INVERSE, NORMAL
 from gearlib.integrators.recording import TURN, Run, next_code, within_range
 from gearlib.integrators.right_hand_sides import FAR, NEAR
-from gearlib.kernels.codes import BACKLASH, BOTH, INVERSE, NORMAL
 
 
 class Exit(NamedTuple):

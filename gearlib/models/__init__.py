@@ -4,7 +4,6 @@
 module                responsibility
 ====================  =======================================================================
 ``model``             `Model`, the protocol: all that runs and analyses ask of a model
-``propagators``       what takes states through mesh periods, one module a kind
 ``pair``              `GearPair`: one pair of gears; the border between SI and ratios
 ``one_degree``        `OneDegreePair`: nonlinear damping, other stiffness, excitation
 ``load_sharing_pair`` `LoadSharingPair`: pairs of teeth that touch one by one

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.kernels.tooth_pairs.tooth_pairs_system import ToothPairSystem
+from gearlib.engines.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
     FEWEST_LINES,
@@ -41,7 +41,7 @@ from gearlib.models.with_pair import WithPair
 from gearlib.parameters import TRUTH, Instance, Integer, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.models.propagators import tooth_pairs  # noqa: F401
+    from gearlib.engines.tooth_pairs import propagator as tooth_pairs  # noqa: F401
 
 #: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
 _CONVERGED = 1.18
@@ -95,7 +95,7 @@ class LoadSharingPair(WithPair):
     ] = True
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
-    propagators = {"exact": "tooth_pairs"}
+    propagators = {"exact": "tooth_pairs.propagator"}
     damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
@@ -268,7 +268,7 @@ class LoadSharingPair(WithPair):
             np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
             for a, b in zip(*lines, strict=True)
         )
-        # In the order of the columns of `gearlib.kernels.tooth_pairs.tooth_pairs_system`.
+        # In the order of the columns of `gearlib.engines.tooth_pairs.tooth_pairs_system`.
         force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
         least = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
         members = inside @ 2 ** np.arange(inside.shape[1])

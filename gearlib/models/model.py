@@ -18,7 +18,9 @@ from gearlib import checks
 from gearlib.models import parameter_values
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.models.propagators import closed_form, piecewise_linear, taylor  # noqa: F401
+    from gearlib.engines.linear import one_mesh  # noqa: F401
+    from gearlib.engines.pair import propagator as pair  # noqa: F401
+    from gearlib.engines.taylor import propagator as taylor  # noqa: F401
 
 
 #: A motion that is so many times as large as what made it grows without bound.
@@ -79,21 +81,21 @@ class Model:
 
     @property
     def propagators(self):
-        """Name of a method -> module of `gearlib.models.propagators`; the default comes first."""
-        exact = {"exact": "piecewise_linear"} if self.equation.is_piecewise_linear() else {}
-        return exact | {"taylor": "taylor"}
+        """Name of a method -> module of `gearlib.engines`; the default comes first."""
+        exact = {"exact": "linear.one_mesh"} if self.equation.is_piecewise_linear() else {}
+        return exact | {"taylor": "taylor.propagator"}
 
     def kind(self, method=None):
         """Return the class of propagators of a method, by default the first of `propagators`."""
         name = self.propagators[method or next(iter(self.propagators))]
-        return import_module(f"gearlib.models.propagators.{name}").Propagator
+        return import_module(f"gearlib.engines.{name}").Propagator
 
     def steps_per_period(self, tuning):
         """Return how many steps a mesh period takes at least; 1 of closed forms."""
         return 1.0
 
     def propagator(self, tuning, method=None, **options):
-        """Return what takes states through mesh periods at one tuning, a `propagators.base.Base`.
+        """Return the engine of the model at one tuning, a `gearlib.engines.protocol.Base`.
 
         The method is one of `propagators`; options are of Taylor steps: tolerance.
         """
@@ -161,12 +163,12 @@ class Model:
     def empty_record(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.
 
-        Columns as of `gearlib.kernels.orbit`; samples also have those of `more_samples`.
+        Columns as of `gearlib.engines.orbit`; samples also have those of `more_samples`.
         """
         # Here, since a start of the workflow loads this module.
         import numpy as np
 
-        from gearlib.kernels import orbit
+        from gearlib.engines import orbit
 
         columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
         tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS

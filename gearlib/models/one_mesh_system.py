@@ -1,6 +1,6 @@
 """What the piecewise-linear models share: systems of one mesh, harmonics as components, maps.
 
-See `gearlib.kernels.several_meshes.train_system` for the form of these models.
+See `gearlib.engines.linear.train_system` for the form of these models.
 """
 
 import math
@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.codes import INVERSE, NORMAL
-from gearlib.kernels.exponential import REACH, exponential
-from gearlib.kernels.several_meshes.train_system import TrainSystem, matrix_of
+from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.exponential import REACH, exponential
+from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
 class Side(NamedTuple):

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.taylor.series import Law
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.taylor.series import Law
 from gearlib.models import one_mesh_system
 from gearlib.models.profiles import Pieces
 

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from gearlib import checks, parameters
+from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models import parameter_values
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.models.stiffness import force_note, mean_over_max
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
@@ -170,7 +170,8 @@ class GearPair(PairParameters, Model):
     def propagators(self):
         """Scalar closed forms where they keep their digits; see `Model.propagators`."""
         scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
-        return {"exact": "closed_form" if scalar else "piecewise_linear", "taylor": "taylor"}
+        exact = "pair.propagator" if scalar else "linear.one_mesh"
+        return {"exact": exact, "taylor": "taylor.propagator"}
 
     def damped(self):
         """Return whether there is any damping on the way of the motion."""

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.stiffness import levels, segment_lengths
 
 #: Phases per shortest wave at which a sum of harmonics is compared with its mean.
 _SCAN = 32

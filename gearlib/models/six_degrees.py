@@ -66,7 +66,7 @@ _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
-#: Names of the recorded functionals, after the columns of `gearlib.kernels.orbit`.
+#: Names of the recorded functionals, after the columns of `gearlib.engines.orbit`.
 OUTPUTS = (
     "rotation_3",
     "rotation_2",
@@ -145,7 +145,7 @@ class SixDegreePair(WithPair):
     ] = True
 
     extra_samples = OUTPUTS
-    propagators = {"exact": "piecewise_linear"}
+    propagators = {"exact": "linear.one_mesh"}
     moving_flank = True
     by_default = {
         "inverse_deviation": lambda model: model.deviation,

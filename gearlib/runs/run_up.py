@@ -7,11 +7,11 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import contact_states, status, summary
 from gearlib.data.result import result
-from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.record import FORCE_SUM
+from gearlib.engines import orbit
+from gearlib.engines.linear import courses
+from gearlib.engines.linear.record import FORCE_SUM
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
-from gearlib.models.propagators import courses
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
 #: name -> (CF units, long_name): a run-up is in SI units
@@ -46,7 +46,7 @@ _SAID = {
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
 #: Propagators of models that are not piecewise linear.
-_STEPPED = "taylor", "tooth_pairs"
+_STEPPED = "taylor.propagator", "tooth_pairs.propagator"
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.

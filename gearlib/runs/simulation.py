@@ -8,8 +8,8 @@ import numpy as np
 from gearlib import checks, integrators
 from gearlib.data import contact_states, status, summary
 from gearlib.data.result import result
-from gearlib.kernels import orbit
-from gearlib.models.propagators.stable_repeats import followed
+from gearlib.engines import orbit
+from gearlib.engines.stable_repeats import followed
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
     check_memory,

@@ -13,7 +13,7 @@ from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import summary
 from gearlib.data.status import OK
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 

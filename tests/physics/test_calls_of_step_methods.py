@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
-from gearlib.kernels.steps.equation_of_motion import Contact
-from gearlib.kernels.steps.fixed import Scheme, alpha_step
-from gearlib.models.stiffness import levels
+from gearlib.engines.pair.stiffness import levels
+from gearlib.integrators.steps.equation_of_motion import Contact
+from gearlib.integrators.steps.fixed import Scheme, alpha_step
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
 
 

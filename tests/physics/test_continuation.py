@@ -17,7 +17,7 @@ from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.analysis.tongues import meissner
-from gearlib.models.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import levels, segment_lengths
 from tests.paper import PAPER as FREE
 from tests.physics.test_periodic_orbits import DAMPED
 

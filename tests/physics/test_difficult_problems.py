@@ -7,8 +7,8 @@ import pytest
 
 from gearlib import integrators, simulate
 from gearlib.analysis.tongues import meissner
+from gearlib.engines.pair.stiffness import levels
 from gearlib.models.pair import GearPair
-from gearlib.models.stiffness import levels
 from gearlib.studies.trials import difficult_problems, failures
 from tests.references import of_pair
 

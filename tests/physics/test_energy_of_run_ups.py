@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gearlib
+from gearlib.engines.linear import courses
 from gearlib.models import acceleration
-from gearlib.models.propagators import courses
 from tests.physics.test_run_up import DAMPED, random_course, reference
 
 

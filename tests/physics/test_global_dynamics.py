@@ -20,8 +20,8 @@ from gearlib import (
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
-from gearlib.kernels.closed_form.mesh_constants import mesh
-from gearlib.models.propagators.closed_form import ratios
+from gearlib.engines.pair.mesh_constants import mesh
+from gearlib.engines.pair.propagator import ratios
 from gearlib.studies import global_picture as studies
 from gearlib.studies.global_picture import _random_states
 from tests.paper import PAPER

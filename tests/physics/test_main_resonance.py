@@ -10,7 +10,7 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.period_map import linear_orbit_of
 from gearlib.data.lost_contact import ROUNDING
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import GEARS, gears

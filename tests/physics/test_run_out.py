@@ -16,7 +16,7 @@ from gearlib import (
 )
 from gearlib.analysis import lyapunov
 from gearlib.analysis.trust import scan
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 from gearlib.models.one_mesh_system import by_phase
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears

@@ -6,7 +6,7 @@ import numpy as np
 
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 
 
 def random_orbit(seed):

@@ -16,6 +16,6 @@ class SharedLocator(UserProvidedCacheLocator):
     def get_suitable_cache_subpath(cls, py_file):
         """Return the folder: that of a kernel of gearlib by its name, others as numba has them."""
         folder = Path(py_file).parent
-        if "kernels" in folder.parts:
+        if "engines" in folder.parts or folder.name == "steps":
             return folder.name
         return super().get_suitable_cache_subpath(py_file)

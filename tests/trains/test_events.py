@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.modal_arcs import modes
-from gearlib.kernels.several_meshes.periods import EVENT_MESH, in_order
+from gearlib.engines import orbit
+from gearlib.engines.linear.modal_arcs import modes
+from gearlib.engines.linear.periods import EVENT_MESH, in_order
 from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train

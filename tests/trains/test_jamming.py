@@ -15,7 +15,7 @@ import pytest
 import gearlib
 from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh, SixDegreePair
 from gearlib.data import status
-from gearlib.kernels.several_meshes.train_system import may_close
+from gearlib.engines.linear.train_system import may_close
 from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import edge_problem
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes import sparse_series
-from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
-from gearlib.kernels.several_meshes.record import SUMMARY_COLUMNS
+from gearlib.engines import orbit
+from gearlib.engines.linear import sparse_series
+from gearlib.engines.linear.periods import EVENT_COLUMNS
+from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from tests.trains.random_trains import random_problem
 
 #: Phases of the planets differ, so that hardly two meshes part at once.

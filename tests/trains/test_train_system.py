@@ -14,9 +14,9 @@ from gearlib import (
     split_power_reducer,
     two_stage,
 )
-from gearlib.kernels.exponential import REACH
-from gearlib.kernels.several_meshes.train_system import matrix_of
-from gearlib.models.propagators import several_meshes
+from gearlib.engines.exponential import REACH
+from gearlib.engines.linear import propagator as linear_propagator
+from gearlib.engines.linear.train_system import matrix_of
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
 
@@ -163,7 +163,7 @@ def test_segments_of_a_stretch_are_those_of_the_whole(first, count):
 def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
     train, found = with_run_out(), []
     for stretch in (10**6, 4):
-        monkeypatch.setattr(several_meshes, "_STRETCH", stretch)
+        monkeypatch.setattr(linear_propagator, "_STRETCH", stretch)
         run = simulate(train, 0.9, periods=13, record_periods=5)
         orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first=30)
         found.append((run, orbit))

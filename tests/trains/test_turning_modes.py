@@ -8,11 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 import gearlib
-from gearlib.kernels.several_meshes import grid as several_meshes
-from gearlib.kernels.several_meshes.modal_arcs import advance, turn_by
-from gearlib.kernels.several_meshes.train_system import matrix_of
-from gearlib.models.propagators import modal_frame
-from gearlib.models.propagators import several_meshes as propagators
+from gearlib.engines.linear import grid, modal_frame, propagator
+from gearlib.engines.linear.modal_arcs import advance, turn_by
+from gearlib.engines.linear.train_system import matrix_of
 from tests.properties.known_models import pairs_as_train
 from tests.trains.test_events import PAIR
 
@@ -99,10 +97,10 @@ def test_a_lasting_contact_is_proven_and_no_polynomial_asked(monkeypatch):
     train, kept = pairs_as_train(PAIR, 2), []
 
     def work(*sizes):
-        kept.append(several_meshes.work_of(*sizes))
+        kept.append(grid.work_of(*sizes))
         return kept[-1]
 
-    monkeypatch.setattr(propagators, "work_of", work)
+    monkeypatch.setattr(propagator, "work_of", work)
     # Far above the resonance both meshes only tremble.
     run = gearlib.simulate(train, 3.1, periods=30, initial_state="static")
     # The first is that of the run, which is then followed on.

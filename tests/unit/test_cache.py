@@ -7,13 +7,13 @@ import tempfile
 
 import pytest
 
-from gearlib.kernels.cache import _temporary_folder, cache_folder
+from gearlib.engines.cache import _temporary_folder, cache_folder
 
 #: Says whether the warm-up met kernels, and how many were compiled after it.
 COUNTED = """
 def compiled():
-    modules = [m for name, m in sys.modules.items() if name.startswith("gearlib.kernels")]
-    kernels = {{id(k): k for m in modules for k in vars(m).values() if hasattr(k, "stats")}}
+    modules = [m for name, m in sys.modules.items() if name.startswith("gearlib.engines")]
+    kernels = {{id(k): k for m in modules for k in vars(m).values() if hasattr(k, "py_func")}}
     stats = [kernel.stats for kernel in kernels.values()]
     return len(stats), sum(sum(one.cache_misses.values()) for one in stats)
 {warm}
@@ -24,8 +24,8 @@ print(kernels > 0, compiled()[1] - before)
 #: Of a gear pair, and of the job that compiles kernels of larger models: imports, warm-up, runs.
 WARM = {
     "pair": (
-        "import sys\nfrom gearlib import kernels, simulate, sweep\nfrom tests.paper import PAPER\n",
-        "kernels.warm_up()",
+        "import sys\nfrom gearlib import engines, simulate, sweep\nfrom tests.paper import PAPER\n",
+        "engines.warm_up()",
         """
 simulate(PAPER, 0.9, periods=3)
 for direction in ("cold", "up", "down"):
@@ -45,7 +45,7 @@ models = list(job.models())
     ),
 }
 KERNELS = """
-from gearlib.kernels.jit import kernel
+from gearlib.engines.jit import kernel
 
 @kernel
 def half_of_it(x):

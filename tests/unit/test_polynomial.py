@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
-from gearlib.kernels import polynomial
-from gearlib.kernels.polynomial import (
+from gearlib.engines import polynomial
+from gearlib.engines.polynomial import (
     bernstein_matrix,
     fall_by_shape,
     first_fall,
     highest,
 )
-from gearlib.kernels.taylor.series import ROWS, X
-from gearlib.kernels.taylor.taylor_run import first_crossing
+from gearlib.engines.taylor.series import ROWS, X
+from gearlib.engines.taylor.taylor_run import first_crossing
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)

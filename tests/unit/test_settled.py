@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
-from gearlib.kernels import orbit
-from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
-from gearlib.kernels.closed_form.pair_run import skip
-from gearlib.kernels.closed_form.whole_periods import new_work, set_mesh, set_start
-from gearlib.models.propagators.closed_form import ratios
+from gearlib.engines import orbit
+from gearlib.engines.pair.mesh_constants import contact_of, mesh
+from gearlib.engines.pair.pair_run import skip
+from gearlib.engines.pair.propagator import ratios
+from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 from tests.geometry.drawings import own
 from tests.paper import PAPER
 from tests.properties.known_models import gears, pairs_as_train

@@ -5,7 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.kernels.closed_form.contact_table import (
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.jit import kernel
+from gearlib.engines.orbit import orbit_period
+from gearlib.engines.overflow import within_range
+from gearlib.engines.pair.contact_table import (
     LAST,
     LEVEL_COLUMNS,
     NONE,
@@ -15,16 +19,12 @@ from gearlib.kernels.closed_form.contact_table import (
     set_level,
     step,
 )
-from gearlib.kernels.closed_form.damped_oscillator import evolve, level
-from gearlib.kernels.closed_form.event_by_event import ARC_COLUMNS, march_period
-from gearlib.kernels.closed_form.many_runs import skip_many
-from gearlib.kernels.closed_form.mesh_constants import contact_of, mesh
-from gearlib.kernels.closed_form.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.kernels.jit import kernel
-from gearlib.kernels.orbit import orbit_period
-from gearlib.kernels.overflow import within_range
-from gearlib.models.stiffness import levels, segment_lengths
+from gearlib.engines.pair.damped_oscillator import evolve, level
+from gearlib.engines.pair.event_by_event import ARC_COLUMNS, march_period
+from gearlib.engines.pair.many_runs import skip_many
+from gearlib.engines.pair.mesh_constants import contact_of, mesh
+from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 
 PERIODS = 8
 LIMIT = 10**6

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gearlib import kernels
+from gearlib import engines
 from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    Path(snakemake.output.stamp).write_text(f"{kernels.warm_up()}\n", encoding="utf-8")
+    Path(snakemake.output.stamp).write_text(f"{engines.warm_up()}\n", encoding="utf-8")

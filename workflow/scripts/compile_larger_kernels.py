@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gearlib.kernels.cache import source_hash
+from gearlib.engines.cache import source_hash
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from compile_larger_kernels import run
-from gearlib.kernels.cache import source_hash
+from gearlib.engines.cache import source_hash
 from gearlib.models.trains.ready_made import planetary
 from joblog import redirect_output
 

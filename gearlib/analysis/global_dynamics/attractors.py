@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit, product
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)

@@ -6,7 +6,7 @@ from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.grids import check_one_mesh
 from gearlib.data import status
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 from gearlib.models.model import FAR
 
 #: Random states that run first, to find the attractors.

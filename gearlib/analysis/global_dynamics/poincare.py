@@ -11,8 +11,8 @@ from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
+from gearlib.engines import orbit
 from gearlib.integrators import choose
-from gearlib.kernels import orbit
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import DIRECTIONS

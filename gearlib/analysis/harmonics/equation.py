@@ -223,7 +223,7 @@ def stiffness_coefficients(law, highest):
     """Return the exact Fourier coefficients 0 ... `highest` of c / nu^2, complex.
 
     From the jumps of value and slope at the breaks of the straight pieces of a
-    `gearlib.kernels.taylor.series.Law`, in closed form, and its harmonics.
+    `gearlib.engines.taylor.series.Law`, in closed form, and its harmonics.
     """
     n = np.arange(1, highest + 1)
     lengths = np.diff(law.breaks)

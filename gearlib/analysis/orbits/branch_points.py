@@ -17,7 +17,7 @@ from gearlib.analysis.orbits.followed_parameters import attributes, with_paramet
 from gearlib.analysis.orbits.tracing import Lost, slope
 from gearlib.data import status
 from gearlib.data.result import result
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 
 #: Events of several meshes closer in phase than this are simultaneous.
 _SIMULTANEOUS = 1e-9

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar, newton
 
 from gearlib.analysis.orbits.period_map import NotFound, PeriodMap, linear_orbit_of
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 
 #: Quantities that `main_resonance` can find.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")

@@ -16,7 +16,7 @@ from gearlib.analysis.orbits.branch_points import Shooting, orbit_dataset
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS
-from gearlib.kernels.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
+from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Scaled step of differences; value of the condition over its slope that counts as zero.

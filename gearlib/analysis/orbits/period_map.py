@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from gearlib.analysis.orbits.shooting import product
 from gearlib.data import status
-from gearlib.kernels.several_meshes.train_system import matrix_of, set_harmonics
+from gearlib.engines.linear.train_system import matrix_of, set_harmonics
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Largest number of Newton steps, largest step, and step below which the next would be rounding.

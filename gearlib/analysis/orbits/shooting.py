@@ -19,8 +19,8 @@ from gearlib.data import status
 from gearlib.data.contact_states import FLAGS
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
+from gearlib.engines import orbit as columns
 from gearlib.integrators import choose
-from gearlib.kernels import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Residual of an orbit, in static deflections, that counts as none; height times this if larger.

@@ -15,7 +15,7 @@ import numpy as np
 from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import TrainFacts, Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, numbers_of
-from gearlib.kernels.codes import INVERSE, NORMAL
+from gearlib.engines.codes import INVERSE, NORMAL
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 FREE_MOTION_TOLERANCE = 1e-13

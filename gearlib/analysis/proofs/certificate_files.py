@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gearlib.analysis.proofs.balls import Enclosure
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
 

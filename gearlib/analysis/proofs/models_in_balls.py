@@ -118,7 +118,7 @@ def model_reader(model):
         if model.equation.is_piecewise_linear():
             return _of_equation
     else:
-        readers = {"several_meshes": _of_train, "piecewise_linear": _of_six_degrees}
+        readers = {"linear.propagator": _of_train, "linear.one_mesh": _of_six_degrees}
         reader = readers.get(model.propagators.get("exact"))
         if reader is _of_train and model.gyroscopic:
             raise Uncertain(

@@ -22,7 +22,7 @@ from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import check_contacts, extrema
 from gearlib.analysis.proofs.windows import Windows, smallest_interval
 from gearlib.data.status import JAMMED, MESSAGES
-from gearlib.kernels import orbit as columns
+from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.

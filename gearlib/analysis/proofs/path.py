@@ -18,7 +18,7 @@ from gearlib.analysis.proofs.arc_laws import moved
 from gearlib.analysis.proofs.balls import column_of, flint, identity
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
-from gearlib.kernels.codes import NORMAL
+from gearlib.engines.codes import NORMAL
 
 #: Most arcs of an orbit.
 MAX_ARCS = 1000

@@ -11,7 +11,7 @@ from gearlib.analysis.proofs.arc_laws import moved
 from gearlib.analysis.proofs.balls import flint, norm
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
-from gearlib.kernels.codes import INVERSE, NORMAL
+from gearlib.engines.codes import INVERSE, NORMAL
 
 #: Most cuts of one piece, the shortest part, as a share of it, and most corrections of a zero.
 _MAX_CUTS, _SHORTEST_PART, _MAX_CORRECTIONS = 2000, 2**-48, 40

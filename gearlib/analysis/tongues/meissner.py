@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from gearlib.models.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import levels, segment_lengths
 
 #: Relative tolerance of roots, the smallest that the solver takes.
 _LAST_PLACES = 4.0 * np.finfo(float).eps

@@ -14,7 +14,7 @@ from gearlib import tunings
 from gearlib.config import gear_names
 from gearlib.config.gear_pair_section import BEARINGS
 from gearlib.config.trials import PEERS
-from gearlib.models.stiffness import force_note
+from gearlib.engines.pair.stiffness import force_note
 
 #: The parts of the report, numbered because its menu is in the order of the alphabet.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"

@@ -3,8 +3,8 @@
 import math
 
 from gearlib import checks
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.iso import iso_rectangle
-from gearlib.models.stiffness import mean_over_max
 
 #: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
 MAX_DEFLECTION = 0.1

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.models.geometry.iso import iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
-from gearlib.models.stiffness import mean_over_max
 
 #: Phase, in base pitches, that a step of the stiffness takes in a table, where it has to be a ramp.
 _RAMP = 1e-7

@@ -5,7 +5,7 @@ line of action touches the pinion's base circle. The pinion drives; contact begi
 at the tip of the wheel, and ends at ``path[1]``, at its own tip.
 
 The mesh phase 0 lies in the middle of the segment with the larger number of pairs in contact, as in
-`gearlib.models.stiffness`; one transverse base pitch is 2 pi.
+`gearlib.engines.pair.stiffness`; one transverse base pitch is 2 pi.
 """
 
 import math

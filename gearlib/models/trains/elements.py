@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gearlib import checks, parameters
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.stiffness import mean_over_max
 
 #: Arguments of `Mesh.from_geometry` by which others are derived.
 _OF_DRAWING = (

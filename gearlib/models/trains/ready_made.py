@@ -9,8 +9,8 @@ import math
 from typing import Annotated
 
 from gearlib import checks
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.planets import equal_positions
-from gearlib.models.stiffness import mean_over_max
 from gearlib.models.trains import parts
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.parameters import (

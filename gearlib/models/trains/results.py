@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.kernels import orbit
-from gearlib.kernels.several_meshes.periods import EVENT_COLUMNS
-from gearlib.kernels.several_meshes.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.engines import orbit
+from gearlib.engines.linear.periods import EVENT_COLUMNS
+from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.trains import layout, train_values

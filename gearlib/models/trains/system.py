@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.kernels.exponential import REACH
-from gearlib.kernels.several_meshes.train_system import TrainSystem
+from gearlib.engines.exponential import REACH
+from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models import one_mesh_system
 
 #: Mesh periods after which nothing repeats, for the numbers of the kernels.

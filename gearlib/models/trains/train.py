@@ -9,7 +9,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data.numbers_given import floats
-from gearlib.models.stiffness import force_note
+from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.trains import assembly, natural_modes, statics, turning, waves
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -20,7 +20,7 @@ from gearlib.models.trains.train_parameters import FALLBACK
 from gearlib.parameters import FINITE, TRUTH, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.models.propagators import several_meshes  # noqa: F401
+    from gearlib.engines.linear import propagator as linear  # noqa: F401
 
 
 @documented
@@ -61,7 +61,7 @@ class GearTrain(TrainResults):
         "carrier then lie on its axis",
     ] = False
 
-    propagators = {"exact": "several_meshes"}
+    propagators = {"exact": "linear.propagator"}
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "
@@ -193,7 +193,7 @@ class GearTrain(TrainResults):
     def linear(self, system):
         """As of `Model.linear`: all flanks in contact at the mean stiffness."""
         omega = self.reference_angular_frequency
-        mass = scaled(self, system.tuning).mass
+        mass = self.scaled(system.tuning).mass
         squares, shapes = self.linear_modes
         every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
         # Orthonormal to the last place: what is missing would be an error of all frequencies.
@@ -286,7 +286,11 @@ class GearTrain(TrainResults):
 
     @cached_property
     def _norm_at_rest(self):
-        return largest_norm(self, scaled(self, 1.0))
+        return largest_norm(self, self.scaled(1.0))
+
+    def scaled(self, tuning):
+        """Return the `Scaled` matrices without the meshes at one tuning."""
+        return scaled(self, tuning)
 
     def system(self, tuning, first=0, count=None):
         """Return the `TrainSystem` of the kernels at one tuning, by default with all segments.

@@ -1,7 +1,7 @@
 """What drives a train over the phase of its reference mesh: stiffness levels, deviations, run-out.
 
 The stiffness of a mesh is at its upper level while its own phase rate tau - 2 pi g, g being its
-phase in mesh periods, lies within pi (epsilon - 1) of a whole period; `gearlib.models.stiffness`.
+phase in mesh periods, lies within pi (epsilon - 1) of a whole period; see `engines.pair.stiffness`.
 """
 
 import math

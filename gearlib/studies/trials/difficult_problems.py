@@ -24,11 +24,11 @@ import math
 from typing import Any, NamedTuple
 
 from gearlib.analysis.tongues import meissner
+from gearlib.engines.pair.stiffness import levels
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.models.stiffness import levels
 from gearlib.models.trains.ready_made import planetary
 
 QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")

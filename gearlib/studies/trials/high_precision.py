@@ -18,7 +18,7 @@ from decimal import Decimal, getcontext, localcontext
 from itertools import pairwise
 from typing import NamedTuple
 
-from gearlib.kernels.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.models.one_mesh_system import by_phase
 from gearlib.models.profiles import Rectangular
 

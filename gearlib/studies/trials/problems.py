@@ -7,7 +7,7 @@ import numpy as np
 
 from gearlib import integrators
 from gearlib.data import status
-from gearlib.kernels import orbit
+from gearlib.engines import orbit
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair

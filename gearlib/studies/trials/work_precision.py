@@ -26,8 +26,8 @@ from gearlib import integrators
 from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.result import result_of_many, stacked
-from gearlib.kernels.closed_form.damped_oscillator import evolve, level
-from gearlib.kernels.jit import kernel
+from gearlib.engines.jit import kernel
+from gearlib.engines.pair.damped_oscillator import evolve, level
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import problems, references
 

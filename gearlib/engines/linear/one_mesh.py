@@ -1,0 +1,66 @@
+"""Piecewise-linear models with one mesh: modes of their contacts, as of gear trains."""
+
+import math
+
+import numpy as np
+
+from gearlib.engines import orbit
+from gearlib.engines.linear.modal_frame import Frame
+from gearlib.engines.linear.periods import EVENT_COLUMNS
+from gearlib.engines.linear.propagator import Propagator as Train
+from gearlib.engines.linear.record import SUMMARY_COLUMNS
+from gearlib.engines.protocol import Base
+
+
+class Propagator(Train):
+    """A piecewise-linear model at one tuning."""
+
+    words, chunk, turning = Base.words, Base.chunk, False
+    new_frame = Frame.of_mesh
+
+    def __init__(self, model, tuning, other=None):
+        super().__init__(model, tuning, other)
+        self.pieces = 0
+        # Displacements are counted from where they are 0, distances from the flank line.
+        self.line = model.flank_lines[0]
+
+    def start(self, state):
+        """Return the state z; see `Base.start`."""
+        if len(state) == self.model.size > 2:
+            return np.array(state, float)
+        return self.model.initial(self.system, state)[: self.model.size]
+
+    def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
+        """Run from z; see `Base.run`."""
+        table, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
+        rows = np.empty((len(events), EVENT_COLUMNS))
+        spans = periods, record_periods
+        done = self.go(z, raw, rows, limit, table, spans, first=first)
+        period, rows, found, code, system = done
+        summary[:] = table[0, : orbit.SUMMARY_COLUMNS]
+        summary[[orbit.X_MAX, orbit.X_MIN]] += self.line
+        full = np.ones(self.components)
+        full[: z.size] = z * self.scale
+        phase = 2.0 * math.pi * (first + periods) * self.system.harmonics
+        full[z.size + 1 :: 2], full[z.size + 2 :: 2] = np.cos(phase), np.sin(phase)
+        x = float(self.system.near[0] @ full) + self.line
+        v = float(self.grid.rate[0] @ full) / self.system.tuning
+        if not code and len(samples):
+            self.fill(raw, samples, system)
+        return x, v, period, rows[:, : orbit.EVENT_COLUMNS], found, code, 0
+
+    def watched(self, *arguments, **named):
+        """Return what maps and a run tell, of one run; see `Base.watched`."""
+        *found, summary = super().watched(*arguments, **named)
+        summary[:, [orbit.X_MAX, orbit.X_MIN]] += self.line
+        return *found, summary
+
+    def fill(self, raw, samples, system):
+        """Fill samples, shape (k, 6 + e), from states, contact codes and segments."""
+        n, count = self.components, orbit.SAMPLE_COLUMNS
+        self.fill_meshes(raw, samples[:, :count].reshape(-1, 1, count), system)
+        samples[:, orbit.SAMPLE_X] += self.line
+        state = raw[:, :n].copy()
+        state[:, : self.scale.size] /= self.scale
+        rows = self.model.outputs(system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
+        samples[:, count:] = np.einsum("ekn,kn->ke", rows, state)

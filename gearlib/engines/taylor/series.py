@@ -1,0 +1,299 @@
+"""Taylor series of the nonlinear mesh, Eq. (3) with one degree of freedom.
+
+In static deflections and mesh phase, while one contact code and one sign of x' last,
+
+    x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
+
+every term is a polynomial in x, x' and the series of c and F, so that the coefficients of the
+solution follow from each other by Cauchy products. F, e and c come with the factor 1 / nu^2.
+The newest coefficient enters a product linearly: it is added last, by its own factor, so that the
+next one need not wait for the sums.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.copies import copy
+from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.pair.elementary import cos_sin
+
+#: Terms of the series beyond the constant. The cost of a step grows with its square, the length
+#: of a step with its logarithm at most; between 16 and 24 the cost per phase is flat.
+ORDER = 20
+_INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
+_SHARES = 1.0 / np.arange(1, ORDER + 4)
+
+# What a step reads and writes stands in plain arrays: every look into a tuple of arrays counts
+# references, which costs more than the sums.
+#: Rows of the array of series: x, x', elastic deflection, stiffness, deflection with its powers,
+#: mesh force, squares of deflection and x', excitation, a polynomial of the share of a step.
+X, V, U, C, G, PUSH, U_SQUARE, V_SQUARE, FORCE, SCALED = range(10)
+ROWS = 10
+#: Columns of the constants of a contact code on a piece of c(tau): damping, powers of the
+#: stiffness (with the sign of the flank), flank line, stiffness at the start of the piece and its
+#: slope; the rest is the same for all of them.
+(D1, D2, D3, P2, P3, LINE, LEVEL, SLOPE, START) = range(9)
+(GROUND, LOAD, UPPER, LOWER, TUNING, REACH) = range(9, 15)
+COLUMNS = 15
+# Rows of the array of harmonics: of the stiffness by contact code + 1, of the excitation, and of a
+# deviation on a course of speed, by which a step knows that it is on one.
+EXCITATION, DEVIATION = 3, 4
+#: What a step on a course finds at its start: rate of the phase and half the rate of that, share of
+#: the load and its rate, force of the inertia.
+PACE, BEND, SHARE, SHARE_RATE, PULL = range(5)
+
+
+class Law(NamedTuple):
+    """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
+
+    tuning: float
+    gap: float  #: backlash in static deflections, upper - lower
+    material: np.ndarray  #: d1, d2, d3 in normal contact, shape (3,)
+    oil: np.ndarray  #: d1, d2, d3 in the backlash, shape (3,)
+    powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
+    breaks: np.ndarray  #: phases that bound the pieces of c(tau), shape (m + 1,), 0 to 2 pi
+    pieces: np.ndarray  #: c at the start of a piece and its slope, shape (m, 2)
+    low: np.ndarray  #: whether c lies below its mean on a piece, shape (m,)
+    stiffness: np.ndarray  #: harmonics added to c: order, cosine, sine, shape (j, 3)
+    force: np.ndarray  #: harmonics of F (order 0 the mean): order, cosine, sine, shape (k, 3)
+    tolerance: float  #: truncation error of a step, in static deflections
+    # Of gear pairs the normal flank lies at 0, both flanks are alike and nothing else pulls.
+    upper: float  #: displacement of the normal flank
+    lower: float  #: displacement of the far flank
+    ground: float  #: e, stiffness towards x = 0 that never parts
+    far_damping: np.ndarray  #: d1, d2, d3 in inverse contact, shape (3,)
+    far_pieces: np.ndarray  #: as `pieces`, of the far flank
+    far_stiffness: np.ndarray  #: as `stiffness`, of the far flank
+
+
+@inlined
+def damping_of(law, contact):
+    """Return d1, d2, d3 of a contact code, shape (3,)."""
+    if contact == BACKLASH:
+        return law.oil
+    return law.material if contact == NORMAL else law.far_damping
+
+
+@inlined
+def _fill_harmonics(table, rows):
+    """Fill `rows` with order, cosine, sine and derivatives; return the sum of order 0."""
+    mean, j = 0.0, 0
+    for i in range(table.shape[0]):
+        n = table[i, 0]
+        if n == 0.0:
+            mean += table[i, 1]
+            continue
+        copy(table[i], rows[j, :3])
+        # n^k / k! with the signs of the derivatives of cosine and sine.
+        rows[j, 3], rows[j, 4] = 1.0, n
+        for k in range(2, ORDER + 1):
+            rows[j, 3 + k] = -n * n * rows[j, 1 + k] / (k * (k - 1.0))
+        j += 1
+    return mean
+
+
+@kernel
+def tables(law):
+    """Return what steps need of a `Law`: (constants, harmonics).
+
+    Shapes (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4): a row of zeros
+    ends the harmonics.
+    """
+    most = max(law.stiffness.shape[0], law.far_stiffness.shape[0], law.force.shape[0])
+    constants = np.empty((3, law.pieces.shape[0], COLUMNS))
+    harmonics = np.zeros((4, most + 1, ORDER + 4))
+    load = _fill_harmonics(law.force, harmonics[EXCITATION])
+    for contact in (INVERSE, BACKLASH, NORMAL):
+        # In the backlash the stiffness is but recorded.
+        far = contact == INVERSE
+        waves = law.far_stiffness if far else law.stiffness
+        mean = _fill_harmonics(waves, harmonics[contact + 1])
+        pieces = law.far_pieces if far else law.pieces
+        damping = damping_of(law, contact)
+        side = 1.0 if contact == NORMAL else -1.0
+        for piece in range(pieces.shape[0]):
+            row = constants[contact + 1, piece]
+            row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
+            row[P2], row[P3] = side * law.powers[0], law.powers[1]
+            row[LINE] = law.lower if far else law.upper
+            row[LEVEL], row[SLOPE] = pieces[piece, 0] + mean, pieces[piece, 1]
+            row[START], row[GROUND], row[LOAD] = law.breaks[piece], law.ground, load
+            row[UPPER], row[LOWER], row[TUNING] = law.upper, law.lower, law.tuning
+            row[REACH] = law.tolerance ** (1.0 / ORDER)
+    return constants, harmonics
+
+
+@inlined
+def _add_harmonics(harmonics, which, phase, series, row):
+    """Add the Taylor coefficients at `phase` of harmonics to a row of `series`."""
+    for j in range(harmonics.shape[1]):
+        n = harmonics[which, j, 0]
+        if n == 0.0:
+            break
+        cosine, sine = cos_sin(n * phase)
+        even = harmonics[which, j, 1] * cosine + harmonics[which, j, 2] * sine
+        odd = harmonics[which, j, 2] * cosine - harmonics[which, j, 1] * sine
+        for k in range(0, ORDER, 2):
+            series[row, k] += harmonics[which, j, 3 + k] * even
+            series[row, k + 1] += harmonics[which, j, 4 + k] * odd
+        series[row, ORDER] += harmonics[which, j, 3 + ORDER] * even
+
+
+@kernel
+def _add_chirps(rows, phase, ramp, series, row, second):
+    """Add the Taylor coefficients of harmonics of a phase that is quadratic, by recurrence.
+
+    `second`: of their second derivative instead.
+    """
+    for j in range(rows.shape[0]):
+        n = rows[j, 0]
+        if n == 0.0:
+            break
+        rate, twice = n * ramp[PACE], 2.0 * n * ramp[BEND]
+        cosine, sine = cos_sin(n * phase)
+        cosine_before, sine_before = 0.0, 0.0
+        for k in range(ORDER + 3):
+            value = rows[j, 1] * cosine + rows[j, 2] * sine
+            if second and k > 1:
+                series[row, k - 2] += k * (k - 1.0) * value
+            elif not second and k <= ORDER:
+                series[row, k] += value
+            share = _SHARES[k]
+            falls = (rate * sine + twice * sine_before) * share
+            rises = (rate * cosine + twice * cosine_before) * share
+            cosine_before, sine_before = cosine, sine
+            cosine, sine = -falls, rises
+
+
+@inlined
+def _powers(series, a, square, k):
+    """Return the k-th coefficients of square and cube of a series a, less 2 a_0 and 3 a_0^2 a_k.
+
+    Rows a and `square`, the latter filled below k.
+    """
+    first = series[a, 0]
+    if k == 0:
+        return -first * first, -2.0 * first * first * first
+    total, near, far = 0.0, 0.0, 0.0
+    if k % 2 == 0:
+        total = 0.5 * series[a, k // 2] * series[a, k // 2]
+        near = series[square, k // 2] * series[a, k // 2]
+    half = (k + 1) // 2
+    for j in range(1, half):
+        # In pairs, the newer coefficients last.
+        i = half - j
+        total += series[a, i] * series[a, k - i]
+        near += series[square, i] * series[a, k - i]
+        far += series[square, k - i] * series[a, i]
+    total *= 2.0
+    return total, near + far + total * first
+
+
+@inlined
+def _product(series, a, b, k):
+    """Return the k-th coefficient of the product of rows a and b."""
+    if k == 0:
+        return series[a, 0] * series[b, 0]
+    near, far = 0.0, 0.0
+    if k % 2 == 0:
+        near = series[a, k // 2] * series[b, k // 2]
+    half = (k + 1) // 2
+    for j in range(1, half):
+        i = half - j
+        near += series[a, i] * series[b, k - i]
+        far += series[a, k - i] * series[b, i]
+    return (near + series[a, k] * series[b, 0]) + far + series[a, 0] * series[b, k]
+
+
+@kernel
+def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series, terms):
+    """Fill the series of a motion through (x, x') at `phase`, inside piece `piece` of c(tau).
+
+    `constants` and `harmonics` as of `tables`, `sign` that of x' throughout the step; `series`,
+    shape (ROWS, ORDER + 1), is filled with `terms` coefficients of x' beyond the first, ORDER or
+    fewer. On a course of speed `harmonics` have a row more, and `ramp` tells of it, shape (5,).
+    """
+    i = contact + 1
+    d1, d2, d3 = constants[i, piece, D1], sign * constants[i, piece, D2], constants[i, piece, D3]
+    p2, p3, ground = constants[i, piece, P2], constants[i, piece, P3], constants[i, piece, GROUND]
+    slope = constants[i, piece, SLOPE]
+    level = constants[i, piece, LEVEL] + slope * (phase - constants[i, piece, START])
+    touching, waving = contact != BACKLASH, harmonics[i, 0, 0] != 0.0
+    dragged, curved, bent = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0, 0.0
+    for k in range(ORDER + 1):
+        series[FORCE, k] = 0.0
+        series[C, k] = 0.0
+    series[FORCE, 0] = constants[i, piece, LOAD]
+    series[C, 0], series[C, 1] = level, slope
+    if harmonics.shape[0] > DEVIATION:
+        series[FORCE, 0] = series[FORCE, 0] * ramp[SHARE] + ramp[PULL]
+        series[FORCE, 1] = constants[i, piece, LOAD] * ramp[SHARE_RATE]
+        slope, bent = slope * ramp[PACE], slope * ramp[BEND]
+        series[C, 1], series[C, 2] = slope, bent
+        _add_chirps(harmonics[EXCITATION], phase, ramp, series, FORCE, False)
+        _add_chirps(harmonics[DEVIATION], phase, ramp, series, FORCE, True)
+        _add_chirps(harmonics[i], phase, ramp, series, C, False)
+    else:
+        _add_harmonics(harmonics, EXCITATION, phase, series, FORCE)
+        _add_harmonics(harmonics, i, phase, series, C)
+    u = x - constants[i, piece, LINE]
+    series[X, 0], series[V, 0], series[U, 0] = x, v, u
+    # What the newest coefficients of x' and of the deflection count.
+    rate = d1 + (2.0 * d2 + 3.0 * d3 * v) * v
+    twice, bend = 2.0 * u, 1.0 + (2.0 * p2 + 3.0 * p3 * u) * u
+    push, old, older = 0.0, 0.0, 0.0
+    for k in range(terms):
+        if touching:
+            g = series[U, k]
+            if curved:
+                square, cube = _powers(series, U, U_SQUARE, k)
+                series[U_SQUARE, k] = square + twice * g
+                g = bend * g + (p2 * square + p3 * cube)
+            series[G, k] = g
+            push = _product(series, C, G, k) if waving else level * g + slope * old
+            if bent != 0.0 and not waving:
+                push += bent * older
+            old, older = g, old
+        series[PUSH, k] = push
+        rest = series[FORCE, k] - push - ground * series[X, k]
+        newest = series[V, k]
+        if dragged:
+            square, cube = _powers(series, V, V_SQUARE, k)
+            series[V_SQUARE, k] = square + 2.0 * v * newest
+            rest -= d2 * square + d3 * cube
+        series[X, k + 1] = series[U, k + 1] = newest * _INVERSE[k]
+        series[V, k + 1] = (rest - rate * newest) * _INVERSE[k]
+    # The motion does not need the last term of the mesh force, and its record is as good without.
+    series[PUSH, ORDER] = 0.0
+
+
+@inlined
+def step_length(constants, series, most):
+    """Return the longest step whose last term stays below the tolerance, `most` if that is less.
+
+    The last two terms tell how fast they fall (one may vanish by symmetry); velocities count as
+    the displacement they make in 1 / nu of phase.
+    """
+    tuning, reach = constants[0, 0, TUNING], constants[0, 0, REACH]
+    size, ratio = max(1.0, abs(series[X, 0])), most / reach
+    last = max(abs(series[X, ORDER]), tuning * abs(series[V, ORDER])) / size
+    if last * ratio**ORDER > 1.0:
+        ratio = last ** (-1.0 / ORDER)
+    last = max(abs(series[X, ORDER - 1]), tuning * abs(series[V, ORDER - 1])) / size
+    if last * ratio ** (ORDER - 1) > 1.0:
+        ratio = last ** (-1.0 / (ORDER - 1))
+    return min(ratio * reach, most)
+
+
+@inlined
+def state_at(series, t):
+    """Return x and x' a phase t after the start; even and odd powers apart, for shorter chains."""
+    square = t * t
+    x, odd_x = series[X, ORDER], series[X, ORDER - 1]
+    v, odd_v = series[V, ORDER], series[V, ORDER - 1]
+    for k in range(ORDER - 2, 0, -2):
+        x, odd_x = x * square + series[X, k], odd_x * square + series[X, k - 1]
+        v, odd_v = v * square + series[V, k], odd_v * square + series[V, k - 1]
+    return series[X, 0] + (t * odd_x + square * x), series[V, 0] + (t * odd_v + square * v)

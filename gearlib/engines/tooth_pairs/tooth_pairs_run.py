@@ -1,0 +1,300 @@
+"""The run of a mesh whose pairs of teeth touch one by one: Taylor steps that end at events.
+
+Between events the motion is linear with coefficients that are straight lines of phase: the series
+has all its digits on steps below 1.18 over the natural frequency. A step ends with its segment and
+where a pair comes to touch or to part, at the first crossing of the step's own polynomial.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.engines import orbit
+from gearlib.engines.codes import (
+    BACKLASH,
+    EVENT_LIMIT,
+    INVERSE,
+    JAMMED,
+    NORMAL,
+    OK,
+    OVERFLOW,
+    UNRESOLVED,
+)
+from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.overflow import within_range
+from gearlib.engines.pair.deviation import multiply
+from gearlib.engines.taylor.series import (
+    ORDER,
+    PUSH,
+    ROWS,
+    C,
+    V,
+    X,
+    state_at,
+)
+from gearlib.engines.taylor.taylor_run import (
+    add_samples,
+    add_step,
+    first_crossing,
+    samples_of,
+)
+from gearlib.engines.tooth_pairs.tooth_pairs_system import (
+    FACTOR,
+    FACTOR_SLOPE,
+    OFFSET,
+    OFFSET_SLOPE,
+)
+
+
+@inlined
+def _value(row, t, x):
+    """Return factor times x less offset, t after the start of a segment."""
+    factor = row[FACTOR] + row[FACTOR_SLOPE] * t
+    return factor * x - row[OFFSET] - row[OFFSET_SLOPE] * t
+
+
+@kernel
+def touching(overlap, inside, lower, t, x):
+    """Return the set of pairs that touch at a displacement, t after the start of a segment.
+
+    overlap: that of the segment; inside, lower: as of `ToothPairSystem`.
+    """
+    sets, k = overlap.shape[0], overlap.shape[1]
+    best, least = 0, math.inf
+    for s in range(sets):
+        if s & ~inside:
+            continue
+        worst = 0.0
+        for i in range(k):
+            if inside >> i & 1:
+                bit = 1 << i
+                value = _value(overlap[s & ~bit, i], t, x)
+                worst = max(worst, -value if s & bit else value)
+        if worst < least:
+            best, least = s, worst
+    return sets if best == 0 and x < lower else best
+
+
+@inlined
+def _fill(series, target, row, t):
+    """Fill a row of the series with factor times x less offset."""
+    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE]
+    series[target, 0] = level * series[X, 0] - row[OFFSET] - row[OFFSET_SLOPE] * t
+    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - row[OFFSET_SLOPE]
+    for k in range(2, ORDER + 1):
+        series[target, k] = level * series[X, k] + slope * series[X, k - 1]
+
+
+@inlined
+def _expand(row, t, drag, slip, unit, x, v, series):
+    """Fill the series of the motion; `slip`: rate of the gap without load by phase."""
+    level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
+    # What acts beside the mesh force.
+    push = unit + drag * slip
+    series[X, 0], series[V, 0] = x, v
+    force = level * x - (row[OFFSET] + row[OFFSET_SLOPE] * t) * unit
+    for k in range(ORDER):
+        series[PUSH, k] = force
+        series[X, k + 1] = series[V, k] / (k + 1.0)
+        series[V, k + 1] = (push - force - drag * series[V, k]) / (k + 1.0)
+        push = 0.0
+        force = level * series[X, k + 1] + slope * series[X, k]
+        if k == 0:
+            force -= row[OFFSET_SLOPE] * unit
+    series[PUSH, ORDER] = 0.0
+    for k in range(ORDER + 1):
+        series[C, k] = 0.0
+    series[C, 0], series[C, 1] = level, slope
+
+
+@kernel
+def _follow(row, t, drag, unit, h, matrix):
+    """Multiply `matrix` by the map of small deviations over a step."""
+    level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
+    image = np.empty((2, 2))
+    for j in range(2):
+        before, a, b = 0.0, 1.0 - j, 1.0 * j
+        first, second, power = a, b, 1.0
+        for k in range(ORDER):
+            new = b / (k + 1.0)
+            b = -(level * a + slope * before + drag * b) / (k + 1.0)
+            before, a = a, new
+            power *= h
+            first += a * power
+            second += b * power
+        image[0, j], image[1, j] = first, second
+    multiply(image[0, 0], image[0, 1], image[1, 0], image[1, 1], matrix)
+
+
+@inlined
+def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
+    """Return (share of a step of length h, number of the pair) of the first touch or parting.
+
+    Share 2: none; -1: rounding hides whether there is one. The number after the last pair is the
+    coast side. `overlap`, `inside`: of the segment; `line`: on which the step starts, -1 on none;
+    `closing`: whether what touches on the other side has to be looked at too.
+    """
+    coast, k = overlap.shape[0], overlap.shape[1]
+    best, which = 2.0, -1
+    for i in range(k):
+        bit = 1 << i
+        if (s == coast and not closing) or not inside & bit:
+            continue
+        touches = s != coast and s & bit != 0
+        _fill(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t)
+        if line == i:
+            series[ROWS + i, 0] = 0.0
+        side = 1.0 if touches else -1.0
+        share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
+        if share < best:
+            best, which = share, i
+    if lower > -math.inf and (closing or s == 0 or s == coast):
+        for j in range(ORDER + 1):
+            series[ROWS + k, j] = series[X, j]
+        series[ROWS + k, 0] = 0.0 if line == k else x - lower
+        side = 1.0 if s != coast else -1.0
+        share = first_crossing(series, ROWS + k, 0.0, side, h, to_bernstein, work)
+        if share < best:
+            best, which = share, k
+    return best, which
+
+
+@inlined
+def _contact_of(s, coast):
+    if s == 0:
+        return BACKLASH
+    return INVERSE if s == coast else NORMAL
+
+
+@kernel
+def run_pairs(
+    system,
+    course,
+    to_bernstein,
+    x,
+    v,
+    periods,
+    record_periods,
+    samples,
+    events,
+    limit,
+    summary,
+    maps,
+    first,
+):
+    """Run the mesh; arguments and returns as of `gearlib.engines.pair.pair_run.run`.
+
+    `course` and `summary` as of `taylor_run.run_nonlinear`, phases from the begin of the segment of
+    the system on that `piece` tells; `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the
+    growth of small deviations of a steady run; `first` is the mesh period in which the run begins.
+    Returns in addition the number of steps.
+    """
+    for row in range(summary.shape[0]):
+        orbit.clear_summary(summary[row])
+    first_segment, pieces, inside = course.first_segment, course.piece, system.inside
+    begins, ends, renewed = course.begin, course.end, system.renewed
+    force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
+    lower, longest, tuning = system.lower, system.longest, system.tuning
+    closing = system.closing
+    k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
+    series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
+    kept = min(periods, orbit.strobe_periods(system.repeats))
+    strobes = np.empty((kept + 1, 2))
+    found, steps, s, line = 0, 0, 0, -1
+    for n in range(periods):
+        row = n - (periods - kept)
+        if row >= 0:
+            strobes[row, 0], strobes[row, 1] = x, v
+        recorded = n - (periods - record_periods)
+        taken, count = 0, 0
+        if maps.shape[0] > 0:
+            maps[n, 0, 0] = maps[n, 1, 1] = 1.0
+            maps[n, 0, 1] = maps[n, 1, 0] = 0.0
+        number = (first + n) % course.block.shape[0]
+        begin, own = begins[first_segment[number]], summary[course.block[number]]
+        rows = samples_of(course, samples, recorded, record_periods)
+        for i in range(first_segment[number], first_segment[number + 1]):
+            start, p = n == 0 and i == first_segment[number], pieces[i]
+            flanks, pairs = overlap[p], inside[p]
+            if start or renewed[p]:
+                before = _contact_of(s, coast)
+                s = touching(flanks, pairs, lower, course.phase[i], x)
+                line = -1
+                after = _contact_of(s, coast)
+                if after == NORMAL and x < lower:
+                    return x, v, 0, events, 0, JAMMED, steps
+                if recorded >= 0 and after != before and not start:
+                    events, found = orbit.note(
+                        events, found, n, begins[i] - begin, before, after, v, own
+                    )
+            phase, end = begins[i], ends[i]
+            while phase < end:
+                t, drag = phase - begins[i], damping[1 if s else 0]
+                during = _contact_of(s, coast)
+                law = force[p, s]
+                _expand(law, t, drag, slip[p], unit, x, v, series)
+                h = min(longest, end - phase)
+                if end - phase - h < 1e-13:
+                    h = end - phase
+                best, which = _first_event(
+                    flanks,
+                    pairs,
+                    lower,
+                    closing,
+                    s,
+                    line,
+                    t,
+                    h,
+                    x,
+                    series,
+                    to_bernstein,
+                    work,
+                )
+                if best < 0.0:
+                    return x, v, 0, events, 0, UNRESOLVED, steps
+                if best <= 1.0 and (s != 0 and which == k if s != coast else which < k):
+                    return x, v, 0, events, 0, JAMMED, steps
+                h = h if best > 1.0 else best * h
+                x, v = state_at(series, h)
+                steps += 1
+                if not within_range(x, v):
+                    return x, v, 0, events, 0, OVERFLOW, steps
+                if maps.shape[0] > 0:
+                    _follow(law, t, drag, unit, h, maps[n])
+                if recorded >= 0:
+                    # "At the lower stiffness": while one pair carries alone.
+                    low = s < coast and s & (s - 1) == 0
+                    add_step(tuning, low, to_bernstein, h, during, series, work, own)
+                    if orbit.unresolved(own):
+                        return x, v, 0, events, 0, UNRESOLVED, steps
+                    taken = add_samples(tuning, phase - begin, h, during, series, rows, taken)
+                phase += h
+                if best > 1.0:
+                    line = -1
+                    continue
+                count += 1
+                if count > limit:
+                    return x, v, 0, events, 0, EVENT_LIMIT, steps
+                line = which
+                s = (coast if s == 0 else 0) if which == k else s ^ (1 << which)
+                after = _contact_of(s, coast)
+                if maps.shape[0] > 0:
+                    t = phase - begins[i]
+                    jump = (_value(force[p, s], t, x) - _value(law, t, x)) * unit
+                    jump += (damping[1 if s else 0] - drag) * (v - slip[p])
+                    factor, rate = 1.0, v
+                    if which < k:
+                        row_of = flanks[s & ~(1 << which), which]
+                        factor = row_of[FACTOR] + row_of[FACTOR_SLOPE] * t
+                        rate = factor * v + row_of[FACTOR_SLOPE] * x - row_of[OFFSET_SLOPE]
+                    # A tangential crossing varies nothing.
+                    if rate != 0.0:
+                        multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
+                if after != during and recorded >= 0:
+                    events, found = orbit.note(
+                        events, found, n, phase - begin, during, after, v, own
+                    )
+    strobes[kept, 0], strobes[kept, 1] = x, v
+    height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
+    period = orbit.orbit_period(strobes, tuning, height, system.repeats)
+    return x, v, period, events, found, OK, steps
