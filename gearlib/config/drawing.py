@@ -12,7 +12,7 @@ _DIGITS = 12
 
 def gear_of(key, section, like=None, **more):
     """Return the `SpurGear` of a section, named by `key`; `like` has what it leaves out."""
-    from gearlib.models.geometry.described_drawing import gear
+    from gearlib.models.geometry.drawings import gear
 
     with naming(key):
         return gear(section.model_dump(), None if like is None else like.model_dump(), **more)
@@ -81,7 +81,7 @@ def naming(key, options=None, **places):
     `key` is that of the section, `options` are names of stiffness options, `places` the full keys
     of gears by their names.
     """
-    from gearlib.models.geometry.described_drawing import OF_RACK, renaming
+    from gearlib.models.geometry.drawings import OF_RACK, renaming
 
     ring = places.get("ring", places.get("wheel"))
     of_part = places | {"ring gear": ring, "tip relief": f"{key}.tip_relief"}

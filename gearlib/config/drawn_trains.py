@@ -57,7 +57,7 @@ OF_DRAWN = {*DampingByRatio.model_fields, "torque", "centre_distance"}
 
 def check_planets(key, section):
     """Refuse a planetary set that cannot be, before any job; the message names the key."""
-    from gearlib.models.geometry.planets import planets_of
+    from gearlib.models.geometry.drawings import planets_of
 
     keys = {name: f"{key}.{name}" for name in ("sun", "planet", "ring")}
     wanted = f"z_s + 2 z_p = {section.sun.teeth + 2 * section.planet.teeth}"

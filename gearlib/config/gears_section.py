@@ -8,10 +8,9 @@ from pydantic import model_validator
 from gearlib import parameters
 from gearlib.config import drawing
 from gearlib.config.types import Given, Name, Option, entry, like, type_of
-from gearlib.models.geometry.blank import Material, Rack, Web
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.relief import TipRelief
+from gearlib.models.geometry.parts import Material, Rack, TipRelief, Web
 
 Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
 _ADDENDUM, _DEDENDUM, _RADIUS = (type_of(one.kind) for one in parameters.declared(Rack).values())

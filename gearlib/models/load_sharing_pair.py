@@ -32,7 +32,7 @@ from gearlib.models.geometry.load_sharing import (
     zone_of_contact,
 )
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.relief import PathTable
+from gearlib.models.geometry.parts import PathTable
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair

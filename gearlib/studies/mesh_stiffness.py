@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.data.result import result_of_many, stacked
-from gearlib.models.geometry import described_drawing
+from gearlib.models.geometry import drawings
 from gearlib.models.profiles import Rectangular
 
 #: name -> (method, options of `mesh_stiffness`); the second is the reference of the others.
@@ -49,10 +49,10 @@ def _phases(contact_ratio, samples):
 def compute(pairs, samples):
     """Return the mesh stiffness of drawn pairs by every method.
 
-    pairs (as of `gearlib.models.geometry.described_drawing.mesh`, and torque, published: name ->
+    pairs (as of `gearlib.models.geometry.drawings.mesh`, and torque, published: name ->
     mean stiffness); samples: phases of the courses.
     """
-    meshes = {name: described_drawing.mesh(pair) for name, pair in pairs.items()}
+    meshes = {name: drawings.mesh(pair) for name, pair in pairs.items()}
     phases = {name: _phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
     found = {name: by_method(mesh, pairs[name]["torque"], samples) for name, mesh in meshes.items()}
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from gearlib.data import provenance
 from gearlib.data.variables import describe
-from gearlib.models.geometry import described_drawing
+from gearlib.models.geometry import drawings
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 
@@ -18,13 +18,13 @@ RELIEFS = ("none", "short", "long")
 def harris_map(gears, loads, stiffness, phases):
     """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
 
-    gears (as of `gearlib.models.geometry.described_drawing.mesh`, without relief; torque, the
+    gears (as of `gearlib.models.geometry.drawings.mesh`, without relief; torque, the
     design load of the pinion, N m); loads: over the design load, >= 0; stiffness, phases: as of
     `gearlib.geometry.Mesh.transmission_error`.
 
     What that returns, over relief too; design_torque; relief_amount over relief and gear.
     """
-    bare, torque = described_drawing.mesh(gears), gears["torque"]
+    bare, torque = drawings.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
     relieved = optimum_relief(bare, torque, length="long", **options)
     found, amounts = [], []

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.data.scatter_variables import QUANTITIES
-from gearlib.models.geometry import described_drawing
+from gearlib.models.geometry import drawings
 from gearlib.models.pair import GearPair
 from gearlib.uncertainty.designs import DrawnPair
 from gearlib.uncertainty.indices import sobol_indices
@@ -22,7 +22,7 @@ def model_of(pair, drawing=None):
     if drawing is None:
         return model
     return DrawnPair(
-        described_drawing.mesh(drawing),
+        drawings.mesh(drawing),
         backlash=None if drawing.get("backlash") is None else "drawing",
         torque=drawing["torque"],
         stiffness=drawing.get("stiffness"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib.config import load
-from gearlib.models.geometry import described_drawing
+from gearlib.models.geometry import drawings
 from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.studies import mesh_stiffness
 from tests.geometry.drawings import fzg_c, twenty
@@ -24,7 +24,7 @@ def stiffness():
 
 def test_the_pairs_of_the_configuration_are_those_of_the_literature():
     for name, expected in (("z20-20", twenty()), ("FZG-C", fzg_c(quality=5))):
-        mesh = described_drawing.mesh(PAIRS[name])
+        mesh = drawings.mesh(PAIRS[name])
         assert mesh.backlash == PAIRS[name]["backlash"]
         assert mesh.contact_ratio == pytest.approx(expected.contact_ratio, rel=1e-12)
         for ours, theirs in ((mesh.pinion, expected.pinion), (mesh.wheel, expected.wheel)):

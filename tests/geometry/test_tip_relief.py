@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib.config import load
-from gearlib.models.geometry import described_drawing
+from gearlib.models.geometry import drawings
 from gearlib.studies import tip_relief
 from tests.geometry.drawings import fzg_c
 from tests.unit.test_defaults import GEARS
@@ -17,7 +17,7 @@ TORQUE = DRAWING["torque"]
 
 
 def test_the_default_gears_are_fzg_c():
-    mesh = described_drawing.mesh(DRAWING)
+    mesh = drawings.mesh(DRAWING)
     drawn = fzg_c(quality=5)
     assert mesh.contact_ratio == drawn.contact_ratio and mesh.backlash == 160e-6
     assert (mesh.pinion, mesh.wheel) == (drawn.pinion, drawn.wheel)
@@ -26,7 +26,7 @@ def test_the_default_gears_are_fzg_c():
 def test_harris_map_of_constant_stiffness():
     """c' of ISO 6336-1: long relief leaves nothing at the design load, short the half of F / c'."""
     found = tip_relief.harris_map(DRAWING, [0.0, 0.5, 1.0, 1.5], "iso", 64)
-    mesh = described_drawing.mesh(DRAWING)
+    mesh = drawings.mesh(DRAWING)
     stiffness = mesh.stiffness("iso")
     lowest = stiffness.max_stiffness * stiffness.stiffness_ratio
     deflection = mesh.load(TORQUE) * (1.0 / lowest - 1.0 / stiffness.max_stiffness)

@@ -10,13 +10,31 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gearlib import checks, parameters
-from gearlib.models.geometry.blank import RACKS, Material, Rack, Web
-from gearlib.models.geometry.involute import inv
-from gearlib.models.geometry.relief import TipRelief
+from gearlib.models.geometry.parts import RACKS, Material, Rack, TipRelief, Web
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
 _UNDERCUT = 0.02
+
+
+def inv(angle):
+    """Return the involute function tan(angle) - angle; ISO 21771."""
+    return math.tan(angle) - angle
+
+
+def angle_of(value):
+    """Return the angle in [0, pi / 2) whose involute is `value` >= 0, by Newton's method."""
+    # inv is convex: from the right of the root, Newton's steps fall towards it.
+    tangent = value + math.pi / 2.0
+    for _ in range(100):
+        # In t = tan(angle): t - arctan(t) = value, whose derivative is t^2 / (1 + t^2).
+        step = (tangent - math.atan(tangent) - value) * (1.0 + tangent**2) / tangent**2
+        tangent -= step
+        if tangent <= 0.0:
+            return 0.0
+        if abs(step) <= 1e-15 * tangent:
+            break
+    return math.atan(tangent)
 
 
 class _RackKind(parameters.OneOf):
@@ -98,81 +116,66 @@ class SpurGear:
         self._check_teeth()
         self._check_blank()
 
-    def _put(self, name, value):
+    def _set_within(self, name, allowed, accept):
+        """Set a field to its value as a float, else refuse it."""
+        value = checks.number(name, getattr(self, name), allowed, accept)
         object.__setattr__(self, name, value)
 
-    def _within(self, name, allowed, accept):
-        self._put(name, checks.number(name, getattr(self, name), allowed, accept))
-
     def _check_teeth(self):
-        rack, least = self.rack, max(self.root_diameter, self.base_diameter)
-        slope = math.tan(self.pressure_angle)
-        words = (
-            f"<= {math.pi / 4.0 / slope:.4g} at this pressure angle, where its own tips are pointed"
-        )
-        fits = rack.dedendum * slope <= math.pi / 4.0
-        checks.require(fits, "dedendum of a rack", rack.dedendum, words)
+        """Refuse teeth that the rack undercuts, pointed tips, relief that leaves no tip."""
+        rack, root, base = self.rack, self.root_diameter, self.base_diameter
+        most = math.pi / 4.0 / math.tan(self.pressure_angle)
+        words = f"<= {most:.4g} at this pressure angle, where its own tips are pointed"
+        checks.require(rack.dedendum <= most, "dedendum of a rack", rack.dedendum, words)
         if not self.internal:
-            limit = (
-                self.rack_form_height / self.module
-                - self.teeth
-                / (2.0 * math.cos(self.helix_angle))
-                * math.sin(self.transverse_pressure_angle) ** 2
-            )
+            radius = self.teeth / (2.0 * math.cos(self.helix_angle))
+            height = self.rack_form_height / self.module
+            limit = height - radius * math.sin(self.transverse_pressure_angle) ** 2
             words = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
             checks.require(self.shift >= limit - _UNDERCUT, "shift", self.shift, words)
         if self.tip_diameter is None:
             add = 2.0 * self.module * (self.shift + rack.addendum)
-            self._put("tip_diameter", self.reference_diameter + self.sign * add)
-            fits = not self.internal or self.tip_diameter > self.base_diameter
+            object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * add)
+            fits = not self.internal or self.tip_diameter > base
             words = "larger, or a tip_diameter be given outside of its base circle"
             checks.require(fits, "teeth of the ring gear", self.teeth, words)
-        if self.internal:
-            low, high, words = self.base_diameter, self.root_diameter, "base and root"
-        else:
-            low, high, words = least, math.inf, "base and root"
-        allowed = f"above {low:.6g} m" if high == math.inf else f"from {low:.6g} to {high:.6g} m"
-        self._within("tip_diameter", f"{allowed}, by its {words} circles", lambda v: low < v < high)
+        low, high = (base, root) if self.internal else (max(root, base), math.inf)
+        allowed = f"from {low:.6g} to {high:.6g} m" if self.internal else f"above {low:.6g} m"
+        allowed += ", by its base and root circles"
+        self._set_within("tip_diameter", allowed, lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        words = "such that the tooth is not pointed (its tip would be"
-        words = f"{words} {thickness:.3g} m thick; > 0 is allowed)"
-        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
-        if len(self.pitch_errors) not in (0, self.teeth):
-            raise checks.refusal(
-                "pitch_errors", self.pitch_errors, f"{self.teeth} numbers, one for each tooth"
-            )
-        relief = self.tip_relief
-        if relief is None:
-            return
-        words = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
-        fits = relief.amount < thickness / 2.0
-        checks.require(fits, "amount of a tip relief", relief.amount, words)
+        words = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
+        checks.require(
+            thickness > 0.0, "tip_diameter", self.tip_diameter, words + "> 0 is allowed)"
+        )
+        words = f"{self.teeth} numbers, one for each tooth"
+        fits = len(self.pitch_errors) in (0, self.teeth)
+        checks.require(fits, "pitch_errors", self.pitch_errors, words)
+        if self.tip_relief is not None:
+            amount = self.tip_relief.amount
+            words = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
+            checks.require(amount < thickness / 2.0, "amount of a tip relief", amount, words)
 
     def _check_blank(self):
-        self._within(
-            "bore",
-            "0 for a ring gear" if self.internal else f">= 0 and < {self.root_diameter:.6g} m",
-            lambda v: v == 0.0 if self.internal else 0.0 <= v < self.root_diameter,
-        )
+        """Refuse bore, rim and web that do not fit the root circle."""
+        root, ring, web = self.root_diameter, self.internal, self.web
+        words = "0 for a ring gear" if ring else f">= 0 and < {root:.6g} m"
+        self._set_within("bore", words, lambda v: v == 0.0 if ring else 0.0 <= v < root)
         if self.outer_diameter is not None:
-            self._within(
-                "outer_diameter",
-                f"above the root circle of a ring gear, {self.root_diameter:.6g} m"
-                if self.internal
-                else "left out: only a ring gear has one",
-                lambda v: self.internal and self.root_diameter < v < math.inf,
-            )
-        web = self.web
+            words = f"above the root circle of a ring gear, {root:.6g} m"
+            words = words if ring else "left out: only a ring gear has one"
+            self._set_within("outer_diameter", words, lambda v: ring and root < v < math.inf)
         if web is None:
             return
-        checks.require(not self.internal, "web", web, "left out of a ring gear")
+        checks.require(not ring, "web", web, "left out of a ring gear")
         words = f"at most the face width, {self.width!r} m"
         checks.require(web.thickness <= self.width, "thickness of the web", web.thickness, words)
-        fits, words = web.rim_diameter < self.root_diameter, "below the root circle"
-        words = f"{words}, {self.root_diameter:.6g} m"
-        checks.require(fits, "rim_diameter of the web", web.rim_diameter, words)
-        fits, words = web.hub_diameter >= self.bore, f"at least the bore, {self.bore!r} m"
-        checks.require(fits, "hub_diameter of the web", web.hub_diameter, words)
+        words = f"below the root circle, {root:.6g} m"
+        checks.require(web.rim_diameter < root, "rim_diameter of the web", web.rim_diameter, words)
+        words = f"at least the bore, {self.bore!r} m"
+        checks.require(
+            web.hub_diameter >= self.bore, "hub_diameter of the web", web.hub_diameter, words
+        )
 
     @property
     def sign(self):

@@ -14,8 +14,7 @@ from typing import Annotated
 
 from gearlib import checks, parameters
 from gearlib.models.geometry.drawn_parameters import pair_parameters, train_parameters
-from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.involute import angle_of, inv
+from gearlib.models.geometry.gear import SpurGear, angle_of, inv
 from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances

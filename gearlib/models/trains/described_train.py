@@ -1,7 +1,7 @@
 """From the values of a configuration to a `GearTrain`."""
 
 from gearlib.models.geometry import mesh as geometry
-from gearlib.models.geometry.described_drawing import gear
+from gearlib.models.geometry.drawings import gear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
 from gearlib.models.trains import ready_made

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.planets import equal_positions
+from gearlib.models.geometry.drawings import equal_positions
 from gearlib.models.trains import parts
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.parameters import (

@@ -5,7 +5,7 @@ import math
 from typing import Annotated
 
 from gearlib import parameters
-from gearlib.models.geometry.planets import planets_of
+from gearlib.models.geometry.drawings import planets_of
 from gearlib.models.trains import parts
 from gearlib.models.trains.ready_made import planetary
 
