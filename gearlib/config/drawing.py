@@ -81,7 +81,7 @@ def naming(key, options=None, **places):
     `key` is that of the section, `options` are names of stiffness options, `places` the full keys
     of gears by their names.
     """
-    from gearlib.models.geometry.drawings import OF_RACK, renaming
+    from gearlib.models.geometry.drawings import RACK_FIELDS, renaming
 
     ring = places.get("ring", places.get("wheel"))
     of_part = places | {"ring gear": ring, "tip relief": f"{key}.tip_relief"}
@@ -91,7 +91,7 @@ def naming(key, options=None, **places):
         if name.endswith(" of the tip relief"):
             name = f"tip_relief.{name.split()[0]}"
         if part == "rack":
-            return f"{key}.{next(own for own, field in OF_RACK.items() if field == name)}"
+            return f"{key}.{next(own for own, field in RACK_FIELDS.items() if field == name)}"
         if part in of_part:
             return f"{of_part[part]}.{name}"
         if part in ("sun mesh", "ring mesh"):

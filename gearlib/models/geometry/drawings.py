@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import re
+from collections.abc import Callable
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -11,11 +12,11 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.parts import RACKS, Material, TipRelief, Web
 
-#: What the second gear of a mesh takes over from the first where it leaves it out.
-_COMMON = ("module", "width", "pressure_angle", "helix_angle", "material")
-#: Key -> field of a `Rack`, each in place of that of the letter.
-OF_RACK = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
-#: How messages name a part.
+#: Fields that the second gear of a mesh takes from the first where they are left out.
+_COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
+#: Key of a gear -> field of its `Rack`, which replaces that of the rack of its letter.
+RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
+#: Names of parts in messages.
 _PARTS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
 _PART = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PARTS})\b")
 
@@ -23,29 +24,29 @@ _PART = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PARTS}
 def gear(values, like=None, **more):
     """Return the `SpurGear` of plain values, with `more` arguments.
 
-    Material, web and tip relief are dicts, `rack` a letter with the keys of `OF_RACK` beside it.
-    `like` are values of the gear whose module, width, angles, rack and material it has where it
-    leaves them out.
+    Material, web and tip relief are dicts, `rack` is a letter with the keys of `RACK_FIELDS` beside
+    it. `like` has the values of another gear: module, width, angles, rack and material are taken
+    from there where they are left out.
     """
-    given = dict(values)
+    fields = dict(values)
     if like is not None:
-        names = list(_COMMON)
-        if not given.keys() & {"rack", *OF_RACK}:
-            names += ["rack", *OF_RACK]
-        given = {name: like[name] for name in names if name in like} | given
-    rack = {field: given.pop(name) for name, field in OF_RACK.items() if name in given}
+        names = list(_COMMON_FIELDS)
+        if not fields.keys() & {"rack", *RACK_FIELDS}:
+            names += ["rack", *RACK_FIELDS]
+        fields = {name: like[name] for name in names if name in like} | fields
+    rack = {field: fields.pop(name) for name, field in RACK_FIELDS.items() if name in fields}
     if rack:
-        given["rack"] = dataclasses.replace(RACKS[given.get("rack", "A")], **rack)
-    for name, make in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
-        if name in given:
-            given[name] = make(**given[name])
-    return SpurGear(**(more | given))
+        fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack)
+    for name, part in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
+        if name in fields:
+            fields[name] = part(**fields[name])
+    return SpurGear(**(more | fields))
 
 
 def mesh(values):
-    """Return the `Mesh` of plain values: pinion and wheel as of `gear`, centre_distance, backlash.
+    """Return the `Mesh` of plain values with the keys pinion, wheel, centre_distance, backlash.
 
-    What the wheel shares with the pinion it may leave out; other keys do not count.
+    The wheel takes values that it leaves out from the pinion, see `gear`; other keys are ignored.
     """
     pinion, wheel = gear(values["pinion"]), gear(values["wheel"], values["pinion"])
     return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
@@ -53,10 +54,9 @@ def mesh(values):
 
 @contextmanager
 def renaming(rename):
-    """Name what the geometry refuses in another way.
+    """Rename the parameters in the messages of ValueErrors that the geometry raises.
 
-    `rename` gets the name of a parameter and that of its part, or None, and returns what stands
-    for both.
+    `rename` takes the name of a parameter and that of its part, or None, and returns the new name.
     """
     try:
         yield
@@ -67,14 +67,14 @@ def renaming(rename):
         raise ValueError(f"{rename(name, part)}{text[match.end() :]}") from None
 
 
-#: Of a tooth pitch, by which positions may miss: angles are often given with few digits.
-_CLOSE = 1e-6
-#: Teeth by which the ring of a set may differ from z_s + 2 z_p where profile shifts make up for it.
-_SHIFTED = 2
+#: Largest error of a planet's position in tooth pitches: angles often have few digits.
+_POSITION_TOLERANCE = 1e-6
+#: Largest difference of teeth of the ring from z_s + 2 z_p that profile shifts make up for.
+_MAX_SHIFTED_TEETH = 2
 
 
 class Planets(NamedTuple):
-    """Both meshes of a planetary set, and where its planets are."""
+    """Both meshes of a planetary set, and the angles of its planets."""
 
     sun_mesh: Mesh
     ring_mesh: Mesh
@@ -84,17 +84,19 @@ class Planets(NamedTuple):
 def planets_of(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ):
-    """Return the `Planets` of drawn gears; arguments and refusals as of `planetary_set`."""
-    gaps = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
+    """Return the `Planets` of drawn gears; `planetary_set` documents arguments and errors."""
+    backlash = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
     if not getattr(ring, "internal", False):
         raise ValueError(
             "internal of the ring = False is not allowed: it must be True, of a ring gear"
         )
     try:
-        with renaming(_in({"pinion": "sun", "wheel": "planet"}, "sun")):
-            of_sun = Mesh(sun, planet, centre_distance, gaps[0])
-        with renaming(_in({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")):
-            of_ring = Mesh(planet, ring, of_sun.centre_distance, gaps[1])
+        with renaming(_renamed_parts({"pinion": "sun", "wheel": "planet"}, "sun")):
+            sun_mesh = Mesh(sun, planet, centre_distance, backlash[0])
+        with renaming(
+            _renamed_parts({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")
+        ):
+            ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
         _check_sum(sun, planet, ring, centre_distance)
         raise
@@ -104,13 +106,13 @@ def planets_of(
     places = checks.finite("positions", checks.many("positions", positions, count))
     for i, angle in enumerate(places):
         pitches = total * (angle - places[0]) / math.tau
-        if abs(pitches - round(pitches)) > _CLOSE:
+        if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
             raise ValueError(
                 f"positions[{i}] = {angle!r} is not allowed: the planet can be assembled only a "
                 f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / total:.6g} rad from the first"
             )
-    _check_neighbours(of_sun, count, places)
-    return Planets(of_sun, of_ring, places)
+    _check_neighbours(sun_mesh, count, places)
+    return Planets(sun_mesh, ring_mesh, places)
 
 
 def equal_positions(sun, ring, count):
@@ -124,13 +126,13 @@ def equal_positions(sun, ring, count):
 
 
 def _check_sum(sun, planet, ring, centre_distance):
-    """Refuse teeth that do not add up where the meshes cannot be; for a few shifts may make up."""
+    """Refuse teeth of the ring that differ too much from z_s + 2 z_p."""
     if not all(isinstance(gear, SpurGear) for gear in (sun, planet, ring)):
         return
     sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in (sun, planet, ring)}
     wanted = sun.teeth + 2 * planet.teeth
     placed = centre_distance is not None or any(gear.shift for gear in (sun, planet, ring))
-    if len(sizes) == 1 and abs(ring.teeth - wanted) > (_SHIFTED if placed else 0):
+    if len(sizes) == 1 and abs(ring.teeth - wanted) > (_MAX_SHIFTED_TEETH if placed else 0):
         raise ValueError(
             f"teeth of the ring = {ring.teeth} is not allowed: it must be z_s + 2 z_p = "
             f"{sun.teeth} + 2 * {planet.teeth} = {wanted}, or so near that profile shifts make up "
@@ -138,7 +140,8 @@ def _check_sum(sun, planet, ring, centre_distance):
         ) from None
 
 
-def _check_neighbours(mesh, count, places):
+def _check_neighbours(mesh: Mesh, count: int, places: tuple) -> None:
+    """Refuse planets whose tip circles touch."""
     turned = sorted(angle % math.tau for angle in places)
     steps = [b - a for a, b in zip(turned, [*turned[1:], turned[0] + math.tau], strict=True)]
     apart = 2.0 * mesh.centre_distance * math.sin(min(*steps, math.pi) / 2.0)
@@ -150,7 +153,9 @@ def _check_neighbours(mesh, count, places):
         )
 
 
-def _in(names, mesh):
+def _renamed_parts(names: dict, mesh: str) -> Callable:
+    """Return the function for `renaming` that names gears of a planetary set."""
+
     def rename(name, part):
         return f"{name} of the {names.get(part, f'{mesh} mesh')}"
 

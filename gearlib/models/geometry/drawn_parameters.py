@@ -14,17 +14,17 @@ def pair_parameters(mesh, *, torque=None, power=None, speed=None, **options):
     """Return the parameters of a `GearPair` as a dict; see `GearPair.from_geometry`."""
     stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
     torque = torque_of(torque, power, speed)
-    found = {
+    parameters = {
         **mesh_parameters(mesh, torque=torque, **options),
         "reduced_mass": mesh.reduced_mass,
         "load": mesh.load(torque),
         "teeth": mesh.pinion.teeth,
     }
-    mean = _check_deflection(mesh, torque, found, *stated)
+    mean = _check_deflection(mesh, torque, parameters, *stated)
     if speed is not None:
         resonance = math.sqrt(mean / mesh.reduced_mass) * 60.0 / (math.tau * mesh.pinion.teeth)
         checks.speed("speed", speed, resonance)
-    return found
+    return parameters
 
 
 def mesh_parameters(
@@ -42,18 +42,18 @@ def mesh_parameters(
     ratios = rectangle(mesh, stiffness, torque=torque, **checks.options(options))
     high, kappa, epsilon = ratios
     mean = high * mean_over_max(epsilon, kappa)
-    given = {
+    dampings = {
         "damping_ratio": damping_ratio,
         "logarithmic_decrement": logarithmic_decrement,
         "material_damping": material_damping,
     }
-    given = {name: value for name, value in given.items() if value is not None}
-    if len(given) > 1:
+    dampings = {name: value for name, value in dampings.items() if value is not None}
+    if len(dampings) > 1:
         raise ValueError(
-            f"{' and '.join(given)} are not allowed together: it must be one of them at most"
+            f"{' and '.join(dampings)} are not allowed together: it must be one of them at most"
         )
     damping = None
-    for name, value in given.items():
+    for name, value in dampings.items():
         damping = drawn_damping(name, value, mean, mesh.reduced_mass)
     oil = "backlash_damping_ratio", backlash_damping_ratio
     return {
@@ -66,9 +66,10 @@ def mesh_parameters(
     }
 
 
-def _check_deflection(mesh, torque, found, name, value, unit):
+def _check_deflection(mesh, torque, parameters, name, value, unit):
     """Refuse a load that deflects the teeth too far; return the mean stiffness of parameters."""
-    mean = found["max_stiffness"] * mean_over_max(found["contact_ratio"], found["stiffness_ratio"])
+    ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
+    mean = parameters["max_stiffness"] * mean_over_max(*ratios)
     share = abs(mesh.load(torque)) / mean / (MAX_DEFLECTION * mesh.pinion.module)
     if share > 1.0:
         most = f"at most {abs(value) / share:.4g} {unit}"
@@ -94,9 +95,9 @@ def train_parameters(mesh, *, torque=None, stated=None, **options):
 
     `stated` is what the user gave in place of the torque: name, value, unit.
     """
-    found = mesh_parameters(mesh, torque=torque, **options)
+    parameters = mesh_parameters(mesh, torque=torque, **options)
     if torque is not None:
-        _check_deflection(mesh, torque, found, *(stated or ("torque", torque, "N m")))
+        _check_deflection(mesh, torque, parameters, *(stated or ("torque", torque, "N m")))
     angle = mesh.working_pressure_angle
     # Tooth thickness over the pitch, on the working circles.
     thickness = (
@@ -105,7 +106,7 @@ def train_parameters(mesh, *, torque=None, stated=None, **options):
         for circle in [gear.base_diameter / math.cos(angle)]
     )
     return {
-        **found,
+        **parameters,
         "internal": mesh.wheel.internal,
         "pressure_angle": angle,
         "pitch_phase": mesh.pitch_phase,
@@ -143,7 +144,7 @@ def bodies(mesh):
 
 
 def torque_of(torque, power, speed):
-    """Return the torque of the pinion, N m, given itself or by power in W and speed in rpm."""
+    """Return the torque of the pinion, N m, from itself or from power in W and speed in rpm."""
     if torque is not None and power is not None:
         raise ValueError("torque and power are not allowed together: it must be one of them")
     if torque is None and power is None:

@@ -129,8 +129,7 @@ class Tooth:
         if self._fillet is not None:
             low = [np.broadcast_to(value, x.shape) for value in self._fillet]
             x, y, step = (
-                np.concatenate([one, other], axis=-1)
-                for one, other in zip((x, y, step), low, strict=True)
+                np.concatenate(parts, axis=-1) for parts in zip((x, y, step), low, strict=True)
             )
         material = self.gear.material
         bending = (np.cos(b) * self.sign * (at_y - y) - at_x * np.sin(b)) ** 2 * 1.5 / x**3
@@ -209,22 +208,22 @@ class PairCompliance:
         curvature = 1.0 / radii[0] + self.mesh.wheel.sign / radii[1]
         half_width = np.sqrt(4.0 * force * sum(soft) / (math.pi * width * curvature))
         total = 0.0
-        for tooth, roll, one in zip(self._teeth, rolls, soft, strict=True):
+        for tooth, roll, softness in zip(self._teeth, rolls, soft, strict=True):
             x, _, b = tooth.flank(roll)
             poisson = tooth.gear.material.poisson
             depth = np.log(2.0 * x / np.cos(b) / half_width) - poisson / (2.0 * (1.0 - poisson))
-            total = total + 2.0 * one / (math.pi * width) * depth
+            total = total + 2.0 * softness / (math.pi * width) * depth
         return total
 
 
 def matrix(pair, positions, forces, coupling):
     """Return Q of the head of the module, m/N, shape (n, k, k), of k pairs at n phases each."""
-    own = pair.teeth(positions) + pair.contact(positions, forces)
+    single = pair.teeth(positions) + pair.contact(positions, forces)
     bodies = pair.bodies(positions)
-    own = own + (1.0 - coupling) * bodies.sum(axis=0)
+    single = single + (1.0 - coupling) * bodies.sum(axis=0)
     root = np.sqrt(bodies)
     joint = np.einsum("gnk,gnl->nkl", root, root) * coupling
-    return joint + own[..., None] * np.eye(positions.shape[1])
+    return joint + single[..., None] * np.eye(positions.shape[1])
 
 
 def energy_stiffness(mesh, pitches, count, *, coupling=1.0, hertz="constant", torque=None):

@@ -1,4 +1,4 @@
-"""Dynamic factor K_v after ISO 6336-1, method B: what the standard says of the load over speed.
+"""Dynamic factor K_v after ISO 6336-1, method B: the standard's factor of the load over speed.
 
 The standard knows three ranges of N, speed over resonance speed n_E1, and the teeth by B_p (base
 pitch), B_f (form of the profile) and B_k (tip relief): the force c' f b of a deviation f over the
@@ -85,8 +85,8 @@ def dynamic_factor(
     load = mesh.tangential_force(torque) * application_factor / mesh.width
     mass = mesh.reduced_mass / mesh.width
     # N/(mm um) is 1e9 N/m per m of face width.
-    own = math.sqrt(1e9 * stiffness.mean / mass)
-    resonance = own * 60.0 / (math.tau * mesh.pinion.teeth)
+    eigenfrequency = math.sqrt(1e9 * stiffness.mean / mass)
+    resonance = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
     lower = 0.5 + 0.35 * min(math.sqrt(load / _LEAST_LOAD), 1.0)
     gears = (mesh.pinion, mesh.wheel)
     pitch = _deviation("pitch_deviation", pitch_deviation, gears)
@@ -136,7 +136,7 @@ def _coefficients(contact):
 
 
 def _run_in(deviation):
-    """Return what running in leaves of a deviation, m."""
+    """Return a deviation after running in, m."""
     return deviation - min(_RUN_IN * deviation, _MOST_RUN_IN)
 
 

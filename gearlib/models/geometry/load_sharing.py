@@ -100,9 +100,10 @@ class ToothPairs:
         error, worst = np.zeros((count, m)), np.full((count, m), math.inf)
         force, stiffness = np.zeros((count, m, k)), np.zeros((count, m, k))
         touching = np.zeros((count, m, k), bool)
-        own = np.einsum("mii->mi", self.compliance)
+        diagonal = np.einsum("mii->mi", self.compliance)
         sizes = range(least, k + 1)
-        for pairs in (list(one) for n in sizes for one in itertools.combinations(range(k), n)):
+        combinations = (itertools.combinations(range(k), size) for size in sizes)
+        for pairs in map(list, itertools.chain.from_iterable(combinations)):
             rows = np.flatnonzero(self.inside[:, pairs].all(-1))
             if not rows.size:
                 continue
@@ -112,7 +113,7 @@ class ToothPairs:
             forces[..., pairs] = rise * x[..., None] - back
             # The pull that pairs in contact would need, the overlap of the others: both <= 0.
             wrong = x[..., None] - self.gap[rows] - _image(self.compliance[rows], forces)
-            wrong[..., pairs] = -(own[rows] * forces)[..., pairs]
+            wrong[..., pairs] = -(diagonal[rows] * forces)[..., pairs]
             most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
             better = most < worst[:, rows]
             load, phase = np.nonzero(better)
@@ -125,13 +126,13 @@ class ToothPairs:
         return Sharing(error, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, sharing):
-        """Return by how much the flanks of a pair overlap beside the others, m, shape (l, m, k).
+        """Return the overlap of the flanks of each pair beside the others, m, shape (l, m, k).
 
         Of a pair that touches it is > 0, of others the negative distance of their flanks.
         """
-        own = np.einsum("mii->mi", self.compliance)
+        diagonal = np.einsum("mii->mi", self.compliance)
         overlap = sharing.error[..., None] - self.gap - _image(self.compliance, sharing.force)
-        overlap = overlap + own * sharing.force
+        overlap = overlap + diagonal * sharing.force
         # Without load pairs touch that do not overlap: the sign tells.
         least = np.finfo(float).tiny
         return np.where(sharing.touching, np.maximum(overlap, least), np.minimum(overlap, -least))
@@ -166,14 +167,14 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     """Return the `ToothPairs` of a mesh; further arguments are `Options`.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
-    contact. The pairs in mesh are those at `middle`, by default at `pitches` themselves, where
-    `inside`, shape (m, k), may say so beforehand.
+    contact. The pairs in mesh are those at `middle`, by default at `pitches`; `inside`, shape
+    (m, k), states them if they are known.
     """
-    given = Options(**options)
-    deviation, corners, load = given.deviation, given.corners, given.load
+    choice = Options(**options)
+    deviation, corners, load = choice.deviation, choice.corners, choice.load
     if deviation is not None and not isinstance(deviation, PathTable):
         raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
-    errors, overlap = checked_errors(mesh, given.pitch_errors), mesh.overlap_ratio
+    errors, overlap = checked_errors(mesh, choice.pitch_errors), mesh.overlap_ratio
     if overlap > 0.0 and load is None:
         raise ValueError(
             f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
@@ -202,7 +203,7 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     place = np.round(slices[:, 0] / SAME_PLACE).astype(int) * 2**count + there @ 2**slots
     _, first, each = np.unique(place, return_index=True, return_inverse=True)
     on_path = np.clip(position[first], *mesh.path)
-    own = _compliance(mesh, on_path, there[first], given)
+    compliance = _compliance(mesh, on_path, there[first], choice)
     gap = relief_gap(mesh, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -212,16 +213,16 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
         position = np.clip(position, *mesh.path)
     gap = gap[each] + np.repeat(errors[number % errors.size], pieces, axis=0)
     if overlap == 0.0:
-        return ToothPairs(pitches, position, there, own[each], gap)
-    force, stiffness, x = _over_face(face.shares, own, each, there, gap, load)
-    # A pair about to touch has no stiffness yet; this trace of it keeps the compliance finite.
-    firm = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
+        return ToothPairs(pitches, position, there, compliance[each], gap)
+    force, stiffness, x = _over_face(face.shares, compliance, each, there, gap, load)
+    # A pair about to touch has no stiffness yet; a small one keeps the compliance finite.
+    regular = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
     return ToothPairs(
         pitches,
         position.reshape(-1, pieces, count).mean(axis=1),
         force > 0.0 if inside is None else inside,
-        np.eye(count) / firm[..., None],
-        x[:, None] - force / firm,
+        np.eye(count) / regular[..., None],
+        x[:, None] - force / regular,
     )
 
 
@@ -251,25 +252,27 @@ def face_of(mesh, periods):
     return Face(shares, places, lines, (overlap + 1.0 / lines) / 2.0)
 
 
-def _over_face(shares, own, each, inside, gap, load: float):
+def _over_face(shares, compliances, numbers, inside, gap, load: float):
     """Return forces and stiffnesses of pairs, shape (m, k), and the displacement under a load.
 
-    Newton's method: in each step a pair of a slice begins to touch or parts where its force or
-    its overlap has the wrong sign. `own`, shape (u, k, k), are compliances, `each` their numbers.
+    In each step of Newton's method a pair of a slice begins to touch or parts where its force or
+    its overlap has the wrong sign. Slices have the compliances, shape (u, k, k), of their numbers.
     """
     count = gap.shape[1]
 
     def over_face(values):
         return shares @ values.reshape(-1, len(shares), count)
 
-    yielding, touching = own[each], inside
-    itself = np.einsum("mii->mi", yielding)
-    x = np.full(len(gap) // len(shares), load * own.max() + gap[inside].max())
+    slice_compliances, touching = compliances[numbers], inside
+    diagonal = np.einsum("mii->mi", slice_compliances)
+    x = np.full(len(gap) // len(shares), load * compliances.max() + gap[inside].max())
     for _ in range(_NEWTON_STEPS):
         way = np.repeat(x, len(shares))[:, None] - gap
-        inverse = _inverse(own, each, touching)
+        inverse = _inverse(compliances, numbers, touching)
         force = _image(inverse, way)
-        wrong = inside * np.where(touching, -itself * force, way - _image(yielding, force))
+        wrong = inside * np.where(
+            touching, -diagonal * force, way - _image(slice_compliances, force)
+        )
         total, stiffness = over_face(force), over_face(np.einsum("mij->mi", inverse))
         step = (total.sum(-1) - load) / stiffness.sum(-1)
         if max(np.abs(step).max(), wrong.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
@@ -278,16 +281,18 @@ def _over_face(shares, own, each, inside, gap, load: float):
     raise RuntimeError(f"no displacement of a helical mesh in {_NEWTON_STEPS} steps")
 
 
-def _inverse(own, each, touching):
+def _inverse(compliances, numbers, touching):
     """Return the inverse of the compliances of the pairs that touch, 0 for the others."""
-    key = each * 2 ** touching.shape[1] + touching @ 2 ** np.arange(touching.shape[1])
+    key = numbers * 2 ** touching.shape[1] + touching @ 2 ** np.arange(touching.shape[1])
     _, first, back = np.unique(key, return_index=True, return_inverse=True)
     both = touching[first][:, :, None] & touching[first][:, None, :]
-    return (np.linalg.inv(np.where(both, own[each[first]], np.eye(touching.shape[1]))) * both)[back]
+    return (
+        np.linalg.inv(np.where(both, compliances[numbers[first]], np.eye(touching.shape[1]))) * both
+    )[back]
 
 
 def zone_of_contact(mesh, corners, load, errors):
-    """Return by how many base pitches pairs may touch before and behind the path of contact.
+    """Return the base pitches on which pairs may touch before and behind the path of contact.
 
     Corners touch where their gap is below `MAX_CORNER_GAP` deflections of one pair.
     """
@@ -354,10 +359,10 @@ def relief_gap(mesh, position):
     return gap
 
 
-def _compliance(mesh, position, inside, given: Options):
+def _compliance(mesh, position, inside, choice: Options):
     """Return the compliances Q of pairs at positions on the path, shape (m, k, k)."""
-    stiffness = given.stiffness
-    coupling = checks.number("coupling", given.coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
+    stiffness = choice.stiffness
+    coupling = checks.number("coupling", choice.coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         values = stiffness.at(position)
@@ -373,7 +378,7 @@ def _compliance(mesh, position, inside, given: Options):
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / pair_stiffness(mesh)
     # With corners more pairs are inside; a body that changed with their number would be a jump.
-    together = math.floor(mesh.contact_ratio) + 1 if given.corners else inside.sum(-1)
+    together = math.floor(mesh.contact_ratio) + 1 if choice.corners else inside.sum(-1)
     count = np.broadcast_to(together, len(position))[:, None, None]
     body = single * coupling / (1.0 + 3.0 * count)
     return (single - body) * identity + body

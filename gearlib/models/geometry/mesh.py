@@ -71,7 +71,6 @@ class Mesh:
         self._set_backlash()
 
     def _put(self, name, value):
-        # The one place where the frozen fields are set, to plain values.
         object.__setattr__(self, name, value)
 
     def _signed(self, of_pinion, of_wheel):
@@ -85,9 +84,9 @@ class Mesh:
                 "the wheel"
             )
         for name in ("module", "pressure_angle", "helix_angle"):
-            own, other = getattr(pinion, name), getattr(wheel, name)
-            fits = math.isclose(other, own, rel_tol=1e-9, abs_tol=1e-12)
-            checks.require(fits, f"{name} of the wheel", other, f"that of the pinion, {own!r}")
+            value, other = getattr(pinion, name), getattr(wheel, name)
+            fits = math.isclose(other, value, rel_tol=1e-9, abs_tol=1e-12)
+            checks.require(fits, f"{name} of the wheel", other, f"that of the pinion, {value!r}")
         if wheel.internal:
             checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
 

@@ -14,11 +14,11 @@ from gearlib.models.geometry.parts import SHAPES, TipRelief
 
 #: Over the deflection: an error below is flat up to rounding.
 _FLAT = 1e-12
-#: Decimals that are kept of what the descent finds, and by which one least is less than another:
-#: those behind follow from rounding, and differ between machines.
+#: Decimals of the optimum that are kept: further ones follow from rounding and differ between
+#: machines.
 _DIGITS = 6
-#: Amounts over the deflection of a pair, and lengths over the long one, that are tried for the
-#: optimum relief; from so many of the best the descent starts.
+#: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
+#: the long one. The descent starts from so many of its best points.
 _AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
 _LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
 _STARTS = 2
@@ -33,23 +33,23 @@ def transmission_error(mesh, torque, phases=256, **options):
         raise ValueError("torque = [] is not allowed: it must have at least one value")
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
-    found = pairs.share(loads)
+    sharing = pairs.share(loads)
     # Without load rounding leaves forces, of which no pair has a share.
-    share = np.full_like(found.force, math.nan)
-    np.divide(found.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
+    share = np.full_like(sharing.force, math.nan)
+    np.divide(sharing.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
     grid = ("torque", "phase")
     data = {
-        "transmission_error": (grid, found.error),
+        "transmission_error": (grid, sharing.error),
         "load_share": ((*grid, "tooth_pair"), share),
-        "pairs_in_contact": (grid, found.touching.sum(-1)),
-        "mesh_stiffness": (grid, found.stiffness.sum(-1)),
+        "pairs_in_contact": (grid, sharing.touching.sum(-1)),
+        "mesh_stiffness": (grid, sharing.stiffness.sum(-1)),
         "path_position": (
             ("phase", "tooth_pair"),
             np.where(pairs.inside, pairs.position, math.nan),
         ),
         "gap": (("phase", "tooth_pair"), np.where(pairs.inside, pairs.gap, math.nan)),
-        "peak_to_peak_error": ("torque", np.ptp(found.error, axis=1)),
-        "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, found, phases)),
+        "peak_to_peak_error": ("torque", np.ptp(sharing.error, axis=1)),
+        "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, sharing, phases)),
         "mesh_force": ("torque", loads),
     }
     turns = math.tau * np.arange(pairs.pitches.size) / phases
@@ -58,9 +58,9 @@ def transmission_error(mesh, torque, phases=256, **options):
     return describe(xr.Dataset(data, coords, {"title": title}))
 
 
-def _contact_ratios(mesh, pairs, found, phases):
+def _contact_ratios(mesh, pairs, sharing, phases):
     """Return the mean number of pairs that touch: the length of contact in base pitches."""
-    overlap = np.where(pairs.inside, pairs.overlap(found), -math.inf)
+    overlap = np.where(pairs.inside, pairs.overlap(sharing), -math.inf)
     m, k = pairs.gap.shape
     # Each pair along its way, from the first phase at which it is in mesh.
     since = pairs.pitches[:phases] % 1.0
@@ -70,11 +70,11 @@ def _contact_ratios(mesh, pairs, found, phases):
     steps = steps[way < mesh.contact_ratio]
     way = way[: steps.size]
     ratios = []
-    for one in overlap:
+    for course in overlap:
         total = 0.0
         for first in range(start, start + m, phases):
             # Behind the last phase of a mesh period it is the next one of the pairs.
-            at = one[(first + steps) % m, steps // phases]
+            at = course[(first + steps) % m, steps // phases]
             above, below = np.maximum(at, 0.0), np.maximum(-at, 0.0)
             above, below = above[:-1] + above[1:], below[:-1] + below[1:]
             # Where it changes its sign, the part of the step that a straight line spends above 0.
@@ -110,7 +110,7 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     Returns
     -------
     gearlib.geometry.Mesh
-        Whose gears have the `TipRelief` found, each its own amount.
+        Its gears have the optimum `TipRelief`, each with its amount.
 
     Raises
     ------
@@ -128,10 +128,10 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         fixed = checks.number("length", fixed, allowed, lambda v: 0.0 < v <= longest)
     mesh = mesh.with_reliefs(None, None)
     pairs = tooth_pairs(mesh, phases, **options)
-    # What pairs yield by themselves under the load, where contact ends and where it begins.
-    own = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
-    own, position = own[pairs.inside], pairs.position[pairs.inside]
-    start = [own[at] * load / count for at in (position.argmax(), position.argmin())]
+    # Deflection of single pairs under the load where contact ends and where it begins.
+    compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
+    compliance, position = compliance[pairs.inside], pairs.position[pairs.inside]
+    start = [compliance[at] * load / count for at in (position.argmax(), position.argmin())]
 
     def reliefs(values):
         span = fixed if fixed is not None else long * values[2]
@@ -151,15 +151,15 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         # There are several valleys: a grid comes before the descent.
         grid = [_AMOUNTS] * 2 + [_LENGTHS] * (fixed is None)
         tried = sorted(itertools.product(*grid), key=lambda values: np.ptp(course(values)))
-        found = [_least_range(course, first, bounds) for first in (guess, *tried[:_STARTS])]
+        minima = [_least_range(course, first, bounds) for first in (guess, *tried[:_STARTS])]
         # Of equals the first, where single contact alone decides.
-        best = [guess, *found, tried[0]]
+        best = [guess, *minima, tried[0]]
         guess = min(best, key=lambda values: round(float(np.ptp(course(values))), _DIGITS))
     return mesh.with_reliefs(*reliefs(np.round(guess, _DIGITS)))
 
 
 def _least_range(course, first, bounds):
-    """Return where the range of a course is least, from a start: its bounds move with it."""
+    """Return the values at which the range of a course is least, by a descent from a start."""
     from scipy.optimize import minimize
 
     values = course(first)
