@@ -245,7 +245,7 @@ def type_of(kind):
         return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **_in_bounds(kind))
     if isinstance(kind, parameters.Integer):
         return whole(kind.least, kind.limit if kind.most is None else kind.most)
-    if isinstance(kind, parameters.Text):
+    if kind == parameters.TEXT:
         return Label
     if kind == parameters.TRUTH:
         return Truth

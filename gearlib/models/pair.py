@@ -22,10 +22,11 @@ damping ratios.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
-from gearlib.models import parameter_values
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import PairParameters
 
@@ -48,14 +49,6 @@ class GearPair(PairParameters, Model):
     """
 
     one_mesh = True
-    #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
-    RATIOS = (
-        "contact_ratio",
-        "stiffness_ratio",
-        "damping_ratio",
-        "backlash_damping_ratio",
-        "backlash_ratio",
-    )
 
     @property
     def force_note(self):
@@ -66,13 +59,13 @@ class GearPair(PairParameters, Model):
         parameters.check(self)
         words = f"a finite number > 0, from {_SMALLEST} to {_LARGEST}"
         for name in ("max_stiffness", "reduced_mass", "load"):
-            checks.number(name, getattr(self, name), words, lambda v: _SMALLEST <= v <= _LARGEST)
+            value = getattr(self, name)
+            checks.require(_SMALLEST <= value <= _LARGEST, name, value, words)
         for name in ("material_damping", "backlash_damping"):
-            if getattr(self, name) is None:
-                continue
+            value = getattr(self, name)
             most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
             words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
-            checks.number(name, getattr(self, name), words, lambda v, most=most: v <= most)
+            checks.require(value is None or value <= most, name, value, words)
 
     @classmethod
     def from_ratios(
@@ -108,7 +101,9 @@ class GearPair(PairParameters, Model):
         """
         damping = checks.finite_nonnegative("damping", damping)
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        over_max = mean_over_max(*_ratios(contact_ratio, stiffness_ratio))
+        contact_ratio = parameters.CONTACT_RATIO.check("contact_ratio", contact_ratio)
+        stiffness_ratio = parameters.STIFFNESS_RATIO.check("stiffness_ratio", stiffness_ratio)
+        over_max = mean_over_max(contact_ratio, stiffness_ratio)
         # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
         # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
         unit = 1.0 / over_max * over_max
@@ -161,10 +156,9 @@ class GearPair(PairParameters, Model):
     @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
-        # Here: tables of drawn gears have no motion and load no kernels.
         from gearlib.models.one_degree import OneDegreePair
 
-        return parameter_values.unchecked(OneDegreePair, pair=self).equation
+        return OneDegreePair(pair=self).equation
 
     @property
     def propagators(self):
@@ -190,9 +184,7 @@ class GearPair(PairParameters, Model):
     @property
     def mean_eigenfrequency(self):
         """Omega_s = sqrt(C_s / m_red), rad/s."""
-        square = self.mean_stiffness / self.reduced_mass
-        # Many pairs at once have arrays for numbers.
-        return math.sqrt(square) if isinstance(square, float) else square**0.5
+        return math.sqrt(self.mean_stiffness / self.reduced_mass)
 
     @property
     def damping_ratio(self):
@@ -258,8 +250,25 @@ class GearPair(PairParameters, Model):
         }
 
 
-def _ratios(*values):
-    """Return contact and stiffness ratio, checked as those of a pair."""
-    known = parameters.declared(GearPair)
-    names = "contact_ratio", "stiffness_ratio"
-    return [known[name].kind.check(name, value) for name, value in zip(names, values, strict=True)]
+class WithPair(Model):
+    """A model with a `GearPair` as its field ``pair``, whose scales and ratios are its own.
+
+    Every name is listed: one that means something else for the model does not reach the pair.
+    """
+
+    pair: Any  #: the `GearPair`, a field of subclasses
+    mesh = property(attrgetter("pair"), doc="The pair.")
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+for _name in (
+    *("max_stiffness", "min_stiffness", "mean_stiffness", "stiffness_ratio", "contact_ratio"),
+    *("reduced_mass", "load", "backlash", "backlash_ratio", "material_damping", "damping_ratio"),
+    *("backlash_damping", "backlash_damping_ratio", "teeth", "static_deflection"),
+    *("mean_eigenfrequency", "flank_lines", "tuning_factor_max", "tuning_factor_min"),
+    *("tuning_max", "tuning_min", "mesh_frequency", "scales", "speed"),
+):
+    setattr(WithPair, _name, property(attrgetter(f"pair.{_name}"), doc=f"`GearPair.{_name}`."))

@@ -1,4 +1,4 @@
-"""What a `GearPair` is given, declared without the numerical stack: a start reads it."""
+"""Numbers of a gear pair and their ratios, without the numerical stack."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -21,3 +21,25 @@ class PairParameters:
     teeth: Annotated[
         int, parameters.Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"
     ] = 24
+
+
+#: Ratios of a pair -> the field that each sets.
+RATIOS = {
+    "damping_ratio": "material_damping",
+    "backlash_damping_ratio": "backlash_damping",
+    "backlash_ratio": "backlash",
+}
+RATIO_NAMES = {
+    "damping_ratio": "damping ratio beta",
+    "backlash_damping_ratio": "damping ratio beta_m of the backlash",
+    "backlash_ratio": "backlash in static deflections",
+}
+
+
+def ratio_fields(pair, name, value):
+    """Return field -> value by which a `GearPair` has a value of one of `RATIOS`."""
+    if name == "backlash_ratio":
+        scale = pair.static_deflection
+    else:
+        scale = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    return {RATIOS[name]: value * scale}
