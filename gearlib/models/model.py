@@ -31,54 +31,38 @@ FAR = 1e8
 class Model:
     """What can be simulated: parameters, equations of motion, engines, names of its variables."""
 
-    #: Components of the state that varies: coordinates, then their rates by phase.
-    size: Any = 2
-    #: Periods of phase after which the excitation repeats.
-    repeats: Any = 1
-    #: The `GearPair` that the model rests on, which gives tuning and scales; None: it has none.
-    mesh: Any = None
-    #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
-    #: two flank lines.
-    equation: Any = None
-    #: The `GearTrain` whose matrices it has; None: it has one degree of freedom.
-    train: Any = None
-    #: Whether the forces of a turning frame act.
-    gyroscopic: Any = False
-    #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
-    profile: Any = None
+    # State and equations of motion.
+    size: Any = 2  #: components of the state that varies: coordinates, then their rates by phase
+    repeats: Any = 1  #: periods of phase after which the excitation repeats
+    mesh: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
+    equation: Any = None  #: the `Equation`, of one degree of freedom with two flank lines
+    train: Any = None  #: the `GearTrain` whose matrices it has, of several degrees of freedom
+    gyroscopic: Any = False  #: whether the forces of a turning frame act
+    profile: Any = None  #: of `gearlib.models.profiles`, where the mesh stiffness can be chosen
     #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
     speed: Any = None
     mesh_frequency: Any = None
-    #: The scale of displacements where something turns, m.
-    static_deflection: Any = None
+    static_deflection: Any = None  #: the scale of displacements where something turns, m
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False
-    #: Whether the far flank moves, so that `flank_lines` has only its mean position.
-    moving_flank: bool = False
+    moving_flank: bool = False  #: whether `flank_lines` has only the mean position of the far flank
 
-    #: Names of the meshes, a dimension of results; (): the model has one, and no such dimension.
-    mesh_names: Any = ()
-    #: Names of the components of the final state.
-    components: Any = ("displacement", "velocity")
-    #: Variables beside those of every time course, over the phase.
-    extra_samples: tuple = ()
-    #: name of a variable -> its long_name, where it is not that of a gear mesh
-    long_names: dict = {}
-    #: What titles of datasets call the model.
-    title_noun: str = "a gear mesh"
-    #: Tuning below which the duty point is computed at it, where inertia hardly counts.
-    slowest_tuning: Any = 0.0
-    #: What is to be said of its forces beside results, or "".
-    force_note: Any = ""
-    #: The source of the model.
-    references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
-    #: name of a field -> its value by default, from the model
-    by_default: dict = {}
+    # Parameters.
+    by_default: dict = {}  #: name of a field -> its value by default, from the model
     #: Its parameters over which orbits are followed, beside ratios: name -> (CF units, long_name)
     parameters: Any = {}
-    #: Parameters that make the motion in normal mesh nonlinear, if they are not 0.
-    nonlinear: tuple = ()
+    nonlinear: tuple = ()  #: names of those that make the motion in normal mesh nonlinear
+
+    # Results.
+    mesh_names: Any = ()  #: a dimension of results; (): one mesh, and no such dimension
+    components: Any = ("displacement", "velocity")  #: of the final state
+    extra_samples: tuple = ()  #: variables beside those of every time course, over the phase
+    long_names: dict = {}  #: name of a variable -> its long_name, if not that of a gear mesh
+    title_noun: str = "a gear mesh"  #: the model in titles of datasets
+    slowest_tuning: Any = 0.0  #: below it the duty point is that at it: inertia hardly counts
+    force_note: Any = ""  #: a sentence on the forces beside results, or ""
+    references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     @property
     def piecewise_linear(self):

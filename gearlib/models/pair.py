@@ -28,13 +28,11 @@ from typing import TYPE_CHECKING, Any
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model
-from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.pair_parameters import LARGEST, PairParameters, check_scales
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
-#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
-_SMALLEST, _LARGEST = 1e-30, 1e30
 
 
 @parameters.documented
@@ -57,14 +55,11 @@ class GearPair(PairParameters, Model):
 
     def __post_init__(self):
         parameters.check(self)
-        words = f"a finite number > 0, from {_SMALLEST} to {_LARGEST}"
-        for name in ("max_stiffness", "reduced_mass", "load"):
-            value = getattr(self, name)
-            checks.require(_SMALLEST <= value <= _LARGEST, name, value, words)
+        check_scales(self)
         for name in ("material_damping", "backlash_damping"):
             value = getattr(self, name)
-            most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
-            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
+            most = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {LARGEST}"
             checks.require(value is None or value <= most, name, value, words)
 
     @classmethod
@@ -175,37 +170,6 @@ class GearPair(PairParameters, Model):
     def min_stiffness(self):
         """Minimum mesh stiffness C_min, N/m."""
         return self.stiffness_ratio * self.max_stiffness
-
-    @property
-    def mean_stiffness(self):
-        """Mean mesh stiffness C_s, N/m; Eq. (2)."""
-        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
-
-    @property
-    def mean_eigenfrequency(self):
-        """Omega_s = sqrt(C_s / m_red), rad/s."""
-        return math.sqrt(self.mean_stiffness / self.reduced_mass)
-
-    @property
-    def damping_ratio(self):
-        """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
-        damping = checks.known_damping(self.material_damping)
-        return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
-
-    @property
-    def backlash_damping_ratio(self):
-        """beta_m = k_1m / (2 m_red Omega_s), of the oil in the backlash."""
-        return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
-
-    @property
-    def static_deflection(self):
-        """F / C_s, m: the unit of every dimensionless displacement."""
-        return self.load / self.mean_stiffness
-
-    @property
-    def backlash_ratio(self):
-        """Backlash in static deflections."""
-        return self.backlash / self.static_deflection
 
     @property
     def tuning_factor_max(self):
