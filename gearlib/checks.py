@@ -64,6 +64,11 @@ def known_damping(value, whose=""):
     return value
 
 
+def integers(low, high=None):
+    """Return the words for the integers in ``low ... high``."""
+    return f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
+
+
 def integer(name, value, low, high=None):
     """Return `value` as int if it is an integer in ``low ... high``, else raise ValueError."""
     if isinstance(value, Integral) and not isinstance(value, bool):
@@ -71,59 +76,47 @@ def integer(name, value, low, high=None):
             return int(value)
         if high is None and value >= low:
             high = _LARGEST
-    allowed = f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
-    raise refusal(name, value, allowed)
+    raise refusal(name, value, integers(low, high))
 
 
 def one_of(name, value, choices):
     """Return `value` if it is one of `choices`, else raise ValueError."""
-    if value not in choices:
-        raise refusal(name, value, f"one of {', '.join(map(repr, choices))}")
+    require(value in choices, name, value, f"one of {', '.join(map(repr, choices))}")
     return value
-
-
-def sequence(name, values):
-    """Return values as a list, else raise ValueError."""
-    try:
-        return list(values)
-    except TypeError:
-        raise refusal(name, values, "a sequence of numbers") from None
 
 
 def finite(name, values):
     """Return a sequence of finite numbers as a tuple of float, else raise ValueError."""
-    found = enumerate(sequence(name, values))
-    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in found)
+    entries = enumerate(many(name, values))
+    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in entries)
 
 
-def many(name, values, count):
-    """Return so many values as a list, else raise ValueError."""
+def many(name, values, count=None):
+    """Return values, so many if there is a `count`, as a list, else raise ValueError."""
+    allowed = "a sequence of numbers" if count is None else f"{count} values"
     try:
-        found = list(values)
+        entries = list(values)
     except TypeError:
-        found = []
-    if len(found) != count:
-        raise refusal(name, values, f"{count} values")
-    return found
+        raise refusal(name, values, allowed) from None
+    require(count in (None, len(entries)), name, values, allowed)
+    return entries
 
 
 def numbers(name, values, count):
     """Return so many real numbers, infinite ones too, as a list of float, else raise ValueError."""
-    found = enumerate(many(name, values, count))
-    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in found]
+    entries = enumerate(many(name, values, count))
+    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in entries]
 
 
 def options(value):
     """Return options, a mapping or None, as a dict, else raise ValueError."""
-    if value is not None and not isinstance(value, Mapping):
-        raise refusal("options", value, "a mapping of names")
+    require(isinstance(value, Mapping | None), "options", value, "a mapping of names")
     return dict(value or {})
 
 
 def drawn_mesh(value, name="mesh", other=""):
     """Return a `gearlib.geometry.Mesh`, else raise ValueError; `other` says what else may be."""
-    if not hasattr(value, "pair_parameters"):
-        raise refusal(name, value, f"a gearlib.geometry.Mesh{other}")
+    require(hasattr(value, "pair_parameters"), name, value, f"a gearlib.geometry.Mesh{other}")
     return value
 
 

@@ -1,30 +1,43 @@
-"""What a parameter is: unit, range, words and symbol, declared once, where something takes it.
+"""Parameters: unit, range, words and symbol, declared once, where something takes them.
 
 The annotations of a constructor or function declare its parameters: kind, words, symbol. ::
 
     max_stiffness: Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
 
 All else follows from them: checks and refusals (`check`, `checked`), docstrings and tables of the
-docs (`documented`, `rows`), sections of the configuration with their schema and the options of
-commands (`gearlib.config.types.like`), ranges of sliders. No numerical stack: a start of the
-workflow reads this.
+docs (`documented`), sections of the configuration with their schema and the options of commands
+(`gearlib.config.types.like`), ranges of sliders. This module loads no numerical stack.
 """
 
-import dataclasses
 import functools
 import inspect
 import math
 import re
 import textwrap
+from dataclasses import dataclass
 from typing import Annotated, Any, get_origin
 
 from gearlib import checks
 
-#: Of a parameter that has to be given.
-MISSING = dataclasses.MISSING
+#: Default of a parameter that has to be given.
+MISSING = inspect.Parameter.empty
 
 
-class Number:
+class Kind:
+    """The values that a parameter may have, by a function of a value and in words."""
+
+    words: Any
+
+    def __init__(self, words, accepts):
+        self.words, self.accepts = words, accepts
+
+    def check(self, name, value):
+        """Return a value as it is stored, else raise ValueError."""
+        checks.require(self.accepts(value), name, value, self.words)
+        return value
+
+
+class Number(Kind):
     """A real number within bounds, which `above` and `below` leave out.
 
     Its unit is that of SI, "1" without dimension; `example` is a value in another one, as a
@@ -43,23 +56,18 @@ class Number:
         vars(self).update(bounds)
 
     @property
-    def range(self):
-        """The bounds in words."""
-        if self.least is not None and self.most is not None:
-            return f"from {_written(self.least)} to {_written(self.most)}"
-        signs = {">": self.above, ">=": self.least, "<": self.below, "<=": self.most}
-        return " and ".join(f"{sign} {_written(x)}" for sign, x in signs.items() if x is not None)
-
-    @property
     def words(self):
-        """What is allowed."""
         noun = "a number" if self.infinite else "a finite number"
-        notes = self.infinite or (self.unit if self.unit == "rad" else "")
-        more = f"({notes})" if notes else ""
-        return " ".join(filter(None, (noun, self.range, more)))
+        if self.least is not None and self.most is not None:
+            bounds = f"from {_written(self.least)} to {_written(self.most)}"
+        else:
+            signs = {">": self.above, ">=": self.least, "<": self.below, "<=": self.most}
+            texts = (f"{sign} {_written(x)}" for sign, x in signs.items() if x is not None)
+            bounds = " and ".join(texts)
+        note = self.infinite or (self.unit if self.unit == "rad" else "")
+        return " ".join(filter(None, (noun, bounds, note and f"({note})")))
 
     def accepts(self, value):
-        """Return whether a float other than NaN is allowed."""
         return (
             (math.isfinite(value) or (bool(self.infinite) and value > 0.0))
             and (self.above is None or value > self.above)
@@ -69,124 +77,75 @@ class Number:
         )
 
     def check(self, name, value):
-        """Return a value as float, else raise ValueError."""
         if (value is None and self.optional) or (type(value) is float and self.accepts(value)):
-            return value  # most are, and the words take time
-        most = self.below if self.most is None else self.most
-        hint = likely(value, self.example, most)
+            return value  # Hardly a value needs the words, which take time.
+        hint = likely(value, self.example, self.below if self.most is None else self.most)
         return checks.number(name, value, self.words + hint, self.accepts)
 
 
-class Integer:
-    """An integer; beyond `limit` a configuration takes it for a slip of the pen."""
+class Integer(Kind):
+    """An integer; a configuration allows none beyond `limit`, which is taken for a mistake."""
 
     def __init__(self, least, most=None, limit=None):
         self.least, self.most, self.limit = least, most, limit
-
-    @property
-    def words(self):
-        """What is allowed."""
-        low, high = self.least, self.most
-        return f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
+        self.words = checks.integers(least, most)
 
     def check(self, name, value):
-        """Return a value as int, else raise ValueError."""
         return checks.integer(name, value, self.least, self.most)
 
 
-class OneOf:
+class OneOf(Kind):
     """One of a few plain values."""
 
     def __init__(self, choices):
+        super().__init__(f"one of {', '.join(map(repr, choices))}", choices.__contains__)
         self.choices = choices
 
-    @property
-    def words(self):
-        """What is allowed."""
-        return f"one of {', '.join(map(repr, self.choices))}"
 
-    def check(self, name, value):
-        """Return a value as it is, else raise ValueError."""
-        return checks.one_of(name, value, self.choices)
+class Instance(Kind):
+    """An instance of a class, or of one of several."""
 
-
-class Text:
-    """A text, the name of something."""
-
-    words = "a text"
-
-    def check(self, name, value):
-        """Return a value as it is, else raise ValueError."""
-        if not isinstance(value, str) or not value:
-            raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
-        return value
+    def __init__(self, classes, words=""):
+        words = words or " or ".join(f"a {kind.__name__}" for kind in classes)
+        super().__init__(words, lambda value: isinstance(value, classes))
 
 
-class Many:
+class Many(Kind):
     """Several values of a kind, as many as `count` says."""
 
     def __init__(self, item, count=None):
         self.item, self.count = item, count
-
-    @property
-    def words(self):
-        """What is allowed."""
-        number = "several values" if self.count is None else f"{self.count} values"
-        return f"{number}, each {self.item.words}"
+        number = "several values" if count is None else f"{count} values"
+        self.words = f"{number}, each {item.words}"
 
     def check(self, name, values):
-        """Return values as a tuple, else raise ValueError."""
-        if self.count is not None:
-            values = checks.many(name, values, self.count)
-        found = enumerate(checks.sequence(name, values))
-        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in found)
+        entries = enumerate(checks.many(name, values, self.count))
+        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in entries)
 
 
-class Two:
+class Two(Kind):
     """Two values of a kind along x and y, or one for both."""
 
     count = 2
 
     def __init__(self, item):
-        self.item = item
-
-    @property
-    def words(self):
-        """What is allowed."""
-        return f"one or two numbers, each {self.item.words}"
+        self.item, self.words = item, f"one or two numbers, each {item.words}"
 
     def check(self, name, values):
-        """Return both as a tuple, else raise ValueError."""
         values = values if isinstance(values, (tuple, list)) else (values, values)
-        if len(values) != 2:
-            raise ValueError(f"{name} = {values!r} is not allowed: it must be {self.words}")
-        named = zip("xy", values, strict=True)
-        return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in named)
+        checks.require(len(values) == 2, name, values, self.words)
+        axes = zip("xy", values, strict=True)
+        return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in axes)
 
 
-class Instance:
-    """An instance of a class, or of one of several."""
-
-    def __init__(self, classes):
-        self.classes = classes
-
-    @property
-    def words(self):
-        """What is allowed."""
-        return " or ".join(f"a {one.__name__}" for one in self.classes)
-
-    def check(self, name, value):
-        """Return a value as it is, else raise ValueError."""
-        if not isinstance(value, self.classes):
-            raise ValueError(f"{name} = {value!r} is not allowed: it must be {self.words}")
-        return value
-
-
+@dataclass(frozen=True)
 class Parameter:
-    """A declared parameter of a constructor or function: kind, words, symbol, default."""
+    """A declared parameter of a constructor or function."""
 
-    def __init__(self, kind, words, symbol, default):
-        self.kind, self.words, self.symbol, self.default = kind, words, symbol, default
+    kind: Kind
+    words: str
+    symbol: str = ""
+    default: Any = MISSING
 
     @property
     def unit(self):
@@ -198,10 +157,16 @@ class Parameter:
         return "" if unit == "1" else unit
 
     @property
+    def long_name(self):
+        """Its words without what is added to them, in lower case."""
+        head = re.split(r"[;,=]", self.words)[0].strip()
+        return head[:1].lower() + head[1:]
+
+    @property
     def description(self):
         """Its words, symbol and unit, a sentence."""
         # Symbol and unit stand before what is added to the words.
-        head = re.match(r".*?(?=;|\. |$)", self.words)[0]  # type: ignore[index]
+        head = re.split(r";|\. ", self.words)[0]
         added, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
         return f"{', '.join(filter(None, (named, self.unit)))}{added}."
 
@@ -209,31 +174,27 @@ class Parameter:
 @functools.cache
 def declared(thing):
     """Return name -> `Parameter` of what a dataclass or function declares, in order."""
-    thing = inspect.unwrap(thing)
-    hints: dict[str, Any]
-    if dataclasses.is_dataclass(thing):
-        fields = dataclasses.fields(thing)
-        hints = {one.name: one.type for one in fields}
-        defaults = {one.name: one.default for one in fields}
-    else:
-        hints, defaults = thing.__annotations__, thing.__kwdefaults__ or {}
-    found = {}
-    for name, hint in hints.items():
-        if get_origin(hint) is Annotated:
-            kind, words, symbol = (*hint.__metadata__, "")[:3]
-            found[name] = Parameter(kind, words, symbol, defaults.get(name, MISSING))
-    return found
+    call = thing.__init__ if inspect.isclass(thing) else inspect.unwrap(thing)
+    declarations = {}
+    for name, parameter in inspect.signature(call).parameters.items():
+        if get_origin(parameter.annotation) is Annotated:
+            kind, words, symbol = (*parameter.annotation.__metadata__, "")[:3]
+            declarations[name] = Parameter(kind, words, symbol, parameter.default)
+    return declarations
+
+
+def numbers(thing):
+    """Return name -> `Parameter` of the real numbers that something declares."""
+    return {
+        name: parameter
+        for name, parameter in declared(thing).items()
+        if isinstance(parameter.kind, Number)
+    }
 
 
 def named(thing):
-    """Return name -> (CF units, words) of the real numbers that something declares."""
-    found = {}
-    for name, one in declared(thing).items():
-        if isinstance(one.kind, Number):
-            # The words for what it is, without what is added.
-            head = re.match(r"[^;,=]*", one.words)[0].strip()  # type: ignore[index]
-            found[name] = cf_units(one.unit), head[0].lower() + head[1:]
-    return found
+    """Return name -> (CF units, long name) of the real numbers that something declares."""
+    return {name: (cf_units(x.unit), x.long_name) for name, x in numbers(thing).items()}
 
 
 def cf_units(unit):
@@ -254,19 +215,15 @@ def check(instance, whose=""):
     for name, parameter in declared(type(instance)).items():
         value = getattr(instance, name)
         if value is not None or parameter.default is not None:
-            # The one place where the frozen fields are set.
             object.__setattr__(instance, name, parameter.kind.check(f"{name}{whose}", value))
 
 
 def checked(function):
     """Check what a function declares of its keyword arguments before it is called."""
-    known = None
 
     @functools.wraps(function)
     def call(*args, **given):
-        nonlocal known
-        known = known or declared(function)
-        for name, parameter in known.items():
+        for name, parameter in declared(function).items():
             if given.get(name, parameter.default) is not parameter.default:
                 given[name] = parameter.kind.check(name, given[name])
         return function(*args, **given)
@@ -275,51 +232,24 @@ def checked(function):
 
 
 def documented(thing):
-    """Give a class or function the table of its declared parameters in its docstring."""
-    text = inspect.getdoc(thing)
-    made: Any = thing
-    if inspect.isclass(thing):
-        # When somebody asks: a start of the workflow does not.
-        made.__doc__ = _OnDemand(lambda: _with_table(text, thing))
-        made.__signature__ = _OnDemand(lambda: _plain(made.__init__, 1))
-    else:
-        made.__doc__, made.__signature__ = _with_table(text, thing), _plain(thing)
-    return thing
-
-
-class _OnDemand:
-    """An attribute of a class that is made when it is asked for."""
-
-    def __init__(self, make):
-        self.make = make
-
-    def __get__(self, instance, owner):
-        return self.make()
-
-
-def _with_table(text, thing):
-    """Return a docstring with the table of the declared parameters before what is raised."""
-    lines = ["Parameters", "----------"]
-    for name, one in declared(thing).items():
-        if one.default is MISSING:
-            default = ""
-        else:
-            default = ", optional" if one.default is None else f", default {one.default!r}"
-        words = one.description
-        words = textwrap.fill(words, 92) if len(words) > 92 else words
-        lines += [f"{name} : {one.kind.words}{default}", textwrap.indent(words, "    ")]
-    head, mark, tail = text.partition("\n\nRaises\n---")
-    return "\n".join([head, "", *lines]) + mark + tail
-
-
-def _plain(function, skip=0):
-    """Return a signature with plain types, which `help` shows."""
-    signature = inspect.signature(function)
-    plain = [
-        one.replace(annotation=getattr(one.annotation, "__origin__", one.annotation))
-        for one in list(signature.parameters.values())[skip:]
+    """Give a class or function the table of its parameters in its docstring, and plain types."""
+    lines = ["", "Parameters", "----------"]
+    for name, parameter in declared(thing).items():
+        default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
+        default = ", optional" if parameter.default is None else default
+        lines.append(f"{name} : {parameter.kind.words}{default}")
+        lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
+    head, raises, errors = (inspect.getdoc(thing) or "").partition("\n\nRaises\n---")
+    thing.__doc__ = "\n".join([head, *lines]) + raises + errors
+    signature = inspect.signature(thing)
+    plain_types = [
+        parameter.replace(
+            annotation=getattr(parameter.annotation, "__origin__", parameter.annotation)
+        )
+        for parameter in signature.parameters.values()
     ]
-    return signature.replace(parameters=plain)
+    thing.__signature__ = signature.replace(parameters=plain_types)
+    return thing
 
 
 #: Units of drawings and what they are in SI.
@@ -387,7 +317,8 @@ TEETH = Integer(3, limit=100_000)
 STIFFNESS_RATIO = Number("1", above=0, most=1)
 CONTACT_RATIO = Number("1", least=1, most=2)
 TRUTH = OneOf((False, True))
-TEXT = Text()
+#: The name of something.
+TEXT = Kind("a text", lambda value: isinstance(value, str) and value != "")
 
 MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
 StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio kappa", "= C_min / C_max"]

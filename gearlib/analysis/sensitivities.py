@@ -12,8 +12,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
-from gearlib.models.model import is_model
-from gearlib.models.parameter_values import natural_scale
+from gearlib.models.model import is_model, natural_scale
 
 WIDTHS = 3e-3 / 3.0 ** np.arange(9)  #: half widths of the differences, as shares of a scale
 SAFETY = 5.0  #: factor on the last change of the Richardson value, for the error

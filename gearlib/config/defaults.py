@@ -5,6 +5,7 @@ suit one gear pair are wrong for the next.
 """
 
 import colorsys
+import itertools
 import math
 from decimal import Decimal
 from typing import Annotated, get_args
@@ -38,16 +39,12 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 #: Damping ratio where a study needs damping and the configuration has none.
 _DAMPING_RATIO = 0.05
-
-#: Of the phase lag, where a run has samples enough to tell them apart.
+#: Harmonics of the phase lag.
 _HARMONICS = 5
-
 #: Sections that say a damping by itself, which ratios may do.
 _WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
-
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
-
 #: What describes the bodies of the gears: one without the others would not fit the reduced mass,
 #: and bearings of other bodies would not fit these.
 _BODIES = ("base_radii", "inertias", "masses")
@@ -75,7 +72,9 @@ def filled(mapping):
         for key in (*_BODIES, "bearing_stiffness"):
             del made["six_degrees"][key]
     mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
-    _fit(made, _run(mapping))
+    # Where a run has samples enough to tell the harmonics of the phase lag apart.
+    most = _run(mapping).samples_per_period // 8
+    made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
     whole = laid_over(made, mapping)
     whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}
     if "gears" in mapping:
@@ -141,7 +140,7 @@ def _too_damped(dampings, pair):
     for name, given in dampings.items():
         for key, value in Damping.model_validate(given).model_dump().items():
             try:
-                drawn_damping(key, value, pair.mean_stiffness(), pair.reduced_mass)
+                drawn_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             except ValueError as error:
                 problems.append(f"dampings.{name}.{error}")
     return problems
@@ -163,27 +162,18 @@ def _in_coefficients(node, pair):
 
 def _made(pair, dampings):
     """Return every default that depends on the gears, in the shape of the configuration."""
-    damped = {
-        name: d
-        for name, d in dampings.items()
-        if d.material_damping > 0.0 or d.backlash_damping > 0.0
-    }
-    first = next(iter(damped or dampings))
-    lightest = min(
-        dampings, key=lambda name: dampings[name].material_damping + dampings[name].backlash_damping
-    )
-    frequency = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)
-    deflection = pair.load / pair.mean_stiffness()
+    sums = {name: d.material_damping + d.backlash_damping for name, d in dampings.items()}
+    first = next((name for name in sums if sums[name] > 0.0), next(iter(sums)))
+    lightest = min(sums, key=lambda name: sums[name])
+    frequency, deflection = pair.mean_eigenfrequency, pair.static_deflection
     moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    largest = (
-        max(max(d.material_damping, d.backlash_damping) for d in dampings.values()) or moderate
-    )
+    largest = max(max(d.material_damping, d.backlash_damping) for d in dampings.values())
+    largest = largest or moderate
     # Only motions damped in contact settle wherever they start.
-    settling = {name: d for name, d in dampings.items() if d.material_damping > 0.0} or {
-        f"damping ratio {_DAMPING_RATIO:g}": Damping(
-            material_damping=moderate, backlash_damping=moderate
-        )
-    }
+    settling = {name: d for name, d in dampings.items() if d.material_damping > 0.0}
+    if not settling:
+        damping = Damping(material_damping=moderate, backlash_damping=moderate)
+        settling = {f"damping ratio {_DAMPING_RATIO:g}": damping}
     cubic = largest / (deflection * frequency) ** 2
     masses = 6.0 * pair.reduced_mass
     bearing = pair.max_stiffness / 40.0
@@ -216,24 +206,13 @@ def _made(pair, dampings):
             "pin_error": [deflection, 0.0],
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
-        "basins": {
-            "cases": [
-                {"title": _title(name, 0.72), "tuning": 0.72, "damping": damping}
-                for name, damping in list(settling.items())[:_PANELS]
-            ]
-        },
+        "basins": {"cases": _cases(settling, 0.72)},
         "bifurcation": {"damping": next(iter(settling.values()))},
         "poincare": {
+            # Without damping nothing settles.
             "cases": [
-                {
-                    "title": _title(name, 0.66),
-                    "tuning": 0.66,
-                    "damping": damping,
-                    "phase": 0.0,
-                    # Without damping nothing settles.
-                    "settle": 300 if damping.material_damping + damping.backlash_damping else 0,
-                }
-                for name, damping in list(dampings.items())[:_PANELS]
+                case | {"phase": 0.0, "settle": 300 if sums[name] else 0}
+                for name, case in zip(dampings, _cases(dampings, 0.66), strict=False)
             ]
         },
         "figures": {"colours": {}},
@@ -248,28 +227,27 @@ def _run(mapping):
         return Run()
 
 
-def _fit(made, run):
-    """Add what has to stay within the recorded samples."""
-    made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, run.samples_per_period // 8))
-
-
-def _title(name, tuning):
-    return f"tuning {tuning:.2f}, {name}"[:60]
+def _cases(dampings, tuning):
+    """Return a case at a tuning for each of the first dampings."""
+    return [
+        {"title": f"tuning {tuning:.2f}, {name}"[:60], "tuning": tuning, "damping": damping}
+        for name, damping in list(dampings.items())[:_PANELS]
+    ]
 
 
 def _colours(names, given):
     """Return the given colours, and others for the dampings that have none."""
     taken = {str(colour).upper() for colour in given.values()}
-    free = (colour for colour in _palette() if colour not in taken)
+    # Beyond the palette hues a golden ratio apart, for as long as eyes can tell them apart.
+    hues = (i * _GOLDEN % 1.0 for i in itertools.count(1))
+    free = (
+        colour for colour in itertools.chain(_PALETTE, map(_colour, hues)) if colour not in taken
+    )
     missing = [name for name in names if name not in given]
     return given | dict(zip(missing, free, strict=False))
 
 
-def _palette():
-    """Yield colours that can be told apart, for as long as eyes can."""
-    yield from _PALETTE
-    hue = 0.0
-    while True:
-        hue = (hue + _GOLDEN) % 1.0
-        rgb = colorsys.hls_to_rgb(hue, 0.45, 0.65)
-        yield "#" + "".join(f"{round(255 * part):02X}" for part in rgb)
+def _colour(hue):
+    """Return the colour of a hue from 0 to 1, "#RRGGBB"."""
+    rgb = colorsys.hls_to_rgb(hue, 0.45, 0.65)
+    return "#" + "".join(f"{round(255 * part):02X}" for part in rgb)

@@ -26,7 +26,7 @@ def mesh_of(key, section):
         check_ring(f"{key}.wheel", section.wheel, section.pinion)
     pinion = gear_of(f"{key}.pinion", section.pinion)
     wheel = gear_of(f"{key}.wheel", section.wheel, like=section.pinion)
-    with naming(key, **_both(key)):
+    with naming(key, pinion=f"{key}.pinion", wheel=f"{key}.wheel"):
         return Mesh(pinion, wheel, section.centre_distance, section.backlash)
 
 
@@ -47,13 +47,9 @@ def six_degrees(mesh):
 
 def derived(key, derive, names=(), **options):
     """Return the values that `derive` finds for a pair, rounded; `names` of stiffness options."""
-    with naming(key, names, **_both(key)):
-        found = derive(**options)
-    return {name: rounded(value) for name, value in found.items()}
-
-
-def _both(key):
-    return {name: f"{key}.{name}" for name in ("pinion", "wheel")}
+    with naming(key, names, pinion=f"{key}.pinion", wheel=f"{key}.wheel"):
+        values = derive(**options)
+    return {name: rounded(value) for name, value in values.items()}
 
 
 def coefficient(name, value, stiffness, mass):

@@ -1,7 +1,5 @@
 """Sections that describe the gears and the length of the runs."""
 
-import math
-
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
@@ -28,11 +26,8 @@ from gearlib.config.types import (
     numbers,
     whole,
 )
-from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
 
-#: Gears beyond these have no squares of their scales within the floating-point numbers.
-_SMALLEST, _LARGEST = 1e-30, 1e30
 #: Key of a damping -> what may stand in its place.
 IN_PLACE_OF = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
@@ -45,42 +40,18 @@ Ratio = number_within(ge=0, le=1000)
 _Pair = like("_Pair", "", PairParameters, base=Section, without=DAMPINGS, required=("teeth",))
 
 
-class GearPairSection(_Pair):
+class GearPairSection(_Pair, PairScales):
     """The gear pair in SI units, without its damping."""
 
     @model_validator(mode="after")
     def _check(self):
-        for key in ("max_stiffness", "reduced_mass", "load"):
-            self._check_scale(key, getattr(self, key))
-        mean = self.mean_stiffness()
-        if not _SMALLEST <= mean:
+        check_scales(self, "gear_pair.")
+        if not SMALLEST <= self.mean_stiffness:
             raise ValueError(
                 f"gear_pair.stiffness_ratio = {self.stiffness_ratio!r} is not allowed: the mean "
-                f"stiffness, {mean!r} N/m, must be >= {_SMALLEST}"
+                f"stiffness, {self.mean_stiffness!r} N/m, must be >= {SMALLEST}"
             )
         return self
-
-    @staticmethod
-    def _check_scale(key, value):
-        if not _SMALLEST <= value <= _LARGEST:
-            raise ValueError(
-                f"gear_pair.{key} = {value!r} is not allowed: it must be a finite number > 0, from "
-                f"{_SMALLEST} to {_LARGEST}"
-            )
-
-    def mean_stiffness(self):
-        """Return the mean of the mesh stiffness over a mesh period, N/m."""
-        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
-
-    def ratios(self, material_damping, backlash_damping):
-        """Return both damping ratios and the backlash in static deflections, by their names."""
-        mean = self.mean_stiffness()
-        critical = 2.0 * math.sqrt(mean * self.reduced_mass)
-        return {
-            "damping_ratio": material_damping / critical,
-            "backlash_damping_ratio": backlash_damping / critical,
-            "backlash_ratio": self.backlash * mean / self.load,
-        }
 
 
 _OTHERS = [name for name in GearPairSection.model_fields if name != "teeth"]
@@ -114,7 +85,7 @@ class Damping(_Coefficients):
 
     def coefficients(self, pair):
         """Return k_1 and k_1m for a `GearPairSection`, N s/m, as keywords of `gearlib.GearPair`."""
-        given, scale = self.model_dump(), (pair.mean_stiffness(), pair.reduced_mass)
+        given, scale = self.model_dump(), (pair.mean_stiffness, pair.reduced_mass)
         found = {}
         for key, others in IN_PLACE_OF.items():
             name = next(name for name in (key, *others) if name in given)

@@ -33,31 +33,29 @@ def in_tunings(mapping, pair):
     `pair`, a `GearPairSection`, is None while the gears are refused: then any tunings do.
     """
     problems = []
-    found = {
+    tunings = {
         key: value if key in _OTHERS else _section(value, pair, key, problems)
         for key, value in mapping.items()
     }
-    return found, problems
+    return tunings, problems
 
 
 def _section(node, pair, where, problems):
+    """Return a part of a configuration with tunings in place of speeds."""
     if isinstance(node, list):
-        return [_section(one, pair, f"{where}[{i}]", problems) for i, one in enumerate(node)]
+        return [_section(entry, pair, f"{where}[{i}]", problems) for i, entry in enumerate(node)]
     if not isinstance(node, dict):
         return node
     pair = _changed(pair, node.get("change"))
-    found = {}
-    for key, value in node.items():
-        if key in _TUNINGS:
-            values = [_tuning(one, pair) for one in (value if isinstance(value, list) else [value])]
-            found[key] = values if isinstance(value, list) else values[0]
-        else:
-            found[key] = _section(value, pair, f"{where}.{key}", problems)
-    if where in _NO_GRID:
-        found |= {key: _tuning(found[key], pair) for key in ("start", "stop") if key in found}
-    elif any(_rpm(found.get(key)) is not None for key in _GRID):
-        found |= _grid(found, pair, where, problems)
-    return found
+    section = {
+        key: _tuning(value, pair)
+        if key in _TUNINGS or (where in _NO_GRID and key in ("start", "stop"))
+        else _section(value, pair, f"{where}.{key}", problems)
+        for key, value in node.items()
+    }
+    if where not in _NO_GRID and any(_rpm(section.get(key)) is not None for key in _GRID):
+        section |= _grid(section, pair, where, problems)
+    return section
 
 
 def _grid(node, pair, where, problems):
@@ -79,9 +77,9 @@ def _grid(node, pair, where, problems):
         )
         return {}
     start, step = ((unit * given[key]).quantize(_DECIMALS) for key in ("start", "step"))
-    found = {key: value / given["step"] * step for key, value in given.items()}
-    found |= {"start": start, "stop": start + count * step}
-    return {key: float(value) for key, value in found.items()}
+    lengths = {key: value / given["step"] * step for key, value in given.items()}
+    lengths |= {"start": start, "stop": start + count * step}
+    return {key: float(value) for key, value in lengths.items()}
 
 
 def _rpm(value):
@@ -91,6 +89,9 @@ def _rpm(value):
 
 
 def _tuning(value, pair):
+    """Return the tuning of a text in rpm, those of a list, anything else as it is."""
+    if isinstance(value, list):
+        return [_tuning(entry, pair) for entry in value]
     rpm = _rpm(value)
     return value if rpm is None else float(rpm) * rate(pair)
 
@@ -99,8 +100,7 @@ def rate(pair):
     """Return the tuning of 1 rpm, of any pair where that is None."""
     if pair is None:
         return 1e-4
-    own = math.sqrt(pair.mean_stiffness() / pair.reduced_mass)
-    return 2.0 * math.pi * pair.teeth / (60.0 * own)
+    return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
 def _changed(pair, change):

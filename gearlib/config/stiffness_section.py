@@ -5,13 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from gearlib.config.gears_section import FZG_C, TWENTY, DrawnPair
-from gearlib.config.types import (
-    Name,
-    Section,
-    Stiffness,
-    entry,
-    whole,
-)
+from gearlib.config.types import Name, Section, Stiffness, entry, whole
 
 
 class PublishedPair(DrawnPair):

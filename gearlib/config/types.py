@@ -37,15 +37,12 @@ _TRUTH = {"true": True, "false": False}
 
 
 def _read_number(value):
-    if isinstance(value, str) and _NUMBER.fullmatch(value):
-        return float(value)
-    return value
+    return float(value) if isinstance(value, str) and _NUMBER.fullmatch(value) else value
 
 
 def read_integer(value):
-    if isinstance(value, str) and _INTEGER.fullmatch(value):
-        return int(value)
-    return value
+    """Return a text that is plainly an integer as that, anything else as it is."""
+    return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
 
 
 def _read_choice(value):
@@ -75,11 +72,17 @@ def _plain_value(value):
     return value
 
 
-def number_within(**bounds):
-    """Return the type of a finite number within `bounds` (gt, ge, lt, le)."""
+def _amount(value):
+    if isinstance(_plain_value(value), bool):
+        raise PydanticCustomError("amount", "no amount")
+    return _plain_value(value)
+
+
+def number_within(read=_read_number, **bounds):
+    """Return the type of a finite number within `bounds` (gt, ge, lt, le), by what reads it."""
     # Innermost first: bounds that pydantic cannot attach to the number itself would be missing
     # in the schema.
-    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_read_number)]
+    return Annotated[float, Field(**{"allow_inf_nan": False} | bounds), BeforeValidator(read)]
 
 
 def whole(least, most=None):
@@ -100,24 +103,27 @@ def quantity(unit, example, *, infinite=False, **bounds):
         except ValueError as error:
             raise PydanticCustomError("quantity", "no quantity") from error
 
-    words = f"in {unit} or a text with its unit such as '{example}'"
-    extra = {
-        "type": ["number", "string"],
-        "pattern": f"^{units.TEXT.pattern}$",
-        "$comment": f"or .inf, {words}" if infinite else words,
-    }
-    field = Field(allow_inf_nan=None if infinite else False, json_schema_extra=extra, **bounds)
-    return Annotated[float, field, BeforeValidator(read)]
+    comment = f"in {unit} or a text with its unit such as '{example}'"
+    comment = f"or .inf, {comment}" if infinite else comment
+    allowed = {"allow_inf_nan": None} if infinite else {}
+    extra = _or_text(units.TEXT, comment)
+    return number_within(read, json_schema_extra=extra, **allowed, **bounds)
 
 
-def _in_rpm(**bounds):
-    """Return the field of a tuning for which a configuration may name a speed."""
-    extra = {
-        "type": ["number", "string"],
-        "pattern": f"^{units.RPM.pattern}$",
-        "$comment": "or a speed such as '1500 rpm'",
-    }
-    return Field(allow_inf_nan=False, json_schema_extra=extra, **bounds)
+def _or_text(pattern, comment):
+    """Return what the schema of a number says where a text of a pattern may stand for it."""
+    return {"type": ["number", "string"], "pattern": f"^{pattern.pattern}$", "$comment": comment}
+
+
+def _text(comment, **bounds):
+    """Return the type of a text, in the words of its comment."""
+    return Annotated[str, Field(json_schema_extra={"$comment": comment}, **bounds)]
+
+
+def _anything(read, types, comment):
+    """Return the type of what a function reads."""
+    schema = WithJsonSchema({"type": types, "$comment": comment})
+    return Annotated[Any, PlainValidator(read), schema]
 
 
 Truth = Annotated[
@@ -126,68 +132,25 @@ Truth = Annotated[
 #: Short enough for titles that name it.
 _NAME = r"^[A-Za-z0-9+_-]{1,40}$"
 Name = Annotated[str, Field(pattern=_NAME)]
-Label = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=60,
-        json_schema_extra={"$comment": "a text of 1 to 60 characters"},
-    ),
-]
-DampingName = Annotated[
-    str,
-    Field(
-        pattern=_NAME,
-        description="One of the dampings. Default: the first one that damps, if one does.",
-        json_schema_extra={"$comment": "one of the dampings"},
-    ),
-]
+Label = _text("a text of 1 to 60 characters", min_length=1, max_length=60)
+DampingName = _text(
+    "one of the dampings",
+    pattern=_NAME,
+    description="One of the dampings. Default: the first one that damps, if one does.",
+)
 #: Empty: the paper's.
-ProjectName = Annotated[
-    str,
-    Field(
-        pattern="^[A-Za-z0-9_-]{0,40}$",
-        json_schema_extra={"$comment": "a text of at most 40 letters, digits, _ and -"},
-    ),
-]
-Colour = Annotated[
-    str,
-    Field(
-        pattern=r"^#[0-9A-Fa-f]{6}$",
-        json_schema_extra={"$comment": "a colour '#rrggbb', in quotes"},
-    ),
-]
+ProjectName = _text(
+    "a text of at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$"
+)
+Colour = _text("a colour '#rrggbb', in quotes", pattern=r"^#[0-9A-Fa-f]{6}$")
 #: Option of a method, which only the method can check; integers stay integers.
-Option = Annotated[
-    Any,
-    PlainValidator(_plain_value),
-    WithJsonSchema(
-        {
-            "type": ["boolean", "number", "string"],
-            "$comment": "a finite number, true, false or a text",
-        }
-    ),
-]
-
-
-def _amount(value):
-    value = _plain_value(value)
-    if isinstance(value, bool):
-        raise PydanticCustomError("amount", "no amount")
-    return value
-
-
+Option = _anything(
+    _plain_value, ["boolean", "number", "string"], "a finite number, true, false or a text"
+)
 #: Number or text whose unit follows from another key; that checks the text.
-Amount = Annotated[
-    Any,
-    PlainValidator(_amount),
-    WithJsonSchema(
-        {
-            "type": ["number", "string"],
-            "$comment": "or a text with its unit, or a share such as '5 %'",
-        }
-    ),
-]
+Amount = _anything(
+    _amount, ["number", "string"], "or a text with its unit, or a share such as '5 %'"
+)
 
 
 def entry(words, default=..., **bounds):
@@ -230,22 +193,18 @@ class Given(Section):
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
-def _in_bounds(kind):
-    """Return the bounds of a number as pydantic calls them."""
-    bounds = {"gt": kind.above, "ge": kind.least, "lt": kind.below, "le": kind.most}
-    return {name: value for name, value in bounds.items() if value is not None}
-
-
 @cache
 def type_of(kind):
     """Return the type of a kind of `gearlib.parameters`, as YAML has its values."""
     if isinstance(kind, parameters.Number):
+        bounds = {"gt": kind.above, "ge": kind.least, "lt": kind.below, "le": kind.most}
+        bounds = {name: value for name, value in bounds.items() if value is not None}
         if kind.unit == "1":
-            return number_within(**_in_bounds(kind))
-        return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **_in_bounds(kind))
+            return number_within(**bounds)
+        return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **bounds)
     if isinstance(kind, parameters.Integer):
         return whole(kind.least, kind.limit if kind.most is None else kind.most)
-    if isinstance(kind, parameters.Text):
+    if kind == parameters.TEXT:
         return Label
     if kind == parameters.TRUTH:
         return Truth
@@ -264,53 +223,40 @@ def like(title, words, constructor, *names, base=None, without=(), required=(), 
     the section alone; parts such as a web are among these.
     """
     base, fields = base or Given, {}
-    for name, one in parameters.declared(constructor).items():
-        if (
-            (names and name not in names)
-            or name in without
-            or isinstance(one.kind, parameters.Instance)
-        ):
+    for name, parameter in parameters.declared(constructor).items():
+        chosen = name in names if names else name not in without
+        if not chosen or isinstance(parameter.kind, parameters.Instance):
             continue
-        default, more = ..., {}
-        if name in optional or (one.default is None and name not in required):
+        default, extra = parameter.default, {}
+        if name in required or default is parameters.MISSING:
+            default = ...
+        elif isinstance(default, tuple):
+            default = list(default)
+        if name in optional:
             default = None
-        elif name not in required and one.default is not parameters.MISSING:
-            default = list(one.default) if isinstance(one.default, tuple) else one.default
-            if issubclass(base, Given):
-                # Left out, it is not dumped; the schema says what the constructor makes of it.
-                more = {} if _infinite(default) else {"json_schema_extra": {"default": default}}
-                default = None
-        fields[name] = (type_of(one.kind), entry(one.description, default, **more))
+        elif issubclass(base, Given) and default not in (..., None):
+            # Left out, it is not dumped; the schema says what the constructor makes of it.
+            infinite = math.inf in (default if isinstance(default, list) else [default])
+            extra = {} if infinite else {"json_schema_extra": {"default": default}}
+            default = None
+        fields[name] = type_of(parameter.kind), entry(parameter.description, default, **extra)
     return create_model(title, __base__=base, __doc__=words, **(fields | own))
 
 
-def _infinite(value):
-    """Return whether a default cannot be written as JSON."""
-    return math.inf in (value if isinstance(value, list) else [value])
-
-
-Finite, Positive, NonNegative = map(
-    type_of, (parameters.FINITE, parameters.POSITIVE, parameters.NONNEGATIVE)
-)
+Finite, Positive = type_of(parameters.FINITE), type_of(parameters.POSITIVE)
+NonNegative = type_of(parameters.NONNEGATIVE)
 Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
-Length, Diameter, RunOut, Error, Backlash, Angle = map(
-    type_of,
-    (
-        parameters.LENGTH,
-        parameters.DIAMETER,
-        parameters.RUN_OUT,
-        parameters.ERROR,
-        parameters.BACKLASH,
-        parameters.ANGLE,
-    ),
-)
+Length, Diameter = type_of(parameters.LENGTH), type_of(parameters.DIAMETER)
+RunOut, Error = type_of(parameters.RUN_OUT), type_of(parameters.ERROR)
+Backlash, Angle = type_of(parameters.BACKLASH), type_of(parameters.ANGLE)
 Load = type_of(parameters.LOAD)
 DampingCoefficient = type_of(parameters.DAMPING)
-ContactRatio = type_of(parameters.CONTACT_RATIO)
 PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
 CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
 #: Of the gear pair: `gearlib.config.speeds_section` has made numbers of texts in rpm.
-Tuning = Annotated[float, _in_rpm(gt=0, le=100), BeforeValidator(_read_number)]
+_SPEED = _or_text(units.RPM, "or a speed such as '1500 rpm'")
+Tuning = number_within(gt=0, le=100, json_schema_extra=_SPEED)
+Distance = number_within(gt=0, le=10, json_schema_extra=_SPEED)
 #: Of a train or drawing, which takes no speed.
 OwnTuning = number_within(gt=0, le=100)
 Harmonic = whole(1, 1000)
@@ -323,13 +269,11 @@ def numbers(item, count, description):
     return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
 
 
-Start = Annotated[Tuning, Field(description="First tuning.")]
-Stop = Annotated[Tuning, Field(description="Last one; start + a whole multiple of step.")]
-Distance = Annotated[float, _in_rpm(gt=0, le=10), BeforeValidator(_read_number)]
-Step = Annotated[Distance, Field(description="Distance of the tunings.")]
-OwnStart = Annotated[OwnTuning, Field(description="First tuning.")]
-OwnStop = Annotated[OwnTuning, Field(description="Last one; start + a whole multiple of step.")]
-OwnStep = Annotated[number_within(gt=0, le=10), Field(description="Distance of the tunings.")]
+_START, _STEP = Field(description="First tuning."), Field(description="Distance of the tunings.")
+_STOP = Field(description="Last one; start + a whole multiple of step.")
+Start, Stop, Step = Annotated[Tuning, _START], Annotated[Tuning, _STOP], Annotated[Distance, _STEP]
+OwnStart, OwnStop = Annotated[OwnTuning, _START], Annotated[OwnTuning, _STOP]
+OwnStep = Annotated[number_within(gt=0, le=10), _STEP]
 
 
 class Grid(Section):
@@ -350,20 +294,17 @@ class Grid(Section):
         return self
 
 
-Periods = Annotated[whole(1, 1_000_000), Field(description="Mesh periods of a run.")]
-RecordPeriods = Annotated[
-    whole(1),
-    Field(description="The last ones, which are evaluated; at most `periods`."),
-]
-Starts = Annotated[whole(1, 1000), Field(description="Seeded starts of every motion.")]
-Seed = Annotated[
-    whole(0, 1_000_000),
-    Field(description="Of the random displacements at the start."),
-]
-Spread = Annotated[
-    number_within(gt=0, le=10),
-    Field(description="Largest displacement of a body at the start, static deflections."),
-]
+def _described(item, description):
+    return Annotated[item, Field(description=description)]
+
+
+Periods = _described(whole(1, 1_000_000), "Mesh periods of a run.")
+RecordPeriods = _described(whole(1), "The last ones, which are evaluated; at most `periods`.")
+Starts = _described(whole(1, 1000), "Seeded starts of every motion.")
+Seed = _described(whole(0, 1_000_000), "Of the random displacements at the start.")
+Spread = _described(
+    number_within(gt=0, le=10), "Largest displacement of a body at the start, static deflections."
+)
 
 
 class Recorded(Grid):

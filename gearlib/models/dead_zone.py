@@ -18,7 +18,6 @@ the motion is of order one: tolerances are absolute.
 import math
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from numbers import Real
 from typing import Annotated
 
 import numpy as np
@@ -30,15 +29,7 @@ from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Series, Steps
 from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
 
-_STIFFNESSES = ("upper_stiffness", "lower_stiffness")
-
-#: name of a field -> that whose value it has by default
-_FOLLOWING = {
-    "lower_stiffness": "upper_stiffness",
-    "upper_damping": "damping",
-    "lower_damping": "damping",
-}
-#: What variables of datasets are called that are otherwise those of a gear mesh.
+#: Names of variables of datasets that are otherwise those of a gear mesh.
 _LONG_NAMES = {
     "phase": "phase of the forcing, 2 pi per period",
     "tuning": "frequency of the forcing",
@@ -70,24 +61,22 @@ _LONG_NAMES = {
 }
 
 
-class _Edge(Number):
-    """The lower edge, which may be at -infinity."""
-
-    words = "a number < infinity"
-
-    def accepts(self, value):
-        """As of `Number.accepts`."""
-        return value < math.inf
-
-
 class _Stiffness(Number):
     """A stiffness, constant or not."""
 
     words = "a finite number >= 0, a Series or Steps"
 
     def check(self, name, value):
-        """As of `Number.check`; what is not constant stays as it is."""
         return value if isinstance(value, (Series, Steps)) else super().check(name, value)
+
+
+class _Edge(Number):
+    """The lower edge, which may be at -infinity."""
+
+    words = "a number < infinity"
+
+    def accepts(self, value):
+        return value < math.inf
 
 
 _STIFFNESS, _HARMONICS = _Stiffness("1", least=0), Instance((Harmonics,))
@@ -142,11 +131,12 @@ class DeadZoneOscillator(Model):
         "f",
     ] = Harmonics()
 
-    #: What the datasets of this model say instead of what they say of a gear mesh.
     long_names = _LONG_NAMES
     title_noun = "a dead-zone oscillator"
     by_default = {
-        name: lambda model, own=own: getattr(model, own) for name, own in _FOLLOWING.items()
+        "lower_stiffness": lambda model: model.upper_stiffness,
+        "upper_damping": lambda model: model.damping,
+        "lower_damping": lambda model: model.damping,
     }
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
@@ -158,19 +148,19 @@ class DeadZoneOscillator(Model):
         allowed = f"from -inf to upper_edge = {upper!r}"
         checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
         check(self)
-        there = _STIFFNESSES if math.isfinite(self.lower_edge) else _STIFFNESSES[:1]
-        if not any(_mean(getattr(self, name)) for name in there):
-            given = " and ".join(f"{name} = {getattr(self, name)!r}" for name in there)
-            raise ValueError(f"{given} is not allowed: one contact must have a stiffness > 0")
+        names = ["upper_stiffness", "lower_stiffness"][: 1 + math.isfinite(self.lower_edge)]
+        if not any(_mean(getattr(self, name)) for name in names):
+            values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
+            raise ValueError(f"{values} is not allowed: one contact must have a stiffness > 0")
 
     @cached_property
     def equation(self):
         """The `Equation`, in the model's own units."""
         near = _pieces(self.upper_stiffness)
         same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
-        means = _mean(self.upper_stiffness), _mean(self.lower_stiffness)
-        linear = self.lower_damping, self.damping, self.upper_damping
-        damping = np.column_stack([linear, np.zeros((3, 2))])
+        stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
+        damping = np.zeros((3, 3))
+        damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
         return Equation(
             upper=self.upper_edge,
             lower=self.lower_edge,
@@ -182,28 +172,32 @@ class DeadZoneOscillator(Model):
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural=math.sqrt(self.ground_stiffness + max(mean for mean in means)),
+            natural=math.sqrt(self.ground_stiffness + stiffest),
         )
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        return asdict(self) | {name: _plain(getattr(self, name)) for name in _STIFFNESSES}
+        stiffnesses = {
+            name: _plain(getattr(self, name)) for name in ("upper_stiffness", "lower_stiffness")
+        }
+        return asdict(self) | stiffnesses
 
 
 def _pieces(stiffness):
-    if isinstance(stiffness, Real):
-        return Steps((0.0,), (float(stiffness),)).pieces()
+    """Return the `Pieces` of a stiffness, constant or not."""
+    if isinstance(stiffness, float):
+        stiffness = Steps((0.0,), (stiffness,))
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    if isinstance(stiffness, Real):
-        return float(stiffness)
+    """Return the mean of a stiffness over a period."""
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
 
 
 def _plain(stiffness):
+    """Return a stiffness as plain values."""
     if isinstance(stiffness, Series):
         return {"kind": "series", "mean": stiffness.mean, "harmonics": vars(stiffness.harmonics)}
     if isinstance(stiffness, Steps):

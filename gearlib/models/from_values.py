@@ -14,8 +14,8 @@ from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import declared
 
 _PROFILES = {
-    one.__name__.lower(): one
-    for one in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
+    kind.__name__.lower(): kind
+    for kind in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
 }
 
 
@@ -25,9 +25,8 @@ def model_of(text):
     The model is that of the text to the last digit, or None; so it is of a `LoadSharingPair`.
     """
     try:
-        values = _plain(json.loads(text))
-        model = _made(values) if isinstance(values, dict) else None
-    except (TypeError, ValueError, KeyError):
+        model = _model(_plain(json.loads(text)))
+    except (AttributeError, TypeError, ValueError, KeyError):
         return None
     return model if model is not None and canonical_json(model.as_dict()) == text else None
 
@@ -35,24 +34,25 @@ def model_of(text):
 def _plain(value):
     """Return values of a text as models take them: tuples, infinity, harmonics."""
     if isinstance(value, dict):
-        found = {name: _plain(one) for name, one in value.items()}
-        return Harmonics(**found) if found.keys() == {"cosines", "sines"} else found
+        entries = {name: _plain(entry) for name, entry in value.items()}
+        return Harmonics(**entries) if entries.keys() == {"cosines", "sines"} else entries
     if isinstance(value, list):
-        return tuple(_plain(one) for one in value)
-    return {"inf": math.inf, "-inf": -math.inf}.get(value, value) if value else value
+        return tuple(map(_plain, value))
+    return {"inf": math.inf, "-inf": -math.inf}.get(value, value)
 
 
-def _made(values):
+def _model(values):
+    """Return the model of plain values, None where no model is made of them."""
     if "bodies" in values:
-        parts = {"bodies": Body, "meshes": Mesh, "shafts": Shaft}
-        made = {name: tuple(part(**one) for one in values[name]) for name, part in parts.items()}
-        return GearTrain(**(values | made))
+        for name, part in {"bodies": Body, "meshes": Mesh, "shafts": Shaft}.items():
+            values[name] = tuple(part(**entry) for entry in values[name])
+        return GearTrain(**values)
     if "base_radii" in values:
         return SixDegreePair(**(values | {"pair": GearPair(**values["pair"])}))
     names = declared(GearPair).keys()
-    own = {name: one for name, one in values.items() if name not in names}
-    pair = GearPair(**{name: one for name, one in values.items() if name in names})
-    if "profile" in own:
-        kind = dict(own["profile"])
-        return OneDegreePair(pair=pair, **(own | {"profile": _PROFILES[kind.pop("kind")](**kind)}))
-    return None if own else pair
+    pair = GearPair(**{name: values.pop(name) for name in names if name in values})
+    if "profile" in values:
+        entries = values.pop("profile")
+        profile = _PROFILES[entries.pop("kind")](**entries)
+        return OneDegreePair(pair=pair, profile=profile, **values)
+    return None if values else pair

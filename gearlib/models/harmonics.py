@@ -60,8 +60,7 @@ class Harmonics:
                 f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise in equal "
                 f"steps of 2 pi / {n} over one mesh period, its end left out"
             )
-        if not np.all(np.isfinite(values)):
-            raise ValueError(f"values = {values!r} is not allowed: it must be finite")
+        checks.require(np.isfinite(values).all(), "values", values, "finite")
         count = (n - 1) // 2 if count is None else checks.integer("count", count, 1, (n - 1) // 2)
         orders = np.arange(1, count + 1)
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])

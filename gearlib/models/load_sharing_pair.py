@@ -35,9 +35,8 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.parts import PathTable
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
-from gearlib.models.pair import GearPair
+from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.models.with_pair import WithPair
 from gearlib.parameters import TRUTH, Instance, Integer, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -52,10 +51,6 @@ _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "he
 _SLOWEST, _USUAL_ZONE = 2e-4, 0.05
 #: Lines between the phases at which a pair begins to touch and is on its path.
 _LINES_OF_A_ZONE = 32
-
-
-class _Drawing(Instance):
-    words = "a gearlib.geometry.Mesh"  # trains have meshes too
 
 
 @documented
@@ -78,7 +73,9 @@ class LoadSharingPair(WithPair):
         Instance((GearPair,)),
         "Mass, load, damping, backlash and scales; the stiffness is that of the drawing",
     ]
-    drawing: Annotated[Mesh, _Drawing((Mesh,)), "Both gears with their tip reliefs"]
+    drawing: Annotated[
+        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Both gears with their tip reliefs"
+    ]
     phases: Annotated[
         int,
         Integer(8, 100_000),
@@ -96,6 +93,7 @@ class LoadSharingPair(WithPair):
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "tooth_pairs.propagator"}
+    piecewise_linear = False
     damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "

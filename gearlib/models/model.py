@@ -1,21 +1,22 @@
-"""The protocol of all models: what runs and analyses may ask of one, and nothing else.
+"""The protocol of all models: everything that runs and analyses may ask of one.
 
 A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
 ``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
 a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
-``linear`` and ``initial``, ``propagators``, ``flank_lines`` and ``damped``.
-
-Nobody asks a model for its class: what depends on the model stands below. Which kernels take it
-through its periods is decided by its ``propagators`` alone.
+``linear`` and ``initial``, ``propagators``, ``flank_lines`` and ``damped``. No caller asks a model
+for its class.
 """
 
 import dataclasses
 import math
+import re
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gearlib import checks
-from gearlib.models import parameter_values
+import numpy as np
+
+from gearlib import checks, parameters
+from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import one_mesh  # noqa: F401
@@ -28,61 +29,50 @@ FAR = 1e8
 
 
 class Model:
-    """What can be simulated: parameters, the words for its variables, its propagators."""
+    """What can be simulated: parameters, equations of motion, engines, names of its variables."""
 
-    #: Components of the state that varies: coordinates, then their rates by phase.
-    size: Any = 2
-    #: Periods of phase after which the excitation repeats.
-    repeats: Any = 1
-    #: The `GearPair` that the model rests on, which gives tuning and scales; None: it has none.
-    mesh: Any = None
-    #: The `Equation` of one degree of freedom; None: the model has more, see `system`, or more than
-    #: two flank lines.
-    equation: Any = None
-    #: The `GearTrain` whose matrices it has; None: it has one degree of freedom.
-    train: Any = None
-    #: Whether the forces of a turning frame act.
-    gyroscopic: Any = False
-    #: The profile of the mesh stiffness where it can be chosen, of `gearlib.models.profiles`.
-    profile: Any = None
+    # State and equations of motion.
+    size: Any = 2  #: components of the state that varies: coordinates, then their rates by phase
+    repeats: Any = 1  #: periods of phase after which the excitation repeats
+    mesh: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
+    equation: Any = None  #: the `Equation`, of one degree of freedom with two flank lines
+    train: Any = None  #: the `GearTrain` whose matrices it has, of several degrees of freedom
+    gyroscopic: Any = False  #: whether the forces of a turning frame act
+    profile: Any = None  #: of `gearlib.models.profiles`, where the mesh stiffness can be chosen
     #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
     speed: Any = None
     mesh_frequency: Any = None
-    #: The scale of displacements where something turns, m.
-    static_deflection: Any = None
+    static_deflection: Any = None  #: the scale of displacements where something turns, m
     #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
     #: which methods with steps and the harmonics are written.
     one_mesh: bool = False
-    #: Whether the far flank moves, so that `flank_lines` has only its mean position.
-    moving_flank: bool = False
+    moving_flank: bool = False  #: whether `flank_lines` has only the mean position of the far flank
 
-    #: Names of the meshes, a dimension of results; (): the model has one, and no such dimension.
-    mesh_names: Any = ()
-    #: Names of the components of the final state.
-    components: Any = ("displacement", "velocity")
-    #: Variables beside those of every time course, over the phase.
-    extra_samples: tuple = ()
-    #: name of a variable -> its long_name, where it is not that of a gear mesh
-    long_names: dict = {}
-    #: What titles of datasets call the model.
-    title_noun: str = "a gear mesh"
-    #: Tuning below which the duty point is computed at it, where inertia hardly counts.
-    slowest_tuning: Any = 0.0
-    #: What is to be said of its forces beside results, or "".
-    force_note: Any = ""
-    #: The source of the model.
-    references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
-    #: name of a field -> its value by default, from the model
-    by_default: dict = {}
+    # Parameters.
+    by_default: dict = {}  #: name of a field -> its value by default, from the model
     #: Its parameters over which orbits are followed, beside ratios: name -> (CF units, long_name)
     parameters: Any = {}
-    #: Parameters that make the motion in normal mesh nonlinear, if they are not 0.
-    nonlinear: tuple = ()
+    nonlinear: tuple = ()  #: names of those that make the motion in normal mesh nonlinear
+
+    # Results.
+    mesh_names: Any = ()  #: a dimension of results; (): one mesh, and no such dimension
+    components: Any = ("displacement", "velocity")  #: of the final state
+    extra_samples: tuple = ()  #: variables beside those of every time course, over the phase
+    long_names: dict = {}  #: name of a variable -> its long_name, if not that of a gear mesh
+    title_noun: str = "a gear mesh"  #: the model in titles of datasets
+    slowest_tuning: Any = 0.0  #: below it the duty point is that at it: inertia hardly counts
+    force_note: Any = ""  #: a sentence on the forces beside results, or ""
+    references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
+
+    @property
+    def piecewise_linear(self):
+        """Whether the motion between events has a closed form."""
+        return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
     def propagators(self):
         """Name of a method -> module of `gearlib.engines`; the default comes first."""
-        exact = {"exact": "linear.one_mesh"} if self.equation.is_piecewise_linear() else {}
+        exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
     def kind(self, method=None):
@@ -111,15 +101,11 @@ class Model:
 
     def linear(self, system):
         """Return (frequencies, shapes, free motions, mass): what modes are counted in, by theta."""
-        import numpy as np
-
         one = np.ones((1, 1))
         return np.array([self.equation.natural]), one, np.zeros((1, 0)), one
 
     def outputs(self, system):
         """Return functionals of states by phase that are recorded too, shape (e, 3, p, n)."""
-        import numpy as np
-
         return np.zeros((0, *system.effect.shape[:2], len(system.free)))
 
     def initial(self, system, state):
@@ -137,16 +123,54 @@ class Model:
 
     @property
     def settable(self):
-        """Name -> (CF units, words) of the numbers that `with_values` changes."""
-        return parameter_values.settable(self)
+        """Name -> (CF units, words) of the finite numbers that `with_values` changes.
+
+        Names are those of fields of the model and its `GearPair`, entries of fields with several
+        values as ``masses[0]``, and of a pair the keys of `RATIOS`.
+        """
+        described: dict = {}
+        for owner in filter(None, (self, self.mesh)):
+            declarations = parameters.declared(type(owner))
+            for name in (field.name for field in dataclasses.fields(owner)):
+                value = getattr(owner, name)
+                parameter = declarations.get(name, parameters.Parameter(None, name))
+                units, words = parameters.cf_units(parameter.unit), parameter.long_name
+                if type(value) is float and math.isfinite(value):
+                    described.setdefault(name, (units, words))
+                elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
+                    for i, entry in enumerate(value):
+                        if math.isfinite(entry):
+                            described[f"{name}[{i}]"] = units, f"{words} [{i}]"
+        if self.mesh:
+            described |= {name: ("1", words) for name, words in RATIO_NAMES.items()}
+        return described
 
     def value(self, name):
         """Return the value of one of `settable`."""
-        return parameter_values.value(self, name)
+        field, _, index = name.rstrip("]").partition("[")
+        value = getattr(self, field)
+        return value[int(index)] if index else value
 
     def with_values(self, changes):
-        """Return the model with some of `settable` changed, and checked: name -> value."""
-        return parameter_values.with_values(self, changes)
+        """Return the model with some of `settable`, name -> value, changed and checked.
+
+        Fields keep the values of all other fields; a ratio is set last, with the fields as they are
+        then.
+        """
+        fields: dict = {}
+        for name, value in changes.items():
+            field, _, index = name.rstrip("]").partition("[")
+            if index:
+                entries = list(fields.get(field, getattr(self, field)))
+                entries[int(index)] = value
+                fields[field] = tuple(entries)
+            elif name not in RATIOS:
+                fields[name] = value
+        model = self.replace(**fields)
+        for name in RATIOS:
+            if name in changes:
+                model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
+        return model
 
     def parameter(self, name):
         """Return the value of one of `parameters`."""
@@ -165,10 +189,7 @@ class Model:
 
         Columns as of `gearlib.engines.orbit`; samples also have those of `more_samples`.
         """
-        # Here, since a start of the workflow loads this module.
-        import numpy as np
-
-        from gearlib.engines import orbit
+        from gearlib.engines import orbit  # here, since a model without motion needs no kernels
 
         columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
         tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS
@@ -197,8 +218,6 @@ class Model:
 
         A free rotation would add two multipliers 1. Identities where nothing turns freely.
         """
-        import numpy as np
-
         return np.eye(self.size), np.eye(self.size)
 
     @property
@@ -209,8 +228,6 @@ class Model:
     @property
     def extent(self):
         """Return the largest length of the model: of a displacement unit, its flanks, its loads."""
-        import numpy as np
-
         lines, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
         lengths += lines[np.isfinite(lines)].tolist()
         if self.equation is not None:
@@ -277,20 +294,36 @@ class Model:
             If there is no field of a name, or the model does not allow a value.
         """
         names = [field.name for field in dataclasses.fields(self)]
-        mesh = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
-        checks.known(type(self).__name__, changes, list(dict.fromkeys(names + mesh)))
+        mesh_names = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
+        checks.known(type(self).__name__, changes, list(dict.fromkeys(names + mesh_names)))
         following = {
             name: None
             for name, default in self.by_default.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        inner = {name: value for name, value in changes.items() if name not in names}
-        changes = {name: value for name, value in changes.items() if name in names}
-        model = dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
-        if inner:
-            pair = model.mesh.replace(**inner)
+        of_mesh = {name: value for name, value in changes.items() if name not in names}
+        of_model = {name: value for name, value in changes.items() if name in names}
+        model = dataclasses.replace(self, **of_model, **following)  # type: ignore[type-var]
+        if of_mesh:
+            pair = model.mesh.replace(**of_mesh)
             model = dataclasses.replace(model, pair=pair, **following)  # type: ignore[type-var]
         return model
+
+
+def natural_scale(model, units):
+    """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
+    force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
+    scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
+    powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
+    return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
+
+
+def unchecked(kind, **values):
+    """Return an instance of a frozen dataclass without its checks, for numbers of any kind."""
+    instance = object.__new__(kind)
+    for field in dataclasses.fields(kind):
+        object.__setattr__(instance, field.name, values.get(field.name, field.default))
+    return instance
 
 
 def is_model(value):

@@ -20,9 +20,8 @@ import numpy as np
 
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.oscillator import Equation
-from gearlib.models.pair import GearPair
+from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
-from gearlib.models.with_pair import WithPair
 from gearlib.parameters import Instance, Number, check, documented, named
 
 _QUADRATIC, _CUBIC = Number(unit="N s^2/m^2", least=0), Number(unit="N s^3/m^3", least=0)
@@ -72,12 +71,12 @@ class OneDegreePair(WithPair):
 
     @property
     def force_note(self):
-        """Return the sentence on forces of its pair where the profile is rectangular."""
+        """The sentence on forces of its pair where the profile is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
     @property
     def parameters(self):
-        """As of `Model.parameters`: the numbers that it adds to the pair."""
+        """Its numbers beside those of the pair, see `Model.parameters`."""
         return named(type(self))
 
     @cached_property
@@ -87,16 +86,13 @@ class OneDegreePair(WithPair):
         deflection, mass = pair.static_deflection, pair.reduced_mass
         quadratic = deflection / mass
         cubic = deflection**2 * pair.mean_eigenfrequency / mass
-        material = [
-            2.0 * pair.damping_ratio,
-            self.quadratic_damping * quadratic,
-            self.cubic_damping * cubic,
-        ]
-        oil = [
+        scales = np.array([1.0, quadratic, cubic])
+        material = 2.0 * pair.damping_ratio, self.quadratic_damping, self.cubic_damping
+        oil = (
             2.0 * pair.backlash_damping_ratio,
-            self.backlash_quadratic_damping * quadratic,
-            self.backlash_cubic_damping * cubic,
-        ]
+            self.backlash_quadratic_damping,
+            self.backlash_cubic_damping,
+        )
         pieces = self.profile.pieces(pair)
         powers = [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
         return Equation(
@@ -104,7 +100,7 @@ class OneDegreePair(WithPair):
             lower=-pair.backlash_ratio,
             near=pieces,
             far=pieces,
-            damping=np.array([material, oil, material]),
+            damping=np.array([material, oil, material]) * scales,
             powers=np.array(powers),
             ground=0.0,
             load=1.0,

@@ -1,121 +1,103 @@
-"""What the piecewise-linear models share: systems of one mesh, harmonics as components, maps.
-
-See `gearlib.engines.linear.train_system` for the form of these models.
-"""
+"""Systems of one mesh, and what all piecewise-linear models do with their `TrainSystem`."""
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import NORMAL
 from gearlib.engines.exponential import REACH, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
-class Side(NamedTuple):
-    """What one pair of flanks does while in contact, of n components and p segments."""
+def one_mesh(free, push, flanks, low, starts, orders, tuning):
+    """Return the `TrainSystem` of one mesh of n components and p segments of constant stiffness.
 
-    line: np.ndarray  #: distance from its line, shape (n,)
-    stiffness: np.ndarray  #: shape (p,)
-    damping: Any  #: what it has more than the backlash, by theta
-    push: np.ndarray  #: dz/dtheta by a unit of its force, shape (n,)
-    across: np.ndarray  #: and of its friction
-    friction: Any = 0.0  #: coefficient
-
-
-class Pieces(NamedTuple):
-    """Segments of the mesh period in which no stiffness and no sliding changes."""
-
-    starts: np.ndarray  #: phases that bound them, shape (p + 1,)
-    low: np.ndarray  #: bool, whether one is at the lower level, shape (p,)
-    sense: np.ndarray  #: of the sliding, 1 or -1, shape (p,)
-
-
-def one_mesh(free, sides, pieces, frequencies, tuning, repeats=1):
-    """Return the `TrainSystem` of one mesh.
-
-    `free`, shape (n, n), is dz/dtheta in the backlash; `sides` has a `Side` for NORMAL and, unless
-    there is none, for INVERSE; `frequencies` of the harmonics are by phase.
+    Parameters
+    ----------
+    free : numpy.ndarray, shape (n, n)
+        dz/dtheta in the backlash, by theta = t in the model's own unit of time.
+    push : numpy.ndarray, shape (n,)
+        dz/dtheta by a unit of the contact force.
+    flanks : dict
+        Contact code -> (functional of the distance, shape (n,), stiffness, shape (p,), damping that
+        it has more than the backlash), of NORMAL and, if there is a far flank, of INVERSE.
+    low : numpy.ndarray, shape (p,)
+        Whether a segment lies below the mean stiffness.
+    starts : numpy.ndarray, shape (p + 1,)
+        Phases that bound the segments.
+    orders : numpy.ndarray
+        Frequencies of the excitation by phase.
+    tuning : float
     """
-    near, (n, p) = sides[NORMAL], (len(free), len(pieces.low))
-    one = n - 1 - 2 * len(frequencies)
-    far = sides[INVERSE].line if INVERSE in sides else never(n, one)
-    effect, kinds = np.zeros((3, p, 1), np.int64), {}
-    for code, side in sides.items():
-        for q in range(p):
-            # Segments of one level but another derivative are not alike.
-            what = code, side.stiffness[q], bool(pieces.low[q]), pieces.sense[q]
-            effect[code + 1, q, 0], *_ = kinds.setdefault(what, (len(kinds) + 1, side, q))
-    push, grip = np.zeros((2, 1, len(kinds) + 1, 2, n), free.dtype)
-    for d, side, q in kinds.values():
-        elastic = side.stiffness[q] * side.line
-        push[0, d] = side.push, side.across
-        # line @ free is the rate of a distance: the accelerations have no part in it.
-        grip[0, d, 0] = elastic + side.damping * (side.line @ free)
-        grip[0, d, 1] = side.friction * pieces.sense[q] * elastic
-    stiffness = np.repeat(near.stiffness[None], 3, axis=0).astype(free.dtype)
-    if INVERSE in sides:
-        stiffness[0] = sides[INVERSE].stiffness
-    system = TrainSystem(
-        free,
-        near.line[None],
-        far[None],
-        push,
-        grip,
-        effect,
-        stiffness[:, :, None],
-        np.repeat(np.asarray(pieces.low)[None, :, None], 3, axis=0),
-        pieces.starts.copy(),
-        np.array([0, p]),
-        1.0,
-        np.asarray(frequencies, float),
-        tuning,
-        repeats,
-    )
-    # Velocities over the highest frequency of all combinations.
-    half, moving = one // 2, (free + np.swapaxes(push[0], 1, 2) @ grip[0])[:, :one, :one]
-    highest = math.sqrt(_sizes(moving[:, half:, :half])) or 1.0
+    (n, p), constant = (len(free), len(low)), len(free) - 1 - 2 * len(orders)
+    near = flanks[NORMAL][0]
+    lines = {code: line for code, (line, _, _) in flanks.items()}
+    far = lines.get(-NORMAL, never(n, constant))
+    effect, effects = np.zeros((3, p, 1), np.int64), {}
+    stiffness = np.zeros((3, p, 1), free.dtype)
+    stiffness[:] = flanks[NORMAL][1][:, None]
+    for code, (line, levels, damping) in flanks.items():
+        stiffness[code + 1, :, 0] = levels
+        for q, level in enumerate(levels):
+            # line @ free is the rate of a distance: the accelerations have no part in it.
+            force = level * line + damping * (line @ free)
+            number = len(effects) + 1
+            effect[code + 1, q, 0], _ = effects.setdefault((code, level, low[q]), (number, force))
+    pushes, grips = np.zeros((2, 1, len(effects) + 1, 2, n), free.dtype)
+    for number, force in effects.values():
+        pushes[0, number, 0], grips[0, number, 0] = push, force
+    # Velocities are scaled by the highest frequency of all contacts.
+    half = constant // 2
+    moving = (free + np.swapaxes(pushes[0], 1, 2) @ grips[0])[:, :constant, :constant]
+    highest = math.sqrt(_largest_norm(moving[:, half:, :half])) or 1.0
     scale = np.array([1.0, highest]).repeat(half)
-    waves = np.abs(system.harmonics * tuning).max(initial=1e-300)
-    return system._replace(longest=REACH / max(_sizes(moving * scale / scale[:, None]), waves))
+    norm = _largest_norm(moving * scale / scale[:, None])
+    return TrainSystem(
+        free=free,
+        near=near[None],
+        far=far[None],
+        push=pushes,
+        grip=grips,
+        effect=effect,
+        stiffness=stiffness,
+        low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
+        starts=starts.copy(),
+        first_segment=np.array([0, p]),
+        longest=REACH / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
+        harmonics=np.asarray(orders, float),
+        tuning=tuning,
+        repeats=1,
+    )
 
 
-def _sizes(matrices):
-    """Return a norm that none of the matrices exceeds."""
+def _largest_norm(matrices):
+    """Return a norm that none of the matrices, shape (k, n, n), exceeds."""
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
-
-
-def matrix(system, effects):
-    """Return the matrix dz/dtheta of a combination of effects, shape (n, n)."""
-    a = np.empty_like(system.free)
-    matrix_of(system, np.array(effects, np.int64), a)
-    return a
 
 
 def by_phase(system, codes, segment):
     """Return the matrix dz/dtau of contact codes in a segment, with rates by phase."""
-    effects = [int(system.effect[code + 1, segment, j]) for j, code in enumerate(codes)]
-    half = (len(system.free) - 1 - 2 * system.harmonics.size) // 2
-    scale = np.ones(len(system.free), system.free.dtype)
+    effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
+    matrix = np.empty_like(system.free)
+    matrix_of(system, np.array(effects, np.int64), matrix)
+    half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2
+    scale = np.ones(len(matrix), matrix.dtype)
     scale[half : 2 * half] = system.tuning
-    return matrix(system, effects) * scale[None, :] / scale[:, None] / system.tuning
+    return matrix * scale[None, :] / scale[:, None] / system.tuning
 
 
 def waves(n, first, frequencies):
     """Return the matrix, shape (n, n), that turns cosine-sine pairs from component `first` on."""
-    a = np.zeros((n, n), np.asarray(frequencies).dtype)
+    matrix = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
         c = first + 2 * j
-        a[c, c + 1], a[c + 1, c] = -frequency, frequency
-    return a
+        matrix[c, c + 1], matrix[c + 1, c] = -frequency, frequency
+    return matrix
 
 
-def never(n, one):
-    """Return the functional of a flank that is not there: the constant 1, component `one`."""
-    functional = np.zeros(n)
-    functional[one] = 1.0
-    return functional
+def never(n, constant):
+    """Return the functional of a flank that is not there: the component of the constant 1."""
+    return np.eye(n)[constant]
 
 
 def contact_map(model, tuning):
@@ -123,11 +105,12 @@ def contact_map(model, tuning):
 
     See `Model.reduction`.
     """
-    system, n, whole = model.system(tuning), model.size, np.eye(model.size)
+    system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
     codes = [NORMAL] * len(system.near)
     for segment, length in enumerate(np.diff(system.starts)):
-        a = by_phase(system, codes, segment)[:n, :n].copy()
+        matrix = by_phase(system, codes, segment)[:n, :n].copy()
         steps = math.ceil(length / tuning / system.longest)
-        whole = np.linalg.matrix_power(exponential(a, length / steps), steps) @ whole
+        step_map = exponential(matrix, length / steps)
+        period_map = np.linalg.matrix_power(step_map, steps) @ period_map
     reduce, lift = model.reduction()
-    return reduce @ whole @ lift
+    return reduce @ period_map @ lift

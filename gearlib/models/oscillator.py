@@ -82,33 +82,25 @@ class Equation:
 
         Components x, dx/dt, 1 and a cosine and a sine of each order, over the model's own time t.
         """
-        square, sides = tuning**2, self.sides()
+        square, (near, far) = tuning**2, self.sides()
         rows = self._excitation(1.0 / square)
         orders = np.unique(rows[:, 0])
         n = 3 + 2 * orders.size
-        near, far, push = np.zeros((3, n), np.result_type(square))
-        near[0] = far[0] = 1.0
-        near[2], push[1] = -self.upper, -1.0
-        free = one_mesh_system.waves(n, 3, tuning * orders).astype(near.dtype)
+        upper, lower, push = np.zeros((3, n), np.result_type(square))
+        upper[0] = lower[0] = 1.0
+        upper[2], push[1] = -self.upper, -1.0
+        gap = self.damping[BACKLASH + 1, 0]
+        free = one_mesh_system.waves(n, 3, tuning * orders).astype(push.dtype)
         free[0, 1] = 1.0
-        free[1, :3] = -self.ground, -self.damping[BACKLASH + 1, 0], self.load
+        free[1, :3] = -self.ground, -gap, self.load
         for order, cosine, sine in rows:
             column = 3 + 2 * int(np.searchsorted(orders, order))
             free[1, column : column + 2] += cosine * square, sine * square
-        flanks = {NORMAL: (near, sides[0])}
+        flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap)}
         if np.isfinite(self.lower):
-            far[2] = -self.lower
-            flanks[INVERSE] = far, sides[1]
-        gap = self.damping[BACKLASH + 1, 0]
-        made = {
-            code: one_mesh_system.Side(
-                line, side.lines[:, 0], self.damping[code + 1, 0] - gap, push, 0.0 * push
-            )
-            for code, (line, side) in flanks.items()
-        }
-        low = sides[0].low
-        pieces = one_mesh_system.Pieces(sides[0].breaks, low, np.ones(len(low)))
-        return one_mesh_system.one_mesh(free, made, pieces, orders, tuning)
+            lower[2] = -self.lower
+            flanks[INVERSE] = lower, far.lines[:, 0], self.damping[INVERSE + 1, 0] - gap
+        return one_mesh_system.one_mesh(free, push, flanks, near.low, near.breaks, orders, tuning)
 
     def _excitation(self, unit):
         """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""

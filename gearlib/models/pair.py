@@ -22,18 +22,17 @@ damping ratios.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
-from gearlib.models import parameter_values
 from gearlib.models.model import Model
-from gearlib.models.pair_parameters import PairParameters
+from gearlib.models.pair_parameters import LARGEST, PairParameters, check_scales
 
 #: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
 #: which are written about it, lose more than four digits.
 _LEAST_STIFFNESS_RATIO = 1e-4
-#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
-_SMALLEST, _LARGEST = 1e-30, 1e30
 
 
 @parameters.documented
@@ -48,14 +47,6 @@ class GearPair(PairParameters, Model):
     """
 
     one_mesh = True
-    #: The ratios that, with the tuning, decide the motion in static deflections and mesh phase.
-    RATIOS = (
-        "contact_ratio",
-        "stiffness_ratio",
-        "damping_ratio",
-        "backlash_damping_ratio",
-        "backlash_ratio",
-    )
 
     @property
     def force_note(self):
@@ -64,15 +55,12 @@ class GearPair(PairParameters, Model):
 
     def __post_init__(self):
         parameters.check(self)
-        words = f"a finite number > 0, from {_SMALLEST} to {_LARGEST}"
-        for name in ("max_stiffness", "reduced_mass", "load"):
-            checks.number(name, getattr(self, name), words, lambda v: _SMALLEST <= v <= _LARGEST)
+        check_scales(self)
         for name in ("material_damping", "backlash_damping"):
-            if getattr(self, name) is None:
-                continue
-            most = _LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
-            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {_LARGEST}"
-            checks.number(name, getattr(self, name), words, lambda v, most=most: v <= most)
+            value = getattr(self, name)
+            most = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {LARGEST}"
+            checks.require(value is None or value <= most, name, value, words)
 
     @classmethod
     def from_ratios(
@@ -108,7 +96,9 @@ class GearPair(PairParameters, Model):
         """
         damping = checks.finite_nonnegative("damping", damping)
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        over_max = mean_over_max(*_ratios(contact_ratio, stiffness_ratio))
+        contact_ratio = parameters.CONTACT_RATIO.check("contact_ratio", contact_ratio)
+        stiffness_ratio = parameters.STIFFNESS_RATIO.check("stiffness_ratio", stiffness_ratio)
+        over_max = mean_over_max(contact_ratio, stiffness_ratio)
         # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
         # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
         unit = 1.0 / over_max * over_max
@@ -161,10 +151,9 @@ class GearPair(PairParameters, Model):
     @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
-        # Here: tables of drawn gears have no motion and load no kernels.
         from gearlib.models.one_degree import OneDegreePair
 
-        return parameter_values.unchecked(OneDegreePair, pair=self).equation
+        return OneDegreePair(pair=self).equation
 
     @property
     def propagators(self):
@@ -181,39 +170,6 @@ class GearPair(PairParameters, Model):
     def min_stiffness(self):
         """Minimum mesh stiffness C_min, N/m."""
         return self.stiffness_ratio * self.max_stiffness
-
-    @property
-    def mean_stiffness(self):
-        """Mean mesh stiffness C_s, N/m; Eq. (2)."""
-        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
-
-    @property
-    def mean_eigenfrequency(self):
-        """Omega_s = sqrt(C_s / m_red), rad/s."""
-        square = self.mean_stiffness / self.reduced_mass
-        # Many pairs at once have arrays for numbers.
-        return math.sqrt(square) if isinstance(square, float) else square**0.5
-
-    @property
-    def damping_ratio(self):
-        """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
-        damping = checks.known_damping(self.material_damping)
-        return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
-
-    @property
-    def backlash_damping_ratio(self):
-        """beta_m = k_1m / (2 m_red Omega_s), of the oil in the backlash."""
-        return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
-
-    @property
-    def static_deflection(self):
-        """F / C_s, m: the unit of every dimensionless displacement."""
-        return self.load / self.mean_stiffness
-
-    @property
-    def backlash_ratio(self):
-        """Backlash in static deflections."""
-        return self.backlash / self.static_deflection
 
     @property
     def tuning_factor_max(self):
@@ -258,8 +214,25 @@ class GearPair(PairParameters, Model):
         }
 
 
-def _ratios(*values):
-    """Return contact and stiffness ratio, checked as those of a pair."""
-    known = parameters.declared(GearPair)
-    names = "contact_ratio", "stiffness_ratio"
-    return [known[name].kind.check(name, value) for name, value in zip(names, values, strict=True)]
+class WithPair(Model):
+    """A model with a `GearPair` as its field ``pair``, whose scales and ratios are its own.
+
+    Every name is listed: one that means something else for the model does not reach the pair.
+    """
+
+    pair: Any  #: the `GearPair`, a field of subclasses
+    mesh = property(attrgetter("pair"), doc="The pair.")
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+for _name in (
+    *("max_stiffness", "min_stiffness", "mean_stiffness", "stiffness_ratio", "contact_ratio"),
+    *("reduced_mass", "load", "backlash", "backlash_ratio", "material_damping", "damping_ratio"),
+    *("backlash_damping", "backlash_damping_ratio", "teeth", "static_deflection"),
+    *("mean_eigenfrequency", "flank_lines", "tuning_factor_max", "tuning_factor_min"),
+    *("tuning_max", "tuning_min", "mesh_frequency", "scales", "speed"),
+):
+    setattr(WithPair, _name, property(attrgetter(f"pair.{_name}"), doc=f"`GearPair.{_name}`."))

@@ -1,13 +1,65 @@
-"""What a `GearPair` is given, declared without the numerical stack: a start reads it."""
+"""Numbers of a gear pair, their scales and ratios, without the numerical stack."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from gearlib import parameters
+from gearlib import checks, parameters
+from gearlib.engines.pair.stiffness import mean_over_max
+
+#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
+SMALLEST, LARGEST = 1e-30, 1e30
+
+
+def check_scales(pair, where=""):
+    """Refuse scales whose squares are no floating-point numbers; `where` precedes the names."""
+    words = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
+    for name in ("max_stiffness", "reduced_mass", "load"):
+        value = getattr(pair, name)
+        checks.require(SMALLEST <= value <= LARGEST, where + name, value, words)
+
+
+class PairScales:
+    """Scales and ratios of anything that has the parameters of a gear pair."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @property
+    def mean_stiffness(self):
+        """Mean mesh stiffness C_s, N/m; Eq. (2)."""
+        return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
+
+    @property
+    def mean_eigenfrequency(self):
+        """Omega_s = sqrt(C_s / m_red), rad/s."""
+        return math.sqrt(self.mean_stiffness / self.reduced_mass)
+
+    @property
+    def damping_ratio(self):
+        """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
+        damping = checks.known_damping(self.material_damping)
+        return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
+
+    @property
+    def backlash_damping_ratio(self):
+        """beta_m = k_1m / (2 m_red Omega_s), of the oil in the backlash."""
+        return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
+
+    @property
+    def static_deflection(self):
+        """F / C_s, m: the unit of every dimensionless displacement."""
+        return self.load / self.mean_stiffness
+
+    @property
+    def backlash_ratio(self):
+        """Backlash in static deflections."""
+        return self.backlash / self.static_deflection
 
 
 @dataclass(frozen=True, kw_only=True)
-class PairParameters:
+class PairParameters(PairScales):
     """Numbers of a gear pair and its mesh, SI."""
 
     max_stiffness: parameters.MaxStiffness
@@ -21,3 +73,25 @@ class PairParameters:
     teeth: Annotated[
         int, parameters.Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"
     ] = 24
+
+
+#: Ratios of a pair -> the field that each sets.
+RATIOS = {
+    "damping_ratio": "material_damping",
+    "backlash_damping_ratio": "backlash_damping",
+    "backlash_ratio": "backlash",
+}
+RATIO_NAMES = {
+    "damping_ratio": "damping ratio beta",
+    "backlash_damping_ratio": "damping ratio beta_m of the backlash",
+    "backlash_ratio": "backlash in static deflections",
+}
+
+
+def ratio_fields(pair, name, value):
+    """Return field -> value by which a `GearPair` has a value of one of `RATIOS`."""
+    if name == "backlash_ratio":
+        scale = pair.static_deflection
+    else:
+        scale = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
+    return {RATIOS[name]: value * scale}

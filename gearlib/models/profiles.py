@@ -50,13 +50,11 @@ class Rectangular:
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
         half_high, whole_low = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high, whole_low, half_high])
-        values = np.array([high, low, high])
-        is_low = np.array([False, True, False])
-        there = lengths > 0.0
-        breaks = np.concatenate([[0.0], np.cumsum(lengths[there])])
+        present = lengths > 0.0
+        breaks = np.append(0.0, np.cumsum(lengths[present]))
         breaks[-1] = 2.0 * math.pi
-        lines = np.column_stack([values[there], np.zeros(there.sum())])
-        return Pieces(breaks, lines, is_low[there], np.empty((0, 3)))
+        values, is_low = np.array([high, low, high]), np.array([False, True, False])
+        return _constant(breaks, values[present], is_low[present])
 
 
 @dataclass(frozen=True)
@@ -153,9 +151,8 @@ class Steps:
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
-        lines = np.column_stack([values, np.zeros(values.size)])
         # A stiffness that never changes lies at its mean, whatever the rounding of that.
-        return Pieces(breaks, lines, values < (1.0 - 1e-12) * mean, np.empty((0, 3)))
+        return _constant(breaks, values, values < (1.0 - 1e-12) * mean)
 
 
 @dataclass(frozen=True)
@@ -200,8 +197,7 @@ class Tabulated:
         if path.suffix == ".csv":
             with path.open(newline="", encoding="utf-8") as file:
                 rows = list(csv.DictReader(file))
-            columns = list(rows[0]) if rows else []
-            table = {name: [row[name] for row in rows] for name in columns}
+            table = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
         else:
             # Imported here: a start of the workflow with drawn gears needs no datasets.
             import xarray as xr
@@ -237,15 +233,13 @@ class Tabulated:
         """Return the `Pieces`, the table scaled to the mean stiffness of a `GearPair`."""
         phase, values = self._closed()
         values = values / self.mean()
-        breaks = [0.0]
-        for i in range(phase.size - 1):
-            a, b = values[i] - 1.0, values[i + 1] - 1.0
-            if a * b < 0.0:
-                breaks.append(phase[i] + (phase[i + 1] - phase[i]) * a / (a - b))
-            breaks.append(phase[i + 1])
+        before, after = values[:-1] - 1.0, values[1:] - 1.0
+        crossed = before * after < 0.0
+        share = before[crossed] / (before - after)[crossed]
+        crossings = phase[:-1][crossed] + np.diff(phase)[crossed] * share
         # The closed table starts at its own first phase: bring all breaks into one period from 0.
-        breaks = np.unique(np.mod(breaks[1:] if phase[0] > 0.0 else breaks, 2.0 * math.pi))
-        breaks = np.unique(np.concatenate([[0.0], breaks, [2.0 * math.pi]]))
+        breaks = np.mod(np.concatenate([phase[1:], crossings]), 2.0 * math.pi)
+        breaks = np.unique(np.append(breaks, [0.0, 2.0 * math.pi]))
         at = np.interp(breaks, phase, values, period=2.0 * math.pi)
         slopes = np.diff(at) / np.diff(breaks)
         low = (at[:-1] + at[1:]) / 2.0 < 1.0
@@ -259,13 +253,11 @@ class Tabulated:
 def _check_table(profile, check, least):
     """Check phase and stiffness of a profile, and set them to tuples of floats."""
     phase = tuple(
-        checks.number("phase", p, "finite", math.isfinite)
-        for p in checks.sequence("phase", profile.phase)
+        checks.number("phase", x, "finite", math.isfinite)
+        for x in checks.many("phase", profile.phase)
     )
-    values = tuple(
-        check(f"stiffness[{i}]", c)
-        for i, c in enumerate(checks.sequence("stiffness", profile.stiffness))
-    )
+    stiffnesses = enumerate(checks.many("stiffness", profile.stiffness))
+    values = tuple(check(f"stiffness[{i}]", value) for i, value in stiffnesses)
     if len(phase) != len(values) or len(phase) < least:
         raise ValueError(
             f"a table of {len(phase)} phases and {len(values)} stiffnesses is not allowed: "
@@ -279,6 +271,12 @@ def _check_table(profile, check, least):
         )
     object.__setattr__(profile, "phase", phase)
     object.__setattr__(profile, "stiffness", values)
+
+
+def _constant(breaks, values, low, harmonics=()):
+    """Return the `Pieces` of a constant in each piece, and harmonics, rows as in `Pieces`."""
+    lines = np.column_stack([values, np.zeros(values.size)])
+    return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 
 def _waves(table, phase):
@@ -301,6 +299,4 @@ def _about(mean, table):
     ]
     breaks = np.array([0.0, *inner, 2.0 * math.pi])
     middle = (breaks[:-1] + breaks[1:]) / 2.0
-    lines = np.column_stack([np.full(middle.size, mean), np.zeros(middle.size)])
-    low = _waves(table, middle) < 0.0
-    return Pieces(breaks, lines, low, table)
+    return _constant(breaks, np.full(middle.size, mean), _waves(table, middle) < 0.0, table)

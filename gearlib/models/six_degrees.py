@@ -40,8 +40,7 @@ import numpy as np
 from gearlib.models.geometry.drawn_parameters import bodies
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_mesh_system import contact_map
-from gearlib.models.pair import GearPair
-from gearlib.models.with_pair import WithPair
+from gearlib.models.pair import GearPair, WithPair
 from gearlib.parameters import (
     ANGLE,
     DAMPING,
@@ -68,18 +67,8 @@ _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
 #: Names of the recorded functionals, after the columns of `gearlib.engines.orbit`.
 OUTPUTS = (
-    "rotation_3",
-    "rotation_2",
-    "bearing_y3",
-    "bearing_z3",
-    "bearing_y2",
-    "bearing_z2",
-    "backlash",
-    "friction_force",
-    "bearing_force_y3",
-    "bearing_force_z3",
-    "bearing_force_y2",
-    "bearing_force_z2",
+    *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in _BEARINGS)),
+    *("backlash", "friction_force", *(f"bearing_force_{name}" for name in _BEARINGS)),
 )
 
 
@@ -175,13 +164,13 @@ class SixDegreePair(WithPair):
             Other parameters of the class, also in place of what is drawn; torque, damping_ratio
             and so on, as of `GearPair.from_geometry`.
         """
-        own = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
+        given = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
         pair = GearPair.from_geometry(mesh, **more)
-        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | own))
+        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | given))
 
     @property
     def parameters(self):
-        """As of `Model.parameters`: run-out and friction by their phases."""
+        """Phases of run-out and friction, see `Model.parameters`."""
         return named(type(self))
 
     contact_map = contact_map
@@ -249,7 +238,7 @@ class SixDegreePair(WithPair):
         return self.train.system(tuning)
 
     def linear(self, system):
-        """As of `Model.linear`."""
+        """Return what modes are counted in, see `Model.linear`."""
         return self.train.linear(system)
 
     def outputs(self, system):
@@ -270,16 +259,11 @@ class SixDegreePair(WithPair):
             rows[8 + i, ..., m + k] = self.bearing_damping[i] * rate
         return rows
 
-    def _shares(self):
-        """Return what the gears take of a motion of the mesh without free rotation, sum 1."""
-        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
-        return shares / shares.sum()
-
     def initial(self, system, state):
         """Return the full state z at tau = 0 for a relative displacement and velocity, by phase.
 
         Bearings at rest, deflected by the load or free; the rotations share the motion as their
-        inertias do, so that the free rotation of the pair is not set off.
+        inertias do.
         """
         z = np.zeros(len(system.free), system.free.dtype)
         moving, near = self.flexible(), system.near[0]
@@ -288,11 +272,13 @@ class SixDegreePair(WithPair):
             for k, i in enumerate(moving):
                 share = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[2 + k] = -_IN_Y[_BEARINGS[i]] * share
-        shares = self._shares()
+        # The gears share a motion of the mesh so that their free rotation is not set off.
+        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
+        shares /= shares.sum()
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
         z[:2] = shares * (state[0] - near @ z)
         z[m : m + 2] = shares * (state[1] - near @ (system.free @ z) / system.tuning)
-        # The shares round; the line is to be met exactly.
+        # The shares round, and the displacement is to be met exactly.
         z[0] += state[0] - near @ z
         return z

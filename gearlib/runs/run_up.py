@@ -45,8 +45,6 @@ _SAID = {
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
 }
-#: Propagators of models that are not piecewise linear.
-_STEPPED = "taylor.propagator", "tooth_pairs.propagator"
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
@@ -173,7 +171,7 @@ def _check_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
-    if next(iter(model.propagators.values())) in _STEPPED:
+    if not model.piecewise_linear:
         raise ValueError(
             f"model of type {name} is not allowed in a run-up, where it has Taylor steps only: it "
             "must be piecewise linear, or run at several constant speeds by gearlib.simulate"
@@ -224,7 +222,7 @@ def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=Non
 def _course(name, rows, words, accept, steps=False):
     """Return rows of seconds and a value, checked."""
     found = []
-    for i, row in enumerate(checks.sequence(name, rows)):
+    for i, row in enumerate(checks.many(name, rows)):
         t, value = checks.many(f"{name}[{i}]", row, 2)
         t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
         value = checks.number(f"{name}[{i}][1]", value, words, accept)

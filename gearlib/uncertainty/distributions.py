@@ -136,7 +136,7 @@ def _named(key: str, given: Any) -> Marginal:
 def _correlations(marginals: dict, given: Any) -> list[tuple]:
     """Return the correlations (name, name, rho), checked."""
     correlations: list = []
-    for i, row in enumerate(checks.sequence(f"tolerances.{CORRELATIONS}", given)):
+    for i, row in enumerate(checks.many(f"tolerances.{CORRELATIONS}", given)):
         key = f"tolerances.{CORRELATIONS}[{i}]"
         a, b, rho = checks.many(key, row, 3)
         for name in (a, b):

@@ -9,7 +9,7 @@ import dataclasses
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
-from gearlib.models.parameter_values import ratio_fields
+from gearlib.models.pair_parameters import ratio_fields
 from gearlib.runs.run_arguments import check_tuning
 
 #: name -> (CF units, long_name) of the parameters of every model

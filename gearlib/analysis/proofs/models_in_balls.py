@@ -112,21 +112,17 @@ class ModelNumbers(NamedTuple):
 
 def model_reader(model):
     """Return the function of (model, tuning) that reads a model; refuse one without a proof."""
-    if model.equation is not None:
-        if model.mesh is model:
-            return _of_pair
-        if model.equation.is_piecewise_linear():
-            return _of_equation
-    else:
-        readers = {"linear.propagator": _of_train, "linear.one_mesh": _of_six_degrees}
-        reader = readers.get(model.propagators.get("exact"))
-        if reader is _of_train and model.gyroscopic:
+    if model.train is not None:
+        if model.gyroscopic:
             raise Uncertain(
                 "model",
                 "no proof is written for a train whose axes feel the turning of their frame",
             )
-        if reader is not None:
-            return reader
+        return _of_train if model.train is model else _of_six_degrees
+    if model.mesh is model:
+        return _of_pair
+    if model.piecewise_linear:
+        return _of_equation
     raise Uncertain(
         "model",
         "proofs are written for trains, and for one degree of freedom with linear phases of "

@@ -12,12 +12,14 @@ from gearlib.config.studies.study import (
     listed,
 )
 from gearlib.config.tolerances_section import Tolerances
+from gearlib.models.pair_parameters import RATIOS, PairParameters
 
 
 def _values(c):
     """Return name -> value of the gears, of what may scatter."""
     found = c.pair_parameters(c.tolerances.damping)
-    found |= c.gear_pair.ratios(found["material_damping"], found["backlash_damping"])
+    pair = PairParameters(**found)
+    found |= {name: getattr(pair, name) for name in RATIOS}
     if c.tolerances.of_drawing():
         gears = c.gears
         found |= {"centre_distance": gears.centre_distance, "backlash": gears.backlash}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gearlib import checks
-from gearlib.models.parameter_values import unchecked
+from gearlib.models.model import unchecked
 from gearlib.models.trains import turning, waves
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import FLOATS, Numbers, structure
