@@ -22,6 +22,7 @@ from benchmarks import train_yardstick
 from benchmarks.short import repeats
 from gearlib import GearTrain, idler, integrators, planetary, sweep, two_stage
 from gearlib.engines import orbit
+from gearlib.engines.protocol import Span
 from gearlib.studies.trials.difficult_problems import PAPER
 
 ROUNDS = repeats(4)
@@ -106,14 +107,13 @@ def per_period(calls):
 
 def tables(train, tuning, state):
     """Return seconds for all tables of one speed: a run with empty ones less one with full ones."""
-    samples, events, summary = train.empty_record(events=0)
     spent = []
     for _ in range(ROUNDS):
         start = time.process_time()
         propagator = emptied(train).propagator(tuning)
         times = [start]
         for _ in range(2):
-            propagator.run(np.array(state), 2, 1, samples, events, 10**6, summary)
+            propagator.run(state, Span(2, 1, 10**6), keep_events=False)
             times.append(time.process_time())
         spent.append(2.0 * times[1] - times[0] - times[2])
     return min(spent)
@@ -232,16 +232,15 @@ def growth():
         row = [train.size // 2, len(train.meshes)]
         for tuning in tunings:
             state = np.array(train.start_state("static"))
-            samples, events, summary = train.empty_record(events=0)
             propagator, spent = train.propagator(tuning), []
             few = 20
-            propagator.run(state, 2 * few, 1, samples, events, 10**6, summary)
+            state = propagator.run(state, Span(2 * few, 1, 10**6), keep_events=False).state
             for _ in range(ROUNDS + 1):
                 start = time.process_time()
-                end = propagator.run(state.copy(), few, 1, samples, events, 10**6, summary)
+                record = propagator.run(state, Span(few, 1, 10**6), keep_events=False)
                 spent.append((time.process_time() - start) / few)
-            assert end[5] == 0, (family, row, tuning)
-            bounces = summary[:, orbit.BOUNCES].max()
+            assert record.status == 0, (family, row, tuning)
+            bounces = record.summary[:, orbit.BOUNCES].max()
             row += [min(spent[1:]), bounces, table_bytes(propagator) / 1e6]
         found.setdefault(family, []).append(row)
         print(family, *(f"{value:.3g}" for value in row), flush=True)
@@ -258,10 +257,9 @@ def to_the_end():
         ("twenty that part one after the other", apart, tuning_of(apart, 1700.0), 1000, 3.0),
     ):
         before = time.process_time()
-        propagator, summary = train.propagator(tuning), train.empty_record()[2]
-        state, (samples, events, _) = np.array(train.start_state("static")), train.empty_record()
+        propagator, state = train.propagator(tuning), np.array(train.start_state("static"))
         state[: train.size // 2] += size * np.sin(1.7 * np.arange(train.size // 2))
-        status = propagator.run(state, periods, 1, samples, events[:0], 10**6, summary)[5]
+        status = propagator.run(state, Span(periods, 1, 10**6), keep_events=False).status
         spent = time.process_time() - before
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(

@@ -109,7 +109,7 @@ def trust(
         "samples_per_period": 1,
     }
     initial_state = pair.check_state(initial_state)
-    names, runs = [], []
+    names, used, runs = [], [], []
     for name, model, changed in (
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
@@ -117,13 +117,14 @@ def trust(
         *_other_ways(pair),
     ):
         names.append(name)
+        used.append(integrators.choose(model, changed.get("method"), None)[0])
         runs.append(run(model, tuning, **base | changed))
     exponent = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     columns = {
-        "displacement_max": np.array([run.table[..., orbit.X_MAX] for run in runs]),
-        "displacement_min": np.array([run.table[..., orbit.X_MIN] for run in runs]),
+        "displacement_max": np.array([run.summary[..., orbit.X_MAX] for run in runs]),
+        "displacement_min": np.array([run.summary[..., orbit.X_MIN] for run in runs]),
         "period": np.array([run.period for run in runs]),
         "status": np.array([run.status for run in runs]),
     }
@@ -133,7 +134,7 @@ def trust(
         pair,
         data,
         {"run": names},
-        method=", ".join(dict.fromkeys(run.method for run in runs)),
+        method=", ".join(dict.fromkeys(used)),
         tuning=tuning,
         periods=periods,
         disturbance=disturbance,

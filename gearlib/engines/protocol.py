@@ -1,107 +1,154 @@
-"""What all propagators offer: runs, their record, maps of small deviations, many states at once."""
+"""The protocol of all engines: one run, many runs, maps of mesh periods.
+
+A state z has the shape (size,) of the model: coordinates in static deflections, then their rates by
+mesh phase. Runs begin at the start of a mesh period. They end with a status of `codes`, and give
+up after so many events in one mesh period.
+"""
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import OK
+from gearlib.engines.codes import OK, OVERFLOW
+from gearlib.engines.orbit import X_MAX, X_MIN
+
+#: Events for which a record has room before it grows.
+_FIRST_EVENTS = 64
+
+
+class Span(NamedTuple):
+    """The length of a run."""
+
+    periods: int  #: mesh periods
+    recorded: int  #: the last ones of them
+    max_events: int  #: in one of them
+
+
+class Record(NamedTuple):
+    """The end of a run and the tables of its recorded periods, with the columns of `orbit`."""
+
+    state: np.ndarray  #: z, shape (size,)
+    final: np.ndarray  #: displacement and velocity, or all of z of a train
+    period: int  #: mesh periods after which the recorded motion repeats; 0: it does not
+    samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
+    events: np.ndarray  #: shape (k, 5 or 6)
+    summary: np.ndarray  #: shape (9,), or (m, 10) of m meshes
+    status: int
+    evaluations: int = 0  #: of the right-hand side
+
+
+class Rows(NamedTuple):
+    """The rows that a sweep fills, one for each tuning."""
+
+    bound: float  #: displacement beyond which a motion grows without bound
+    summaries: np.ndarray  #: those of `Record`
+    ends: np.ndarray  #: final states
+    codes: np.ndarray  #: period and status, shape (n, 2)
 
 
 class Base:
-    """A model at one tuning; a subclass, named ``Propagator``, gives `run` and `vary`.
+    """A model at one tuning; a subclass, named ``Propagator``, gives `go` and `fill_maps`."""
 
-    States z have the shape (size,) of the model: coordinates in static deflections and their rates
-    by mesh phase, at the start of a mesh period.
-    """
-
-    #: What goes on between events, in words.
+    #: Description of the motion between events.
     words = "closed forms"
-    #: States that a thread takes at a time: many to hide the hand-over, few to share out slow ones.
+    #: States that a thread takes at a time: many hide the hand-over, few share out slow runs.
     chunk = 16
     #: Components of the state, and pieces of a mesh period beside its phases of contact.
     components, pieces = 2, 0
-    #: Many tunings in one call, arguments as of `gearlib.integrators` with the model before them,
-    #: and states at one phase of every period, as of `gearlib.engines.pair.sections.section`
-    #: without the mesh; None: not in one call.
-    run_many: Callable | None = None
-    sections: Callable | None = None
-    #: Whether periods that `run` returns are proven, see `stable_repeats`, or those of its states.
+    #: Whether periods of `run` are proven; else `stable_repeats` proves them.
     proves_periods = False
+    #: ``sections(states, settle, phase, max_events, table, ends, codes)`` fills a table, shape
+    #: (n, periods, 2), with states at one phase of every period; None: there is no fast way.
+    sections: Callable | None = None
 
-    def __init__(self, model, tuning):
+    def __init__(self, model: Any, tuning: float):
         self.model, self.tuning = model, tuning
 
-    def at(self, tuning):
-        """Return the propagator of another tuning, with what does not depend on the tuning."""
+    def at(self, tuning: float) -> "Base":
+        """Return the engine at another tuning."""
         return type(self)(self.model, tuning)
 
-    def start(self, state):
+    def start(self, state: Any) -> np.ndarray:
         """Return the state z for a displacement and dx/dtau at tau = 0."""
         return np.array(state, float)
 
-    def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
-        """Run from z, which is changed in place to the end of the run.
+    def run(self, z, span: Span, samples=0, first=0, keep_events=True) -> Record:
+        """Run from z with so many samples in each recorded period; z stays.
 
-        Arguments and returns as of `gearlib.engines.pair.pair_run.run`, whose returns are
-        followed by the number of evaluations of the right-hand side; `first` is the mesh period of
-        the run-out in which the run begins.
+        `first` is the mesh period of the excitation, which may repeat after several, in which the
+        run begins. Events are recorded unless `keep_events` is False.
         """
+        room = _FIRST_EVENTS if keep_events else 0
+        tables = self.model.empty_record(span.recorded * samples, room)
+        return self.go(np.array(z, float), span, *tables, first)
+
+    def record(self, z, periods: int, max_events: int, samples=0) -> Record:
+        """Run from z through mesh periods and record all of them."""
+        return self.run(z, Span(periods, periods, max_events), samples)
+
+    def go(self, z, span: Span, samples, events, summary, first: int) -> Record:
+        """Run from z, which may change, and fill the tables."""
         raise NotImplementedError
 
-    def vary(self, z, periods, limit, maps, first):
-        """Fill `maps`, shape (periods, size, size); z is changed in place to the end.
+    def maps(self, z, periods: int, max_events: int, first=0) -> tuple:
+        """Return (end, maps, status): maps, (periods, size, size), linearise each mesh period.
 
-        Returns the status. See `maps`.
-        """
-        raise NotImplementedError
-
-    def maps(self, z, periods, limit, first=0):
-        """Go through mesh periods from z and linearise each; no finite differences.
-
-        Along the phases of contact the derivative is that of the motion itself, at flank crossings
-        the saltation matrix; see `gearlib.engines.pair.pair_maps`. `limit` is the most
-        events in one period, `first` as of `run`.
-
-        Returns
-        -------
-        end : ndarray, shape (size,)
-        maps : ndarray, shape (periods, size, size)
-            Derivative of the state at the end of each period by that at its start.
-        code : int
-            `gearlib.data.status`; if not OK, the maps are NaN.
+        They are exact: phases of contact by their motion, flank crossings by saltation matrices,
+        see `gearlib.engines.pair.pair_maps`. If the status is not OK, they are NaN.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
-        code = self.vary(z, periods, limit, maps, first)
+        code = self.fill_maps(z, periods, max_events, maps, first)
         if code != OK:
             maps[:] = np.nan
         return z, maps, code
 
-    def watched(self, z, periods, limit, first=0):
-        """Return (end, maps, status, events, summary): what `maps` and `run` tell."""
-        samples, events, summary = self.model.empty_record()
-        rest = periods, periods, samples, events, limit, summary
-        events, found, code = self.run(z.copy(), *rest, first=first)[3:6]
-        end, maps, own = self.maps(z, periods, limit, first)
-        return end, maps, own or code, events[:found], summary
+    def fill_maps(self, z, periods: int, max_events: int, maps, first: int) -> int:
+        """Fill the maps and take z to the end; return the status."""
+        raise NotImplementedError
 
-    def record(self, z, periods, limit, samples_per_period=0):
-        """Run from z and record it all; z stays.
+    def many(self, states, periods: int, max_events: int) -> tuple:
+        """Take states, shape (k, size), through mesh periods; return their ends and statuses."""
+        span = Span(periods, 1, max_events)
+        records = [self.run(z, span, keep_events=False) for z in states]
+        codes = np.array([record.status for record in records], np.int64)
+        return np.array([record.state for record in records]).reshape(np.shape(states)), codes
 
-        Returns (events, summary, samples) as of `gearlib.engines.pair.pair_run`; `samples`
-        of shape (periods * samples_per_period, 6 or more).
+    def sweep(self, tunings, order, state, carry: bool, span: Span, rows: Rows) -> None:
+        """Run ``tunings[order]`` and fill their rows, with `carry` from the state before each.
+
+        All coordinates are carried, and the gears stay where they have turned to.
         """
-        return self.recorded(z, periods, limit, samples_per_period)[:3]
+        from gearlib.engines.stable_repeats import proven
 
-    def recorded(self, z, periods, limit, samples_per_period=0):
-        """Return the same and the status."""
-        samples, events, summary = self.model.empty_record(periods * samples_per_period)
-        done = self.run(np.array(z, float), periods, periods, samples, events, limit, summary)
-        return done[3][: done[4]], summary, samples, done[5]
+        engine, repeats, passed = self, self.model.repeats, 0
 
-    def skip(self, states, periods, limit, ends, codes):
-        """Take states, shape (k, size), through mesh periods; fill their ends and their status."""
-        samples, events, summary = self.model.empty_record(events=0)
-        ends[:] = states
-        for i, z in enumerate(ends):
-            codes[i] = self.run(z, periods, 1, samples, events, limit, summary)[5]
+        def run(tuning: float, before: Record | None) -> Record:
+            nonlocal engine, passed
+            engine, first = engine.at(tuning), passed if before else 0
+            z = before.state if before else engine.start(state)
+            record = engine.run(z, span, first=first, keep_events=False)
+            passed = (first + span.periods) % repeats
+            period = proven(engine, record.state, record.period, span.max_events, passed)
+            return record._replace(period=period)
+
+        run_each(run, tunings, order, carry, rows)
+
+
+def run_each(run: Callable, tunings, order, carry: bool, rows: Rows) -> None:
+    """Fill the rows of ``tunings[order]`` by ``run(tuning, record)``, a `Record`.
+
+    The argument is the record before it, or None where a run begins anew.
+    """
+    before = None
+    for i in order:
+        record = run(float(tunings[i]), before)
+        reach = np.abs(record.summary[..., [X_MAX, X_MIN]]).max()
+        code = OVERFLOW if record.status == OK and reach > rows.bound else record.status
+        rows.codes[i] = record.period, code
+        if code == OK:
+            rows.summaries[i], rows.ends[i] = record.summary, record.final
+        else:
+            rows.summaries[i], rows.ends[i] = np.nan, np.nan
+        before = record if carry and code == OK else None

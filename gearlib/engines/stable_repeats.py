@@ -10,12 +10,14 @@ of s, and end on an orbit there. That is taken for proof where D is far below th
 grazing, as in `gearlib.engines.pair.settling`, which does so for a `GearPair` on its way.
 """
 
+import functools
 import math
 
 import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
+from gearlib.engines.protocol import Span
 
 #: A motion has settled once it stays this close to an orbit that draws it on: less than what tells
 #: states apart, so that a transient of a shorter orbit is not taken for a longer one.
@@ -50,7 +52,7 @@ def proven(propagator, z, period, limit, first=0):
     if not period or propagator.proves_periods:
         return period
     span, first = math.lcm(period, model.repeats), first % model.repeats
-    end, maps, code, events, summary = propagator.watched(z, span, limit, first)
+    end, maps, code = propagator.maps(z, span, limit, first)
     if code != OK:
         return 0
     try:
@@ -68,7 +70,8 @@ def proven(propagator, z, period, limit, first=0):
         matrix = reduce @ one @ lift @ matrix
     if not _way_left(matrix, step) <= within:
         return 0
-    return period if _keeps_clear(propagator, events, summary) else 0
+    record = propagator.run(z, Span(span, span, limit), first=first)
+    return period if record.status == OK and _keeps_clear(propagator, record) else 0
 
 
 def _way_left(matrix, step):
@@ -87,36 +90,35 @@ def _way_left(matrix, step):
         return math.inf
 
 
-def _keeps_clear(propagator, events, summary):
-    """Return whether a motion grazes no flank line."""
-    ends = summary[..., [orbit.X_MAX, orbit.X_MIN]]
+def _keeps_clear(propagator, record):
+    """Return whether a recorded motion grazes no flank line."""
+    ends = record.summary[..., [orbit.X_MAX, orbit.X_MIN]]
     lines = propagator.model.flank_lines
     near = [np.abs(np.moveaxis(ends, -1, 0) - line).min() for line in lines]
-    speeds = np.abs(events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
+    speeds = np.abs(record.events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
     return min(near) > _CLEAR and speeds.min(initial=math.inf) > _QUICK
 
 
-def followed(propagator, z, periods, period, limit, until_settled):
-    """Prove the period of the motion at z after so many `periods`, now or later on.
+def followed(propagator, record, span, until_settled):
+    """Prove the period of the motion at the end of a run, now or later on.
 
-    `until_settled` goes on while it is not proven, to 20 times the periods or 5000 more, and takes
-    z along; `period` is that of the states so far. Returns the period, 0 if it has not settled or
-    rounding decides where, and the mesh periods after which it is proven.
+    `until_settled` goes on while it is not proven, to 20 times the periods or 5000 more. Returns
+    the period, 0 if the motion has not settled or rounding decides where it does, and the mesh
+    periods after which it is proven.
     """
-    model, most = propagator.model, periods
+    z, period, periods = record.state, record.period, span.periods
+    twin, apart, most = z * (1.0 + _BESIDE), False, periods
     if until_settled:
         most = min(_TIMES * periods, periods + _MOST)
-    samples, events, summary = model.empty_record(events=0)
-    twin, apart = z * (1.0 + _BESIDE), False
     while True:
-        shown = 0 if apart else proven(propagator, z, period, limit, periods)
+        shown = 0 if apart else proven(propagator, z, period, span.max_events, periods)
         more = min(periods, most - periods)
         if shown or apart or not more:
             return shown, periods
-        rest, first = (more, 1, samples, events, limit, summary), periods % model.repeats
-        other = propagator.run(twin, *rest, first=first)
-        period, code = propagator.run(z, *rest, first=first)[2:6:3]
-        periods += more
-        if code != OK:
+        ahead, first = Span(more, 1, span.max_events), periods % propagator.model.repeats
+        run = functools.partial(propagator.run, span=ahead, first=first, keep_events=False)
+        record, beside, periods = run(z), run(twin), periods + more
+        if record.status != OK:
             return 0, periods
-        apart = other[5] != OK or np.abs(twin - z).max() > _APART * max(1.0, np.abs(z).max())
+        z, twin, period = record.state, beside.state, record.period
+        apart = beside.status != OK or np.abs(twin - z).max() > _APART * max(1.0, np.abs(z).max())

@@ -32,10 +32,10 @@ class EmbeddedPair(Integrator):
         ),
     }
 
-    def run(self, model, tuning, state, periods, *record, rtol, atol, max_step):
-        """Run one tuning; see `Integrator.run`."""
-        control = Control(rtol, atol, max_step or 0.1 * TURN * periods)
-        return _Run(OneDegree(model, tuning), control).run(state, periods, *record)
+    def solver(self, model, tuning, span, rtol, atol, max_step):
+        """Return the run of a tuning; see `Integrator.solver`."""
+        control = Control(rtol, atol, max_step or 0.1 * TURN * span.periods)
+        return _Run(OneDegree(model, tuning), control)
 
 
 class Smoothed(Integrator):
@@ -60,10 +60,10 @@ class Smoothed(Integrator):
         ),
     }
 
-    def run(self, model, tuning, state, periods, *record, sharpness, rtol):
-        """Run one tuning; see `Integrator.run`."""
-        control = Control(rtol, rtol, 0.1 * TURN * periods)
-        return _Run(OneDegree(model, tuning, sharpness), control).run(state, periods, *record)
+    def solver(self, model, tuning, span, sharpness, rtol):
+        """Return the run of a tuning; see `Integrator.solver`."""
+        control = Control(rtol, rtol, 0.1 * TURN * span.periods)
+        return _Run(OneDegree(model, tuning, sharpness), control)
 
 
 class _Run(Run):

@@ -26,11 +26,10 @@ class FixedSteps(Integrator):
     #: ``scheme(**options)`` returns the `Scheme` of the options besides the steps.
     scheme: Any
 
-    def run(self, model, tuning, state, *record, steps_per_period, **options):
-        """Run one tuning; see `Integrator.run`."""
+    def solver(self, model, tuning, span, steps_per_period, **options):
+        """Return the run of a tuning; see `Integrator.solver`."""
         kind = _Trains if model.mesh_names else _OneMesh
-        run = kind(problem_of(model, tuning), steps_per_period, self.scheme(**options))
-        return run.run(state, *record)
+        return kind(problem_of(model, tuning), steps_per_period, self.scheme(**options))
 
 
 class RungeKutta(FixedSteps):

@@ -43,11 +43,11 @@ class Heyoka(Integrator):
         """Return whether it takes a model: it takes all."""
         return True
 
-    def run(self, model, tuning, state, *record, tol):
-        """Run one tuning; see `Integrator.run`."""
+    def solver(self, model, tuning, span, tol):
+        """Return the run of a tuning; see `Integrator.solver`."""
         problem = problem_of(model, tuning)
         kind = _Meshes if model.equation is None else _OneDegree
-        return _Run(problem, kind(problem, tol)).run(state, *record)
+        return _Run(problem, kind(problem, tol))
 
 
 class _Compiled(threading.local):

@@ -1,17 +1,12 @@
 """What all methods share: their description, options, needed package, and sweeps as a loop."""
 
-import math
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-
 from gearlib import checks
-from gearlib.data import status
-from gearlib.data.summary import reach
-from gearlib.engines import orbit
+from gearlib.engines.protocol import run_each
 
 
 class Option(NamedTuple):
@@ -50,7 +45,7 @@ ABSOLUTE = Option(
 
 
 class Integrator:
-    """A method; a subclass gives `run` and, unless it takes one mesh, `takes`."""
+    """A method; a subclass gives `solver` and, unless it takes one mesh, `takes`."""
 
     #: Order of its steps; None: closed forms, or several.
     ORDER: ClassVar[int | None] = None
@@ -61,37 +56,23 @@ class Integrator:
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
-    #: ``run(model, tuning, state, *record, **options)`` runs one tuning; `record` and returns are
-    #: those of `gearlib.engines.pair.pair_run.run`, periods first, and the number of
-    #: evaluations of the right-hand side.
-    run: Any
+    #: ``solver(model, tuning, span, **options)`` returns a `gearlib.integrators.recording.Run`.
+    solver: Any
+
+    def run(self, model, tuning, state, span, samples=0, keep_events=True, **options):
+        """Run one tuning with so many samples in a recorded period; return a `Record`."""
+        tables = model.empty_record(span.recorded * samples, int(keep_events))
+        return self.solver(model, tuning, span, **options).run(state, span, *tables)
 
     def takes(self, model):
         """Return whether it takes a model."""
         return model.one_mesh
 
-    def run_many(self, model, *arguments, **options):
-        """Run many tunings of a model; arguments as of `run_each` behind `run`."""
-        run_each(partial(self.run, model, **options), *arguments)
+    def sweep(self, model, tunings, order, state, carry, span, rows, **options):
+        """Run many tunings of a model; see `gearlib.engines.protocol.Base.sweep`."""
 
+        def run(tuning, before):
+            start = tuple(before.final) if before else state
+            return self.run(model, tuning, start, span, keep_events=False, **options)
 
-def run_each(run, tunings, order, state, carry, span, rows):
-    """Run ``tunings[order]`` one after the other, with the state carried along or not.
-
-    ``run(tuning, state, *record)`` is one run of a method, see `Integrator.run`; `span` and `rows`
-    are `Span` and `Rows` of `gearlib.runs.run_arguments`.
-    """
-    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
-    bound, summaries, ends, codes = rows
-    current = state
-    for i in order:
-        record = span.periods, span.recorded, samples, events, span.limit, summaries[i]
-        x, v, period, _, _, code, _ = run(float(tunings[i]), current, *record)
-        if code == status.OK and reach(summaries[i]) > bound:
-            code = status.OVERFLOW
-        ok = code == status.OK
-        if not ok:
-            summaries[i] = math.nan
-        ends[i] = np.ravel([x, v]) if ok else math.nan
-        codes[i] = period, code
-        current = (x, v) if ok and carry else state
+        run_each(run, tunings, order, carry, rows)

@@ -8,6 +8,7 @@ from gearlib.data import status
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.engines.protocol import Record
 from gearlib.integrators.right_hand_sides import FAR, NEAR, codes_of
 from gearlib.integrators.steps.equation_of_motion import SIDE
 
@@ -51,12 +52,12 @@ class Run:
         """Go through the whole span from state z; return the state at its end and the status."""
         raise NotImplementedError
 
-    def run(self, state, periods, record_periods, samples, events, limit, summary):
-        """Run; arguments and returns as of `gearlib.integrators.method.Integrator.run`."""
-        problem, m = self.problem, len(self.meshes)
-        self.first, self.periods, self.limit = periods - record_periods, periods, limit
+    def run(self, state, span, samples, events, summary):
+        """Run over a span and fill the tables; return the `Record`."""
+        problem, m, periods = self.problem, len(self.meshes), span.periods
+        self.first, self.periods, self.limit = periods - span.recorded, periods, span.max_events
         self.samples, self.taken = samples, 0
-        self.per_period = len(samples) // record_periods
+        self.per_period = len(samples) // span.recorded
         self.keep_events, self.events = len(events) > 0, []
         self.summary = np.empty((m, SUMMARY_COLUMNS))
         for row in self.summary:
@@ -76,8 +77,9 @@ class Run:
             rows = sorted(self.events, key=lambda row: (*row[:2], row[-1]))
             events = np.array(rows)[:, : events.shape[1]]
         summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., : summary.shape[-1]]
-        number = len(self.events) if code == status.OK else 0
-        return *problem.ends(TURN * periods, z), period, events, number, code, self.evaluations
+        events = events[: len(self.events) if code == status.OK else 0]
+        final = np.ravel(problem.ends(TURN * periods, z))
+        return Record(z, final, period, samples, events, summary, code, self.evaluations)
 
     def _period(self):
         """Return after how many mesh periods the strobes of all meshes repeat, 0: after none."""

@@ -42,10 +42,10 @@ class Scipy(Integrator):
         """Return whether it takes a model: it takes all."""
         return True
 
-    def run(self, model, tuning, state, *record, solver, rtol, atol, events):
-        """Run one tuning; see `Integrator.run`."""
+    def solver(self, model, tuning, span, solver, rtol, atol, events):
+        """Return the run of a tuning; see `Integrator.solver`."""
         kind = _Split if events else _Whole
-        return kind(problem_of(model, tuning), solver, rtol, atol).run(state, *record)
+        return kind(problem_of(model, tuning), solver, rtol, atol)
 
 
 class _Whole(Run):

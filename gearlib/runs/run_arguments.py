@@ -2,9 +2,8 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from gearlib import checks, integrators
+from gearlib.engines.protocol import Rows, Span
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000
@@ -12,8 +11,6 @@ MAX_EVENTS = 1_000_000
 LEAST_TUNING, MOST_TUNING = 1e-12, 1e5
 #: Memory that the record of a run, or the rows of a sweep, may take at most, bytes.
 MOST_MEMORY = 2_000_000_000
-#: Events for which a record has room before it grows.
-FIRST_EVENTS = 64
 
 
 def check_tuning(name, value):
@@ -74,40 +71,6 @@ def check_rows(model, words, count):
     """Refuse so many tunings that a sweep of a model takes too much memory."""
     numbers = model.empty_record()[2].size + len(model.components) + len(Rows._fields)
     check_memory(words, count, numbers, "tunings")
-
-
-class Span(NamedTuple):
-    """How long a run goes on."""
-
-    periods: int  #: mesh periods
-    recorded: int  #: the last ones of them
-    limit: int  #: most arcs in one of them
-
-
-class Record(NamedTuple):
-    """What a run writes, tables as of `Model.empty_record`."""
-
-    samples: np.ndarray
-    events: np.ndarray  #: those that it has, as many as a run begins with
-    summary: np.ndarray
-
-    def over(self, span):
-        """Return the arguments of every method and propagator, of this record over a `Span`."""
-        return span.periods, span.recorded, self.samples, self.events, span.limit, self.summary
-
-
-def empty_record(model, samples=0, events=FIRST_EVENTS):
-    """Return the `Record` of a run of a model with so many samples in all."""
-    return Record(*model.empty_record(samples, events))
-
-
-class Rows(NamedTuple):
-    """What a sweep writes, a row for each tuning; motions beyond a bound grow without one."""
-
-    bound: float
-    summaries: np.ndarray  #: as of `Model.empty_record`
-    ends: np.ndarray  #: final states
-    codes: np.ndarray  #: period of the orbit, status
 
 
 class Asked(NamedTuple):

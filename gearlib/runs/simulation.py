@@ -1,7 +1,6 @@
 """`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from gearlib.runs.run_arguments import (
     MAX_EVENTS,
     check_memory,
     check_run,
-    empty_record,
     tuning_of,
 )
 
@@ -95,83 +93,70 @@ def simulate(
     tuning = tuning_of(pair, tuning, speed)
     asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("until_settled", until_settled, (False, True))
-    ran = _run(pair, tuning, asked, samples_per_period, True, until_settled)
+    record, followed_periods = _run(pair, tuning, asked, samples_per_period, True, until_settled)
     recorded = asked.span.recorded
     first = (asked.span.periods - recorded) * samples_per_period
     data = {
-        **_time_course(pair, ran.samples, ran.status),
-        **_event_table(ran.events),
+        **_time_course(pair, record.samples, record.status),
+        **_event_table(record.events),
         **summary.variables(
-            pair, (), ran.table, ran.end, np.array([ran.period, ran.status]), recorded
+            pair,
+            (),
+            record.summary,
+            record.final,
+            np.array([record.period, record.status]),
+            recorded,
         ),
         **pair.scales(),
         **pair.speed_scales(tuning),
         "tuning": tuning,
-        "evaluations": ran.evaluations,
-        "followed": np.int64(ran.followed),
+        "evaluations": record.evaluations,
+        "followed": np.int64(followed_periods),
     }
     coords = {
-        "phase": (first + np.arange(len(ran.samples))) * (2.0 * math.pi / samples_per_period),
+        "phase": (first + np.arange(len(record.samples))) * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
     }
     said = asked.attributes() | {"tuning": tuning}
     dataset = result("Time course of a gear mesh", pair, data, coords, **said)
-    dataset["status"].attrs["message"] = status.MESSAGES[ran.status]
+    dataset["status"].attrs["message"] = status.MESSAGES[record.status]
     return dataset
 
 
-class Run(NamedTuple):
-    """What a run leaves behind; when its status is not 0, numbers are NaN and events are none."""
-
-    samples: np.ndarray  #: shape (record_periods * samples_per_period, 6 + extra)
-    events: np.ndarray  #: shape (n, 5)
-    table: np.ndarray  #: shape (9,), the orbit summary
-    end: np.ndarray  #: shape (2,), the final state
-    period: int
-    status: int
-    evaluations: int
-    method: str
-    followed: int  #: mesh periods after which `period` is told
-
-
 def run(pair, tuning, samples_per_period, **asked):
-    """Run a gear pair at one tuning as `simulate` does, and return bare numbers, a `Run`.
+    """Run a gear pair at one tuning as `simulate` does, and return its `Record`.
 
-    `asked` are the arguments of `gearlib.runs.run_arguments.check_run`.
+    `asked` are the arguments of `gearlib.runs.run_arguments.check_run`. If the status is not 0,
+    numbers are NaN and there are no events.
     """
-    return _run(pair, tuning, check_run(pair, **asked), samples_per_period)
+    return _run(pair, tuning, check_run(pair, **asked), samples_per_period)[0]
 
 
 def _run(pair, tuning, asked, samples_per_period, prove=False, until_settled=False):
-    """Run, prove the period of the motion if asked, and go on behind the run until it is proven."""
+    """Return the `Record` of a run and the mesh periods after which its period is told.
+
+    With `prove` the period is proven, with `until_settled` by going on behind the run.
+    """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = asked.span.recorded
     words = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
     columns = pair.empty_record()[0].shape[1]
     check_memory(words, recorded * samples_per_period, columns, "samples in all")
-    record = empty_record(pair, recorded * samples_per_period)
-    samples, _, table = record
-    arguments = record.over(asked.span)
-    propagator = None
-    if prove and asked.method in integrators.AUTOMATIC:
-        propagator = pair.propagator(tuning, asked.method, **asked.options)
-    if propagator is None:
-        done = asked.module.run(pair, tuning, asked.state, *arguments, **asked.options)
-    else:
-        z = propagator.start(asked.state)
-        done = propagator.run(z, *arguments)
-    x, v, period, events, found, code, evaluations = done
-    end = np.ravel([x, v])
-    if code == status.OK and summary.reach(table) > pair.bound(tuning, asked.state):
-        code = status.OVERFLOW
-    if code != status.OK:
-        for array in (samples, table, end):
-            array[...] = math.nan
-        found = 0
-    gone = asked.span.periods
-    if propagator is not None and code == status.OK:
-        period, gone = followed(propagator, z, gone, period, asked.span.limit, until_settled)
-    return Run(samples, events[:found], table, end, period, code, evaluations, asked.method, gone)
+    arguments = asked.state, asked.span, samples_per_period
+    record = asked.module.run(pair, tuning, *arguments, **asked.options)
+    if record.status == status.OK:
+        if summary.reach(record.summary) > pair.bound(tuning, asked.state):
+            record = record._replace(status=status.OVERFLOW)
+    if record.status != status.OK:
+        for table in (record.samples, record.summary, record.final):
+            table[...] = math.nan
+        record = record._replace(events=record.events[:0])
+    periods = asked.span.periods
+    if prove and asked.method in integrators.AUTOMATIC and record.status == status.OK:
+        engine = pair.propagator(tuning, asked.method, **asked.options)
+        period, periods = followed(engine, record, asked.span, until_settled)
+        record = record._replace(period=period)
+    return record, periods
 
 
 def _time_course(pair, samples, code):

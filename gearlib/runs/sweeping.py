@@ -120,7 +120,7 @@ def sweep(
     rows = Rows(pair.bound(float(tunings.max()), asked.state), table, ends, codes)
 
     def go_through(order):
-        asked.module.run_many(
+        asked.module.sweep(
             pair, tunings, order, asked.state, carry, asked.span, rows, **asked.options
         )
 

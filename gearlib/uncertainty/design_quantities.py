@@ -96,7 +96,7 @@ class DesignQuantities:
                 continue
             if orbit.stable or not nominal.stable:
                 propagator = model.propagator(tuning)
-                return propagator.record(orbit.state, nominal.period, MAX_EVENTS)[1]
+                return propagator.record(orbit.state, nominal.period, MAX_EVENTS).summary
         return None
 
 

@@ -53,7 +53,7 @@ def at_speed(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
     done = run(model, orbit.tuning, samples, **settings)
     if done.status:
         raise NoOrbit(f"the motion at {speed:g} rpm could not go on")
-    table = summary.variables(model, (), done.table, done.end, np.array([n, OK]), n)
+    table = summary.variables(model, (), done.summary, done.final, np.array([n, OK]), n)
     scales = {"displacement": model.static_deflection, "dynamic": model.load}
     values = {
         name: np.atleast_1d(numbers) * scales.get(name.partition("_")[0], 1.0)

@@ -121,7 +121,7 @@ def test_a_special_point_is_a_fixed_point_with_its_property():
         end, maps, _ = propagator.maps(found.states[name], 1, 1000)
         assert end == pytest.approx(found.states[name], abs=1e-10), name
         if name == "onset":
-            least = propagator.record(found.states[name], 1, 1000)[1][columns.X_MIN]
+            least = propagator.record(found.states[name], 1, 1000).summary[columns.X_MIN]
             assert least == pytest.approx(0.0, abs=1e-12)
         else:
             assert np.linalg.det(maps[0] - np.eye(2)) == pytest.approx(0.0, abs=1e-9), name
@@ -204,7 +204,7 @@ def test_the_linear_orbit_is_that_of_a_motion_in_contact(model):
     reduce, _ = model.reduction()
     assert reduce @ (np.array(orbit.state) - state) == pytest.approx(0.0, abs=1e-12)
     # Extrema are those at the ends of pieces.
-    summary = model.propagator(0.5).record(orbit.state, model.repeats, 1000)[1]
+    summary = model.propagator(0.5).record(orbit.state, model.repeats, 1000).summary
     table = np.atleast_2d(summary)[:, [columns.X_MAX, columns.X_MIN]]
     assert low == pytest.approx(table[:, 1].min(), rel=0.05)
     assert high - low == pytest.approx(np.ptp(table, axis=1).max(), rel=0.05)

@@ -38,7 +38,7 @@ def test_threads_change_no_bit(known, hasty):
 
         def go(propagator, z):
             record = propagator.record(z, PERIODS, 10**5, 4)
-            return [part.tobytes() for part in record]
+            return [np.asarray(part).tobytes() for part in record]
 
         serial = [go(alone.propagator(tunings[i % 3]), z) for i, z in enumerate(asked)]
         with ThreadPoolExecutor(THREADS) as pool:

@@ -81,7 +81,7 @@ def random_other_orbit(seed):
 def extrema_apart(found, orbit):
     """Return how far the extrema of a certificate lie from those of its candidate, a run."""
     propagator = orbit.pair.propagator(orbit.tuning)
-    _, summary, _ = propagator.record(orbit.state, orbit.period, 10_000)
+    summary = propagator.record(orbit.state, orbit.period, 10_000).summary
     return max(
         abs(float(found.displacement_min) - summary[columns.X_MIN]),
         abs(float(found.displacement_max) - summary[columns.X_MAX]),

@@ -54,7 +54,7 @@ def test_events_that_are_next_to_one_another_are_two(apart):
     state = np.array([0.2, 0.2, 0.2, 0.2, -2.0, -2.0, -2.0, -2.0])
     # The second pair is a little ahead of the first, both on their way out of contact.
     state[2:4] -= 0.5 * apart
-    events, _, _ = propagator.record(state, 1, 100)
+    events = propagator.record(state, 1, 100).events
     first = [events[events[:, EVENT_MESH] == j][0] for j in (0, 1)]
     ahead = first[0][orbit.EVENT_PHASE] - first[1][orbit.EVENT_PHASE]
     # On this short way distances keep, and it is passed at the speed of the event.
@@ -65,7 +65,8 @@ def test_events_that_are_next_to_one_another_are_two(apart):
 def test_planets_in_phase_bounce_at_once_and_deviations_go_through():
     propagator = PLANETS.propagator(1.0)
     start = PLANETS.start_state("static")
-    events, summary, _ = propagator.record(start, 80, 100)
+    record = propagator.record(start, 80, 100)
+    events, summary = record.events, record.summary
     phases = events[:, orbit.EVENT_PERIOD] * 2.0 * math.pi + events[:, orbit.EVENT_PHASE]
     late = phases > 2.0 * math.pi * 70
     assert late.sum() >= 60 and set(events[late, EVENT_MESH]) == {3.0, 4.0, 5.0}
@@ -74,16 +75,14 @@ def test_planets_in_phase_bounce_at_once_and_deviations_go_through():
     assert np.ptp(summary[3:, orbit.X_MAX]) < 1e-11
     # The saltation of three meshes at once against finite differences along directions that keep
     # the symmetry and that break it.
-    z = np.empty((1, start.size))
-    propagator.skip(start[None], 75, 100, z, np.zeros(1, np.int64))
+    z, _ = propagator.many(start[None], 75, 100)
     _, maps, _ = propagator.maps(z[0], 1, 100)
     rng = np.random.default_rng(3)
     for _ in range(4):
         direction = rng.normal(size=start.size)
-        ends = np.empty((2, start.size))
         step = 1e-6
         both = z + step * np.array([[1.0], [-1.0]]) * direction
-        propagator.skip(both, 1, 100, ends, np.zeros(2, np.int64))
+        ends, _ = propagator.many(both, 1, 100)
         slope = (ends[0] - ends[1]) / (2.0 * step)
         # Rounding 1e-15 of states of 10 over the step, and the square of the step.
         np.testing.assert_allclose(maps[0] @ direction, slope, rtol=0, atol=1e-7 * abs(slope).max())
@@ -115,7 +114,7 @@ def test_a_sweep_keeps_its_tables_to_the_last_bit(train):
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
     # The force of the load comes to the ring with the fourth power of time, and in the right order.
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
-    events, _, _ = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100)
+    events = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100).events
     at_start = events[events[:, orbit.EVENT_PHASE] < 1e-9]
     assert not len(at_start)
     run = gearlib.simulate(train, 0.5, periods=1, samples_per_period=4096)
@@ -134,7 +133,8 @@ def test_a_start_at_rest_on_either_flank_line(line, load):
     # The load presses on one side, and opens the other; without it nothing moves, and the coast
     # side counts as open.
     code = {1: int(load >= 0.0), -1: -int(load < 0.0)}[line]
-    events, _, samples = train.propagator(0.9).record(state, 1, 100, 64)
+    record = train.propagator(0.9).record(state, 1, 100, 64)
+    events, samples = record.events, record.samples
     assert samples[0, orbit.SAMPLE_CONTACT] == samples[1, orbit.SAMPLE_CONTACT] == code
     # What is pressed on stays in contact for a while; what opens strikes later.
     assert not len(events) or events[0, orbit.EVENT_PHASE] > 0.1
@@ -147,7 +147,7 @@ def test_a_start_at_rest_on_either_flank_line(line, load):
 )
 def test_events_are_recorded_in_their_order(kind, seed):
     train, tuning, state = kind(np.random.default_rng(seed))
-    events, _, _ = train.propagator(tuning).record(state, 40, 10**5)
+    events = train.propagator(tuning).record(state, 40, 10**5).events
     same = np.diff(events[:, orbit.EVENT_PERIOD]) == 0.0
     apart = np.diff(events[:, orbit.EVENT_PHASE])
     assert (apart[same] >= 0.0).all()
@@ -201,9 +201,9 @@ def test_a_crossing_where_the_stiffness_switches_is_not_lost():
     switch, low, high = propagator.system.starts[1], 1.0, 2.0
 
     def phase(pressed):
-        events, _, _, code = propagator.recorded(np.array([pressed, pressed, 0.0, 0.0]), 1, 100)
-        assert code == 0
-        return events[0, orbit.EVENT_PHASE]
+        record = propagator.record(np.array([pressed, pressed, 0.0, 0.0]), 1, 100)
+        assert record.status == 0
+        return record.events[0, orbit.EVENT_PHASE]
 
     # From rest, pressed on by more than the load: the more, the sooner the contact ends. Where that
     # is at the switch, the segment behind it begins with a distance that is nothing but rounding.

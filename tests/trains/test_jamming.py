@@ -69,8 +69,9 @@ def unwatched(train, tuning, state, periods):
     propagator = train.propagator(tuning)
     closing = np.zeros_like(propagator.grid.closing)
     propagator.grid = propagator.grid._replace(closing=closing)
-    *_, samples, code = propagator.recorded(state, periods, 10**5, SAMPLES)
-    return code, overlap(train, tuning, samples[:, 6 * len(train.meshes) :], periods)
+    record = propagator.record(state, periods, 10**5, SAMPLES)
+    states = record.samples[:, 6 * len(train.meshes) :]
+    return record.status, overlap(train, tuning, states, periods)
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), "static"])
@@ -107,8 +108,8 @@ def test_the_run_ends_where_the_second_flank_comes_to_touch():
     first = int(np.flatnonzero(both.max(axis=1) > 0.0)[0]) // SAMPLES
     # Periods before that are as they were, and may be asked for.
     if first:
-        assert propagator.recorded(start, first, 100)[3] == status.OK
-    assert propagator.recorded(start, first + 1, 100)[3] == status.JAMMED
+        assert propagator.record(start, first, 100).status == status.OK
+    assert propagator.record(start, first + 1, 100).status == status.JAMMED
 
 
 def test_a_start_in_which_both_flanks_touch():
@@ -117,7 +118,7 @@ def test_a_start_in_which_both_flanks_touch():
     for at, jams in ((0.01, True), (-0.01, False), (0.99, True), (1.01, False)):
         # Both touch between d = 0 and 2 um; the pinion moves along the line of action.
         state[0] = at * 2e-6 / train.static_deflection
-        code = train.propagator(0.9).recorded(state, 1, 100)[3]
+        code = train.propagator(0.9).record(state, 1, 100).status
         first = unwatched(train, 0.9, state, 1)[1][0].max()
         assert (first >= 0.0) == jams
         if jams:
@@ -128,7 +129,7 @@ def test_a_start_in_which_both_flanks_touch():
 def test_random_trains_with_hardly_any_backlash(seed):
     train, tuning, state = edge_problem(np.random.default_rng(seed))
     periods = 3
-    *_, code = train.propagator(tuning).recorded(state, periods, 10**5)
+    code = train.propagator(tuning).record(state, periods, 10**5).status
     before, both = unwatched(train, tuning, state, periods)
     deepest = both.max(axis=1)
     if code == status.OK:
@@ -146,7 +147,7 @@ def test_some_of_them_jam_and_some_could_but_do_not():
     for seed in range(40):
         train, tuning, state = edge_problem(np.random.default_rng(seed))
         propagator = train.propagator(tuning)
-        codes.append(propagator.recorded(state, 3, 10**5)[3])
+        codes.append(propagator.record(state, 3, 10**5).status)
         could.append(propagator.grid.closing.any())
     jammed, could = np.array(codes) == status.JAMMED, np.array(could)
     assert jammed.sum() >= 8 and (~jammed & could).sum() >= 5 and not (jammed & ~could).any()
@@ -200,7 +201,7 @@ def test_six_degrees_whose_backlash_closes(moving, tuning, backlash):
     propagator = model.propagator(tuning)
     assert code == propagator.maps(propagator.start((0.0, 0.0)), 6, 100)[2]
     propagator.grid = propagator.grid._replace(closing=np.zeros(1, bool))
-    _, _, samples = propagator.record(propagator.start((0.0, 0.0)), 6, 100, SAMPLES)
+    samples = propagator.record(propagator.start((0.0, 0.0)), 6, 100, SAMPLES).samples
     # y of Eq. (4) and s of Eq. (10), from rotations and bearings.
     u3, u2, y3, _, y2, _ = samples[:, 6:12].T
     unit, wave = model.static_deflection, np.cos(np.arange(len(samples)) * 2.0 * math.pi / SAMPLES)

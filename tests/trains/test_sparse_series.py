@@ -33,7 +33,7 @@ def motion(train, tuning, state, price, periods=2):
     raw, events = propagator.raw(50 * periods), np.empty((4, EVENT_COLUMNS))
     summary, maps = np.empty((len(train.meshes), SUMMARY_COLUMNS)), np.empty((periods, size, size))
     spans = periods, periods
-    done = propagator.go(z, raw, events, 10**5, summary, spans, maps)
+    done = propagator.run_system(z, raw, events, 10**5, summary, spans, maps)
     assert done[3] == 0
     used = (propagator.large or propagator.spare).pop()[1]
     propagator.spare.clear()

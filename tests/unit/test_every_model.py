@@ -265,12 +265,12 @@ def test_all_ways_through_the_periods_are_one(name):
         assert start.shape == (n,)
         end, maps, code = propagator.maps(start, periods, 1000)
         assert (end.shape, maps.shape, code) == ((n,), (periods, n, n), 0)
-        events, summary, samples = propagator.record(start, periods, 1000, 4)
+        record = propagator.record(start, periods, 1000, 4)
+        events, summary, samples = record.events, record.summary, record.samples
         assert (start == propagator.start((0.0, 0.0))).all()
         room = model.empty_record(4 * periods)
         assert (summary.shape, samples.shape) == (room[2].shape, room[0].shape)
-        ends, codes = np.empty((2, n)), np.ones(2, int)
-        propagator.skip(np.array([start, start]), periods, 1000, ends, codes)
+        ends, codes = propagator.many(np.array([start, start]), periods, 1000)
         # Rounding, over a few bounces.
         close = {"rtol": 0, "atol": 1e-11 * max(1.0, np.abs(end).max())}
         np.testing.assert_allclose(ends, [end, end], **close)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from gearlib.engines.cache import source_hash
+from gearlib.engines.protocol import Span
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
@@ -25,9 +26,9 @@ def run(model):
     Maps are what periods are proven by.
     """
     propagator = model.propagator(0.9)
-    samples, events, summary = model.empty_record(events=0)
-    propagator.run(propagator.start((0.0, 0.0)), 2, 1, samples, events, 100, summary)
-    propagator.maps(propagator.start((0.0, 0.0)), 1, 100)
+    start = propagator.start((0.0, 0.0))
+    propagator.run(start, Span(2, 1, 100), keep_events=False)
+    propagator.maps(start, 1, 100)
 
 
 if __name__ == "__main__":

@@ -137,7 +137,7 @@ def attractor_of(strobe, orbit):
     points = np.array(points)
     seen = strobe.seen(points)
     size = max(1.0, np.abs(seen).max())
-    _, summary, _ = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events)
+    summary = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events).summary
     rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(
         PERIODIC,

@@ -154,7 +154,7 @@ class _Run:
         high, low = -np.inf, np.inf
         for state in self.at[self.sample()]:
             strobe = self.strobe
-            _, summary, _ = strobe.propagator.record(state, _RECORD, strobe.max_events)
+            summary = strobe.propagator.record(state, _RECORD, strobe.max_events).summary
             high = max(high, float(summary[columns.X_MAX]))
             low = min(low, float(summary[columns.X_MIN]))
         return attractors.Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)

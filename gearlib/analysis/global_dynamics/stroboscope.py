@@ -85,7 +85,8 @@ class Stroboscope:
 
         def go(part):
             periods = cycles * self.cycle
-            self.propagator.skip(states[part], periods, self.max_events, ends[part], codes[part])
+            done = self.propagator.many(states[part], periods, self.max_events)
+            ends[part], codes[part] = done
 
         if len(parts) < 2 or self.threads == 1:
             for part in parts:

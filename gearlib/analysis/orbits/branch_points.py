@@ -100,10 +100,9 @@ class Shooting:
         return tuning, z, end, maps
 
     def record(self, y, periods, samples=0):
-        """Return (model, events, summary, samples) of a run over mesh periods."""
+        """Return (model, `Record` of a run over mesh periods)."""
         model, tuning, z = self.model(y)
-        propagator = self.propagator(model, tuning)
-        return model, *propagator.record(z, periods, self.max_events, samples)
+        return model, self.propagator(model, tuning).record(z, periods, self.max_events, samples)
 
     def evaluate(self, y):
         """Return the `Evaluation` at scaled unknowns, else ValueError, Lost."""
@@ -136,7 +135,8 @@ class BranchPoint:
 def branch_point(orbit, tangent):
     """Return the `BranchPoint` of an `Evaluation` with one parameter."""
     problem = orbit.problem
-    model, events, summary, _ = problem.record(orbit.y, problem.period)
+    model, record = problem.record(orbit.y, problem.period)
+    events, summary = record.events, record.summary
     value = float(orbit.y[-1] * problem.units[-1])
     high, low = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
     return BranchPoint(

@@ -36,7 +36,8 @@ class _SpecialPoints(Shooting):
 
     def touch(self, y):
         """Return (phase, displacement) of the turning point next to `phase`, at first to a line."""
-        samples = self.record(y, self.period + 1, _SAMPLES)[-1][:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
+        samples = self.record(y, self.period + 1, _SAMPLES)[1].samples
+        samples = samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
         turns, step = np.flatnonzero(np.diff(samples[:, 1] < 0.0)), math.tau / _SAMPLES
         if not turns.size:
             raise tracing.Lost("the orbit has no turning point")

@@ -73,8 +73,8 @@ class PeriodMap:
 
     def settled(self, tuning, state, periods):
         """Return the point (state, tuning) to which a state comes in periods of the map."""
-        ends, codes = state[None].copy(), np.zeros(1, np.int64)
-        self.at(tuning).skip(state[None], periods * self.model.repeats, MAX_EVENTS, ends, codes)
+        periods *= self.model.repeats
+        ends, codes = self.at(tuning).many(state[None], periods, MAX_EVENTS)
         if codes[0] != status.OK:
             raise NotFound(status.MESSAGES[int(codes[0])])
         return np.append(ends, tuning)
@@ -82,7 +82,7 @@ class PeriodMap:
     def summary(self, point):
         """Return the summaries of all meshes over the period from a point, shape (m, columns)."""
         record = self.at(point[-1]).record(point[:-1], self.model.repeats, MAX_EVENTS)
-        return np.atleast_2d(record[1])
+        return np.atleast_2d(record.summary)
 
     def _fold_residual(self, point):
         residual, matrix = self.residual(point[-1], point[:-1])
@@ -156,7 +156,7 @@ def _of_pair(model):
         propagator = propagators.at(tuning)
         end, maps, _ = propagator.maps(np.zeros(2), 1, MAX_EVENTS)
         state = np.linalg.solve(np.eye(2) - maps[0], end)
-        _, summary, _ = propagator.record(state, 1, MAX_EVENTS)
+        summary = propagator.record(state, 1, MAX_EVENTS).summary
         high, low = summary[0], summary[1]
         return state, (high - linear.flank_lines[0], low - linear.flank_lines[0])
 

@@ -212,13 +212,13 @@ class _Shooting:
 def _guess(model, tuning, guess, period, max_events):
     if guess is None:
         propagator = model.propagator(tuning)
-        z, codes = propagator.start((0.0, 0.0))[None], np.zeros(1, np.int64)
-        turns = -(-_SETTLE // period) * period
-        propagator.skip(z.copy(), turns, max_events, z, codes)
+        periods = -(-_SETTLE // period) * period
+        start = propagator.start((0.0, 0.0))[None]
+        ends, codes = propagator.many(start, periods, max_events)
         code = int(codes[0])
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
-        return z[0]
+        return ends[0]
     values, n = floats(guess), model.size
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         counts = "2" if n == 2 else f"2 or {n}"
@@ -257,7 +257,8 @@ def size_of(miss, z, tuning):
 
 def contacts(model, tuning, z, period, max_events):
     """Return (contact codes in the order met, whether the orbit touches a flank line)."""
-    events, summary, _ = model.propagator(tuning).record(z, period, max_events)
+    record = model.propagator(tuning).record(z, period, max_events)
+    events, summary = record.events, record.summary
     low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     near, far = model.flank_lines
     close = _TOUCH * np.maximum(1.0, high - low)

@@ -105,8 +105,8 @@ def listed_contacts(orbit):
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
     model_reader(model)
-    table, summary, _, status = model.propagator(orbit.tuning).recorded(state, period, MAX_EVENTS)
-    if status == JAMMED:
+    record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
+    if record.status == JAMMED:
         raise Uncertain("jammed", MESSAGES[JAMMED])
     events = [
         (
@@ -116,8 +116,9 @@ def listed_contacts(orbit):
             int(row[columns.EVENT_FROM]),
             int(row[columns.EVENT_TO]),
         )
-        for row in table
+        for row in record.events
     ]
+    summary = record.summary
     codes = resting(summary[..., columns.X_MIN], summary[..., columns.X_MAX], *model.flank_lines)
     pattern = pattern_of(codes, events)
     for _, mesh, before, _ in reversed(events):

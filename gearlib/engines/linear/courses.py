@@ -365,7 +365,7 @@ class _Course:
         events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
         whole = np.append(state, self._between(piece, cut, bounds[0]))
         self.scale = np.ones(whole.size)
-        _, events, found, code, _ = self.go(whole, raw, events, limit, summary, spans)
+        _, events, found, code, _ = self.run_system(whole, raw, events, limit, summary, spans)
         state[:] = whole[: state.size]
         events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
         if code == OK:

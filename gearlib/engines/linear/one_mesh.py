@@ -9,13 +9,13 @@ from gearlib.engines.linear.modal_frame import Frame
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.propagator import Propagator as Train
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
-from gearlib.engines.protocol import Base
+from gearlib.engines.protocol import Record
 
 
 class Propagator(Train):
     """A piecewise-linear model at one tuning."""
 
-    words, chunk, turning = Base.words, Base.chunk, False
+    words, chunk, turning = "closed forms", 16, False
     new_frame = Frame.of_mesh
 
     def __init__(self, model, tuning, other=None):
@@ -30,30 +30,24 @@ class Propagator(Train):
             return np.array(state, float)
         return self.model.initial(self.system, state)[: self.model.size]
 
-    def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
-        """Run from z; see `Base.run`."""
+    def go(self, z, span, samples, events, summary, first):
+        """Run from z; see `Base.go`."""
         table, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
         rows = np.empty((len(events), EVENT_COLUMNS))
-        spans = periods, record_periods
-        done = self.go(z, raw, rows, limit, table, spans, first=first)
-        period, rows, found, code, system = done
+        done = self.run_system(z, raw, rows, span.max_events, table, span[:2], first=first)
+        period, rows, count, code, system = done
         summary[:] = table[0, : orbit.SUMMARY_COLUMNS]
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.line
         full = np.ones(self.components)
         full[: z.size] = z * self.scale
-        phase = 2.0 * math.pi * (first + periods) * self.system.harmonics
+        phase = 2.0 * math.pi * (first + span.periods) * self.system.harmonics
         full[z.size + 1 :: 2], full[z.size + 2 :: 2] = np.cos(phase), np.sin(phase)
         x = float(self.system.near[0] @ full) + self.line
         v = float(self.grid.rate[0] @ full) / self.system.tuning
         if not code and len(samples):
             self.fill(raw, samples, system)
-        return x, v, period, rows[:, : orbit.EVENT_COLUMNS], found, code, 0
-
-    def watched(self, *arguments, **named):
-        """Return what maps and a run tell, of one run; see `Base.watched`."""
-        *found, summary = super().watched(*arguments, **named)
-        summary[:, [orbit.X_MAX, orbit.X_MIN]] += self.line
-        return *found, summary
+        events = rows[:count, : orbit.EVENT_COLUMNS]
+        return Record(z, np.array([x, v]), period, samples, events, summary, code)
 
     def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 + e), from states, contact codes and segments."""

@@ -13,7 +13,7 @@ from gearlib.engines.linear.modal_frame import Frame, add
 from gearlib.engines.linear.periods import BEYOND, EVENT_COLUMNS, FULL, MISSING
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_run import begin, period_of, run_train
-from gearlib.engines.protocol import Base
+from gearlib.engines.protocol import Base, Record
 
 #: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
 _STRETCH = 512
@@ -122,7 +122,9 @@ class Propagator(Base):
         """Return the state z; see `Base.start`."""
         return self.model.start_state(state)
 
-    def go(self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True):
+    def run_system(
+        self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True
+    ):
         """Run from z; `spans` are all periods and those recorded, `summary` has a row a mesh.
 
         Returns (period, events, events found, status, system whose segments the samples have);
@@ -182,15 +184,14 @@ class Propagator(Base):
         m, n = self.system.near.shape
         return np.empty((samples, n + m + 1))
 
-    def run(self, z, periods, record_periods, samples, events, limit, summary, first=0):
-        """Run from z; see `Base.run`. Samples have the columns of `GearTrain.empty_record`."""
-        raw, spans = self.raw(len(samples)), (periods, record_periods)
-        done = self.go(z, raw, events, limit, summary, spans, first=first)
-        period, events, found, code, system = done
+    def go(self, z, span, samples, events, summary, first):
+        """Run from z; see `Base.go`. Samples have the columns of `GearTrain.empty_record`."""
+        raw = self.raw(len(samples))
+        done = self.run_system(z, raw, events, span.max_events, summary, span[:2], first=first)
+        period, events, count, code, system = done
         if code == OK and len(samples):
             self.fill(raw, samples, system)
-        half = z.size // 2
-        return z[:half].copy(), z[half:].copy(), period, events, found, code, 0
+        return Record(z, z, period, samples, events[:count], summary, code)
 
     def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
@@ -218,22 +219,11 @@ class Propagator(Base):
         distance = np.where(code == 1, near, np.where(code == -1, far, 0.0))
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
 
-    def vary(self, z, periods, limit, maps, first):
-        """Fill the maps; see `Base.vary`."""
-        events = np.empty((0, EVENT_COLUMNS))
-        return self._vary(z, periods, limit, maps, first, events, 0)[0]
-
-    def _vary(self, z, periods, limit, maps, first, events, recorded):
-        """Fill the maps of a run; return (status, events, summary)."""
-        none, summary = self.raw(0), np.empty((len(self.system.near), SUMMARY_COLUMNS))
-        spans = periods, recorded
-        done = self.go(z, none, events, limit, summary, spans, maps, first)
+    def fill_maps(self, z, periods, max_events, maps, first):
+        """Fill the maps; see `Base.fill_maps`."""
+        tables = self.raw(0), np.empty((0, EVENT_COLUMNS)), max_events
+        summary = np.empty((len(self.system.near), SUMMARY_COLUMNS))
+        code = self.run_system(z, *tables, summary, (periods, 0), maps, first)[3]
         # Deviations of rates count by phase, as rates do.
         maps *= self.scale[None, :] / self.scale[:, None]
-        return done[3], done[1][: done[2]], summary
-
-    def watched(self, z, periods, limit, first=0):
-        """Return what maps and a run tell, of one run; see `Base.watched`."""
-        z, maps = np.array(z, float), np.empty((periods, z.size, z.size))
-        events = np.empty((16, EVENT_COLUMNS))
-        return z, maps, *self._vary(z, periods, limit, maps, first, events, periods)
+        return code

@@ -6,7 +6,7 @@ from gearlib.engines.pair import many_runs, pair_run, sections
 from gearlib.engines.pair.mesh_constants import mesh
 from gearlib.engines.pair.pair_maps import vary
 from gearlib.engines.pair.stiffness import levels, segment_lengths
-from gearlib.engines.protocol import Base
+from gearlib.engines.protocol import Base, Record
 
 
 def ratios(pair):
@@ -39,26 +39,28 @@ class Propagator(Base):
         """Return the propagator of another tuning; see `Base.at`."""
         return type(self)(self.model, tuning, self)
 
-    def run(self, z, *arguments, first=0):
-        """Run from z; see `Base.run`."""
-        *z[:], period, events, found, code = pair_run.run(self.mesh, *z, *arguments)
-        # Closed forms evaluate no right-hand side: 0.
-        return *z, period, events, found, code, 0
+    def go(self, z, span, samples, events, summary, first):
+        """Run from z; see `Base.go`."""
+        tables = samples, events, span.max_events, summary
+        done = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
+        *z[:], period, events, count, code = done
+        return Record(z, z, period, samples, events[:count], summary, code)
 
-    @staticmethod
-    def run_many(model, tunings, order, state, carry, span, rows):
-        """Run many tunings in one call of the kernel."""
-        begin = np.array(state), carry
-        many_runs.run_many(ratios(model), tunings, order, *begin, *span, *rows)
+    def sweep(self, tunings, order, state, carry, span, rows):
+        """Run many tunings in one call of the kernel; see `Base.sweep`."""
+        many_runs.run_many(self.ratios, tunings, order, np.array(state), carry, *span, *rows)
 
-    def vary(self, z, periods, limit, maps, first):
-        """Fill the maps; see `Base.vary`."""
-        *z[:], code = vary(self.mesh, *z, periods, limit, maps)
+    def fill_maps(self, z, periods, max_events, maps, first):
+        """Fill the maps; see `Base.fill_maps`."""
+        *z[:], code = vary(self.mesh, *z, periods, max_events, maps)
         return code
 
-    def skip(self, states, periods, limit, ends, codes):
-        """Take many states on; see `Base.skip`."""
-        many_runs.skip_many(self.mesh, np.ascontiguousarray(states), periods, limit, ends, codes)
+    def many(self, states, periods, max_events):
+        """Take many states on in one call of the kernel; see `Base.many`."""
+        states = np.ascontiguousarray(states)
+        ends, codes = np.empty(states.shape), np.empty(len(states), np.int64)
+        many_runs.skip_many(self.mesh, states, periods, max_events, ends, codes)
+        return ends, codes
 
     def sections(self, *arguments):
         """Fill the states at one phase of every period."""

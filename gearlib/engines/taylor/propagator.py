@@ -1,7 +1,7 @@
 """Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
 
 from gearlib.engines.polynomial import bernstein_matrix
-from gearlib.engines.protocol import Base
+from gearlib.engines.protocol import Base, Record
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_maps import vary_nonlinear
 from gearlib.engines.taylor.taylor_run import run_nonlinear, steady_course
@@ -21,16 +21,20 @@ class Propagator(Base):
         self.tuning, self.tolerance = tuning, tolerance
         self.law = model.law(tuning, tolerance)
 
-    def run(self, z, *arguments, first=0):
-        """Run from z; see `Base.run`."""
-        *rest, summary = arguments
-        course = steady_course(self.law)
-        done = run_nonlinear(self.law, TO_BERNSTEIN, course, *z, *rest, summary[None])
-        *z[:], period, events, found, code, steps = done
-        # Each coefficient of the series takes what an evaluation of the right-hand side takes.
-        return *z, period, events, found, code, steps * ORDER
+    def at(self, tuning):
+        """Return the engine at another tuning; see `Base.at`."""
+        return type(self)(self.model, tuning, self.tolerance)
 
-    def vary(self, z, periods, limit, maps, first):
-        """Fill the maps; see `Base.vary`."""
-        *z[:], code = vary_nonlinear(self.law, TO_BERNSTEIN, *z, periods, limit, maps)
+    def go(self, z, span, samples, events, summary, first):
+        """Run from z; see `Base.go`."""
+        system = self.law, TO_BERNSTEIN, steady_course(self.law)
+        tables = samples, events, span.max_events, summary[None]
+        done = run_nonlinear(*system, *z, span.periods, span.recorded, *tables)
+        *z[:], period, events, count, code, steps = done
+        # A coefficient of the series costs as much as an evaluation of the right-hand side.
+        return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)
+
+    def fill_maps(self, z, periods, max_events, maps, first):
+        """Fill the maps; see `Base.fill_maps`."""
+        *z[:], code = vary_nonlinear(self.law, TO_BERNSTEIN, *z, periods, max_events, maps)
         return code

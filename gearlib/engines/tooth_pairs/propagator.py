@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.engines.protocol import Base
+from gearlib.engines.protocol import Base, Record, Span
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import Course
@@ -30,17 +30,19 @@ class Propagator(Base):
         where = system.first_segment, repeats, none, np.arange(size), np.zeros(size)
         self.course = Course(*ends, *where, *rest)
 
-    def run(self, z, *arguments, first=0):
-        """Run from z; see `Base.run`."""
-        *more, summary = arguments
-        more += summary[None], np.empty((0, 2, 2)), first
-        done = run_pairs(self.system, self.course, TO_BERNSTEIN, *z, *more)
-        *z[:], period, events, found, code, steps = done
-        return *z, period, events, found, code, steps * ORDER
+    def go(self, z, span, samples, events, summary, first):
+        """Run from z; see `Base.go`."""
+        return self._go(z, span, samples, events, summary, first, np.empty((0, 2, 2)))
 
-    def vary(self, z, periods, limit, maps, first):
-        """Fill the maps; see `Base.vary`."""
-        samples, events, summary = self.model.empty_record(events=0)
-        more = periods, 0, samples, events, limit, summary[None], maps, first
-        *z[:], _, _, _, code, _ = run_pairs(self.system, self.course, TO_BERNSTEIN, *z, *more)
-        return code
+    def fill_maps(self, z, periods, max_events, maps, first):
+        """Fill the maps; see `Base.fill_maps`."""
+        tables = self.model.empty_record(events=0)
+        return self._go(z, Span(periods, 0, max_events), *tables, first, maps).status
+
+    def _go(self, z, span, samples, events, summary, first, maps) -> Record:
+        """Run from z, and fill the maps if there are any."""
+        tables = samples, events, span.max_events, summary[None], maps, first
+        spans = span.periods, span.recorded
+        done = run_pairs(self.system, self.course, TO_BERNSTEIN, *z, *spans, *tables)
+        *z[:], period, events, count, code, steps = done
+        return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)

@@ -14,7 +14,8 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
-from gearlib.runs.run_arguments import MAX_EVENTS, Span, empty_record
+from gearlib.engines.protocol import Span
+from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.many_starts import beside, in_parallel, over_starts, starts
 
 #: What `settled` says.
@@ -70,10 +71,8 @@ class _Tuning:
         self.near = 2.0 * settings["spread"]
 
     def _run(self, z, periods, recorded, first):
-        record = empty_record(self.model, events=0)
-        arguments = record.over(Span(periods, recorded, MAX_EVENTS))
-        done = self.propagator.run(z, *arguments, first=first % self.model.repeats)
-        return record.summary, done[2], int(done[5])
+        span, first = Span(periods, recorded, MAX_EVENTS), first % self.model.repeats
+        return self.propagator.run(z, span, first=first, keep_events=False)
 
     def course(self, start):
         """Return (table, period, middle, end, status) of a motion: two states on its way."""
@@ -81,11 +80,13 @@ class _Tuning:
         for i, until in enumerate(self.marks):
             periods = until - first
             if periods:
-                table, period, code = self._run(z, periods, periods, first)
-                if code != status.OK:
-                    return np.full_like(table, np.nan), 0, states[0], states[-1], code
+                record = self._run(z, periods, periods, first)
+                if record.status != status.OK:
+                    nothing = np.full_like(record.summary, np.nan)
+                    return nothing, 0, states[0], states[-1], record.status
+                z = record.state
             states[i], first = z, until
-        return table, period, states[0], states[-1], code
+        return record.summary, record.period, states[0], states[-1], record.status
 
     def end(self, start):
         """Return (table, orbit, period, state, status) of the motion from a start."""
@@ -127,11 +128,11 @@ class _Tuning:
             state, one = self._orbit(one, end)
             if state is None:
                 continue
-            z, points = state.copy(), []
+            z, points = state, []
             for _ in range(one // cycle):
-                points.append(z.copy())
-                self._run(z, cycle, 1, 0)
-            own = self._run(state.copy(), self.recorded, self.recorded, 0)[0]
+                points.append(z)
+                z = self._run(z, cycle, 1, 0).state
+            own = self._run(state, self.recorded, self.recorded, 0).summary
             self.orbits.append((one, points, own))
             if self._known(half, end) == len(self.orbits) - 1:
                 return len(self.orbits) - 1

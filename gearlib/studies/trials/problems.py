@@ -8,11 +8,12 @@ import numpy as np
 from gearlib import integrators
 from gearlib.data import status
 from gearlib.engines import orbit
+from gearlib.engines.protocol import Span
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains.reducer_train import split_power_reducer
-from gearlib.runs.run_arguments import MAX_EVENTS, Span, empty_record
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
@@ -103,34 +104,33 @@ class Bound:
     def __init__(self, model, tuning, method, options):
         _, self._module, self._options = integrators.choose(model, method, options)
         self._model, self._tuning = model, tuning
-        self._summary = empty_record(model).summary
 
-    def raw(self, state, periods, record_periods=1):
-        """Run; return what `run` of the method returns, see `gearlib.integrators.method`."""
-        record = empty_record(self._model)._replace(summary=self._summary)
-        arguments = record.over(Span(periods, record_periods, MAX_EVENTS))
-        return self._module.run(self._model, self._tuning, state, *arguments, **self._options)
+    def record(self, state, periods, record_periods=1):
+        """Return the `gearlib.engines.protocol.Record` of a run."""
+        span = Span(periods, record_periods, MAX_EVENTS)
+        return self._module.run(self._model, self._tuning, state, span, **self._options)
 
     def run(self, state, periods, record_periods=1):
         """Run; return a `Run`: of a train the state of its first mesh, events mesh by mesh."""
-        x, v, _, events, found, code, evaluations = self.raw(state, periods, record_periods)
+        record = self.record(state, periods, record_periods)
+        code, evaluations, rows = int(record.status), int(record.evaluations), record.events
         if code != status.OK:
             nothing = np.empty(0), np.empty((0, 2), np.int8)
-            return Run(np.full(2, math.nan), *nothing, math.nan, int(evaluations), int(code))
-        rows = events[:found]
+            return Run(np.full(2, math.nan), *nothing, math.nan, evaluations, code)
+        final = record.final
         if self._model.mesh_names:
-            line = self._model.structure.lines[0]
-            x, v = line @ x, line @ v
+            final = final.reshape(2, -1) @ self._model.structure.lines[0]
             # What several meshes do at once has no order.
             rows = rows[np.argsort(rows[:, orbit.EVENT_COLUMNS], kind="stable")]
-        high, low = self._summary[..., orbit.X_MAX].max(), self._summary[..., orbit.X_MIN].min()
+        high = record.summary[..., orbit.X_MAX].max()
+        low = record.summary[..., orbit.X_MIN].min()
         return Run(
-            np.array([x, v]),
+            final,
             2.0 * math.pi * rows[:, orbit.EVENT_PERIOD] + rows[:, orbit.EVENT_PHASE],
             rows[:, [orbit.EVENT_FROM, orbit.EVENT_TO]].astype(np.int8),
             float(high - low),
-            int(evaluations),
-            int(code),
+            evaluations,
+            code,
         )
 
 

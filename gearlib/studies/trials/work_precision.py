@@ -267,7 +267,7 @@ def times(method, known, pair, six_degrees, settings, repeats):
             return {"period_time": math.nan}
         run = problems.Bound(problem.model, problem.tuning, method, options)
         if not first:
-            first.append(seconds_of(lambda: run.raw(problems.START, 1)))
+            first.append(seconds_of(lambda: run.record(problems.START, 1)))
         codes: set = set()
         early = method in _EARLY
         # Half the run: what prepares tables lies in the first half.
@@ -286,7 +286,7 @@ def times(method, known, pair, six_degrees, settings, repeats):
 
 def _call(run, codes):
     """Return a call that runs some periods from rest, and adds its status to `codes`."""
-    return lambda periods: codes.add(run.raw(problems.START, periods)[5])
+    return lambda periods: codes.add(run.record(problems.START, periods).status)
 
 
 def seconds_of(call):
