@@ -26,7 +26,7 @@ from gearlib import checks
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
-from gearlib.models.profiles import Series, Steps
+from gearlib.models.profiles import Profile, Series, Steps
 from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
 
 #: Names of variables of datasets that are otherwise those of a gear mesh.
@@ -177,10 +177,12 @@ class DeadZoneOscillator(Model):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        stiffnesses = {
-            name: _plain(getattr(self, name)) for name in ("upper_stiffness", "lower_stiffness")
+        profiles = {
+            name: stiffness.as_dict()
+            for name, stiffness in vars(self).items()
+            if isinstance(stiffness, Profile)
         }
-        return asdict(self) | stiffnesses
+        return asdict(self) | profiles
 
 
 def _pieces(stiffness):
@@ -194,12 +196,3 @@ def _mean(stiffness):
     """Return the mean of a stiffness over a period."""
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
-
-
-def _plain(stiffness):
-    """Return a stiffness as plain values."""
-    if isinstance(stiffness, Series):
-        return {"kind": "series", "mean": stiffness.mean, "harmonics": vars(stiffness.harmonics)}
-    if isinstance(stiffness, Steps):
-        return {"kind": "steps", **vars(stiffness)}
-    return stiffness

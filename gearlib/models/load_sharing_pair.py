@@ -132,9 +132,9 @@ class LoadSharingPair(WithPair):
             torque, damping and so on, as of `GearPair.from_geometry`.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
-        given = {"coupling": coupling} if stiffness == "energy" else {}
+        of_stiffness = {"coupling": coupling} if stiffness == "energy" else {}
         return cls(
-            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options),
+            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=of_stiffness, **options),
             drawing=mesh,
             phases=phases,
             stiffness=stiffness,
@@ -167,25 +167,22 @@ class LoadSharingPair(WithPair):
                 f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
                 "where one mesh period stands for all"
             )
-        bare, loaded = (
-            tooth_pairs(self.drawing, phases, **self._options).share([0.0, self.load]).error
-        )
+        pairs = tooth_pairs(self.drawing, phases, **self._options)
+        bare, loaded = pairs.share([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
-        ratios = zip(
-            ("max_stiffness", "stiffness_ratio", "contact_ratio"), profile.ratios(), strict=True
+        stiffness, stiffness_ratio, contact_ratio = profile.ratios()
+        pair = self.pair.replace(
+            max_stiffness=stiffness, stiffness_ratio=stiffness_ratio, contact_ratio=contact_ratio
         )
-        return OneDegreePair(
-            pair=self.pair.replace(**dict(ratios)),
-            profile=profile,
-            deviation=Harmonics.from_table(phase, -bare, harmonics),
-        )
+        deviation = Harmonics.from_table(phase, -bare, harmonics)
+        return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
     @property
     def _options(self):
         names = ("stiffness", "coupling", "deviation", "pitch_errors")
-        own = {name: getattr(self, name) for name in names}
-        return own | {"load": self.load, "corners": self.corner_contact}
+        options = {name: getattr(self, name) for name in names}
+        return options | {"load": self.load, "corners": self.corner_contact}
 
     def _pairs(self, pitches, middle=None, inside=None):
         return pairs_at(self.drawing, pitches, middle, inside, **self._options)
@@ -312,21 +309,21 @@ class LoadSharingPair(WithPair):
         """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""
         m, k = pairs.gap.shape
         force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
-        for s in range(2**k):
-            own = [i for i in range(k) if s >> i & 1]
-            there = pairs.inside[:, own].all(-1)
-            if not there.any():
+        for number in range(2**k):
+            touching = [i for i in range(k) if number >> i & 1]
+            rows = pairs.inside[:, touching].all(-1)
+            if not rows.any():
                 continue
-            rise, back = pairs.carried_by(own)
-            both = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
-            force[there, s] = both[there]
+            rise, back = pairs.carried_by(touching)
+            law = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
+            force[rows, number] = law[rows]
             # By how much the forces of the others move the flanks of a pair.
-            yielding = pairs.compliance[:, :, own]
-            overlap[:, s, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
-            beside = pairs.gap - (yielding @ back[..., None])[..., 0]
-            overlap[:, s, :, 1] = beside / self.static_deflection
-            whole = on_path[:, own].all(-1) & (on_path.sum(-1) == len(own))
-            force[whole, -1, 0] = both[whole, 0]
+            yielding = pairs.compliance[:, :, touching]
+            overlap[:, number, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
+            distance = pairs.gap - (yielding @ back[..., None])[..., 0]
+            overlap[:, number, :, 1] = distance / self.static_deflection
+            coast = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
+            force[coast, -1, 0] = law[coast, 0]
         if self.backlash < math.inf:
             force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
         return force, overlap
@@ -351,8 +348,8 @@ class LoadSharingPair(WithPair):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        own = {name: value for name, value in asdict(self).items() if name != "pair"}
-        return {**self.pair.as_dict(), **own}
+        values = asdict(self)
+        return {**values.pop("pair"), **values}
 
 
 def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):

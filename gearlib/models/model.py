@@ -100,9 +100,9 @@ class Model:
         return self.equation.system(tuning)
 
     def linear(self, system):
-        """Return (frequencies, shapes, free motions, mass): what modes are counted in, by theta."""
-        one = np.ones((1, 1))
-        return np.array([self.equation.natural]), one, np.zeros((1, 0)), one
+        """Return (frequencies by theta, mode shapes, free motions, mass matrix)."""
+        unit = np.ones((1, 1))
+        return np.array([self.equation.natural]), unit, np.zeros((1, 0)), unit
 
     def outputs(self, system):
         """Return functionals of states by phase that are recorded too, shape (e, 3, p, n)."""
@@ -118,7 +118,7 @@ class Model:
         """Return an initial state, checked: displacement and dx/dtau, or all components."""
         if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
             finite = "finite", math.isfinite
-            return tuple(checks.number("initial_state", one, *finite) for one in value)
+            return tuple(checks.number("initial_state", entry, *finite) for entry in value)
         return checks.state("initial_state", value)
 
     @property
@@ -247,7 +247,7 @@ class Model:
         return FAR * max(self.extent, *start)
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         equation = self.equation
         return bool(equation.damping[0 if math.isfinite(equation.lower) else 1 :].any())
 

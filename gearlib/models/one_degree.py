@@ -112,5 +112,5 @@ class OneDegreePair(WithPair):
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
         values = asdict(self)
-        profile = {"kind": type(self.profile).__name__.lower(), **values.pop("profile")}
-        return {**values.pop("pair"), **values, "profile": profile}
+        del values["profile"]
+        return {**values.pop("pair"), **values, "profile": self.profile.as_dict()}

@@ -163,7 +163,7 @@ class GearPair(PairParameters, Model):
         return {"exact": exact, "taylor": "taylor.propagator"}
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property

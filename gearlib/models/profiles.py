@@ -11,7 +11,7 @@ wholly above or wholly below it ("at the lower stiffness").
 
 import csv
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -41,8 +41,16 @@ class Pieces:
         return Pieces(breaks, np.column_stack([values, slopes]), self.low[owner], self.harmonics)
 
 
+class Profile:
+    """A course of the stiffness over one period."""
+
+    def as_dict(self):
+        """Return its kind and its parameters as plain values."""
+        return {"kind": type(self).__name__.lower(), **asdict(self)}
+
+
 @dataclass(frozen=True)
-class Rectangular:
+class Rectangular(Profile):
     """The full series of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
     def pieces(self, pair):
@@ -58,7 +66,7 @@ class Rectangular:
 
 
 @dataclass(frozen=True)
-class Fourier:
+class Fourier(Profile):
     """Eq. (1) cut after `harmonics` terms: a smooth stiffness, another model than the full series.
 
     Raises
@@ -83,7 +91,7 @@ class Fourier:
 
 
 @dataclass(frozen=True)
-class Series:
+class Series(Profile):
     """A mean with harmonics about it, for `gearlib.DeadZoneOscillator`.
 
     Parameters
@@ -122,7 +130,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Profile):
     """A stiffness of constant segments, taken periodic, for `gearlib.DeadZoneOscillator`.
 
     Parameters
@@ -156,7 +164,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Tabulated:
+class Tabulated(Profile):
     """A table of a tooth-contact program, linear between its points, taken periodic.
 
     Parameters

@@ -216,7 +216,7 @@ class SixDegreePair(WithPair):
         return reduce, lift
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         return self.pair.damped() or any(self.bearing_damping)
 
     def flexible(self):
@@ -238,7 +238,7 @@ class SixDegreePair(WithPair):
         return self.train.system(tuning)
 
     def linear(self, system):
-        """Return what modes are counted in, see `Model.linear`."""
+        """Return frequencies, mode shapes, free motions and mass matrix, see `Model.linear`."""
         return self.train.linear(system)
 
     def outputs(self, system):
