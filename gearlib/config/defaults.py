@@ -21,15 +21,7 @@ from gearlib.config.trials import Problem
 from gearlib.config.types import Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
-_PAIR = GearPairSection(
-    max_stiffness=1.0,
-    stiffness_ratio=1.0,
-    contact_ratio=1.0,
-    reduced_mass=1.0,
-    load=1.0,
-    backlash=1.0,
-    teeth=1,
-)
+_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
 
