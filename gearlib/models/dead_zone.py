@@ -27,7 +27,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
 from gearlib.models.profiles import Profile, Series, Steps
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented
 
 #: Names of variables of datasets that are otherwise those of a gear mesh.
 _LONG_NAMES = {
@@ -141,13 +141,10 @@ class DeadZoneOscillator(Model):
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self):
-        for name, default in self.by_default.items():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, default(self))
         upper = FINITE.check("upper_edge", self.upper_edge)
         allowed = f"from -inf to upper_edge = {upper!r}"
         checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
-        check(self)
+        super().__post_init__()
         names = ["upper_stiffness", "lower_stiffness"][: 1 + math.isfinite(self.lower_edge)]
         if not any(_mean(getattr(self, name)) for name in names):
             values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)

@@ -37,7 +37,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.parameters import TRUTH, Instance, Integer, Number, check, documented
+from gearlib.parameters import TRUTH, Instance, Integer, Number, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.tooth_pairs import propagator as tooth_pairs  # noqa: F401
@@ -101,7 +101,7 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self):
-        check(self)
+        super().__post_init__()
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1))

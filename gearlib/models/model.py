@@ -2,9 +2,9 @@
 
 A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
 ``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
-a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
-``linear`` and ``initial``, ``propagators``, ``flank_lines`` and ``damped``. No caller asks a model
-for its class.
+a default. With more coordinates it gives instead ``size``, the ``train`` of its matrices or a
+piecewise-linear ``system`` with ``linear``, ``initial``, ``propagators``, ``flank_lines`` and
+``damped``. No caller asks a model for its class.
 """
 
 import dataclasses
@@ -64,6 +64,12 @@ class Model:
     force_note: Any = ""  #: a sentence on the forces beside results, or ""
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
+    def __post_init__(self):
+        parameters.check(self)
+        for name, default in self.by_default.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, default(self))
+
     @property
     def piecewise_linear(self):
         """Whether the motion between events has a closed form."""
@@ -96,11 +102,13 @@ class Model:
         return self.equation.law(tuning, tolerance)
 
     def system(self, tuning):
-        """Return the `TrainSystem` of a piecewise-linear model, see `Equation.system`."""
-        return self.equation.system(tuning)
+        """Return the `TrainSystem` of a piecewise-linear model at one tuning."""
+        return (self.train or self.equation).system(tuning)
 
     def linear(self, system):
         """Return (frequencies by theta, mode shapes, free motions, mass matrix)."""
+        if self.train:
+            return self.train.linear(system)
         unit = np.ones((1, 1))
         return np.array([self.equation.natural]), unit, np.zeros((1, 0)), unit
 

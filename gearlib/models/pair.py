@@ -54,7 +54,7 @@ class GearPair(PairParameters, Model):
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     def __post_init__(self):
-        parameters.check(self)
+        super().__post_init__()
         check_scales(self)
         for name in ("material_damping", "backlash_damping"):
             value = getattr(self, name)
