@@ -215,11 +215,11 @@ def checked(function):
     """Check what a function declares of its keyword arguments before it is called."""
 
     @functools.wraps(function)
-    def call(*args, **given):
+    def call(*args, **arguments):
         for name, parameter in declared(function).items():
-            if given.get(name, parameter.default) is not parameter.default:
-                given[name] = parameter.kind.check(name, given[name])
-        return function(*args, **given)
+            if arguments.get(name, parameter.default) is not parameter.default:
+                arguments[name] = parameter.kind.check(name, arguments[name])
+        return function(*args, **arguments)
 
     return documented(call)
 

@@ -32,10 +32,10 @@ def read(path):
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
         loader.repeated = []
-        said = loader.get_single_data()
+        content = loader.get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_fault(error)}") from None
-    return said, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
+    return content, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
 
 
 def _fault(error):
