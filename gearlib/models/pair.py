@@ -1,22 +1,10 @@
 """Parameters of a gear pair: the border between SI units and dimensionless ratios.
 
-=====================  ======================  ==========================================
-ratio or scale         symbol                  definition
-=====================  ======================  ==========================================
-mean_stiffness         C_s                     Eq. (2)
-mean_eigenfrequency    Omega_s                 sqrt(C_s / m_red), rad/s
-damping_ratio          beta                    k_1 / (2 m_red Omega_s)
-backlash_damping_ratio beta_m                  k_1m / (2 m_red Omega_s)
-static_deflection      F / C_s                 m
-backlash_ratio         s_k C_s / F             1
-=====================  ======================  ==========================================
-
 Nothing below this module knows a unit: kernels see the ratios and the tuning
 ``nu = omega_c / Omega_s`` only.
 
-Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper
-prints ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its
-damping ratios.
+Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper prints
+``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its damping ratios.
 """
 
 import math
