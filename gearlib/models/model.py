@@ -139,8 +139,7 @@ class Model:
         described: dict = {}
         for owner in filter(None, (self, self.mesh)):
             declarations = parameters.declared(type(owner))
-            for name in (field.name for field in dataclasses.fields(owner)):
-                value = getattr(owner, name)
+            for name, value in fields_of(owner).items():
                 parameter = declarations.get(name, parameters.Parameter(None, name))
                 units, words = parameters.cf_units(parameter.unit), parameter.long_name
                 if type(value) is float and math.isfinite(value):
@@ -180,9 +179,7 @@ class Model:
                 model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
         return model
 
-    def parameter(self, name):
-        """Return the value of one of `parameters`."""
-        return getattr(self, name)
+    parameter = value
 
     def with_parameter(self, name, value):
         """Return the model with one of `parameters` set."""
@@ -301,21 +298,24 @@ class Model:
         ValueError
             If there is no field of a name, or the model does not allow a value.
         """
-        names = [field.name for field in dataclasses.fields(self)]
-        mesh_names = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
-        checks.known(type(self).__name__, changes, list(dict.fromkeys(names + mesh_names)))
+        names = fields_of(self)
+        known_names = names | (fields_of(self.mesh) if self.mesh else {})
+        checks.known(type(self).__name__, changes, list(known_names))
         following = {
             name: None
             for name, default in self.by_default.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        of_mesh = {name: value for name, value in changes.items() if name not in names}
-        of_model = {name: value for name, value in changes.items() if name in names}
-        model = dataclasses.replace(self, **of_model, **following)  # type: ignore[type-var]
-        if of_mesh:
-            pair = model.mesh.replace(**of_mesh)
-            model = dataclasses.replace(model, pair=pair, **following)  # type: ignore[type-var]
-        return model
+        of_mesh = {name: changes.pop(name) for name in {*changes} - {*names}}
+        pair = changes.get("pair", self.mesh)
+        if of_mesh and is_model(pair):
+            changes["pair"] = pair.replace(**of_mesh)
+        return dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
+
+
+def fields_of(instance):
+    """Return name -> value of the fields of a dataclass."""
+    return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
 
 
 def natural_scale(model, units):
