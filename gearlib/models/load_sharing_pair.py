@@ -129,7 +129,7 @@ class LoadSharingPair(WithPair):
         stiffness : {"energy", "iso"}, default "energy"
             A table needs a `pair` of one's own.
         **options
-            torque, damping and so on, as of `GearPair.from_geometry`.
+            Arguments of `GearPair.from_geometry` such as torque and damping_ratio.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
         of_stiffness = {"coupling": coupling} if stiffness == "energy" else {}
@@ -148,14 +148,14 @@ class LoadSharingPair(WithPair):
         """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
 
         Its deviation is -e(tau), the error without load, and its stiffness F / (x - e), so that it
-        has the same static transmission error at this load, at others of its own.
+        has the same static transmission error at this load, another one at others.
 
         Parameters
         ----------
         phases : int, default 128
-            Of the stiffness, between which it is linear; >= 8.
+            Phases of the stiffness, between which it is linear; >= 8.
         harmonics : int, default 24
-            Of the deviation; < phases / 2.
+            Harmonics of the deviation; < phases / 2.
 
         Raises
         ------
@@ -203,8 +203,7 @@ class LoadSharingPair(WithPair):
             N; the first pair is the last that came into mesh.
         """
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
-        at = np.asarray(displacement, float) * self.static_deflection
-        return pairs.forces_at(at).force[0]
+        return pairs.forces_at(np.asarray(displacement, float) * self.static_deflection).force[0]
 
     @property
     def repeats(self):
@@ -216,24 +215,24 @@ class LoadSharingPair(WithPair):
         return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
     def _cuts(self):
-        """Return base pitches, from 0 to 1, between which all is a straight line."""
+        """Return base pitches, from 0 to 1, between which gaps and compliances are straight."""
         mesh = self.drawing
         if lines := face_of(mesh, self.repeats).lines:
             lines *= math.ceil(self.phases / FEWEST_LINES)
             return (self._shift + np.arange(lines) / lines) % 1.0
         start, end = mesh.path
-        at = [start, end]
+        corners = [start, end]
         for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
             if gear.tip_relief is not None:
-                at.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
+                corners.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
-                at += [position for position in table.position if start < position < end]
-        at = [(np.array(at) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
+                corners += [position for position in table.position if start < position < end]
+        cuts = [(np.array(corners) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
         ends = (-1.0, 0.0, self._zone[0]), (1.0, mesh.contact_ratio, self._zone[1])
-        for sign, place, beyond in ends if any(self._zone) else ():
-            at.append(place + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
-        return np.append(np.concatenate(at), self._shift) % 1.0
+        for sign, end_of_path, beyond in ends if any(self._zone) else ():
+            cuts.append(end_of_path + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
+        return np.append(np.concatenate(cuts), self._shift) % 1.0
 
     @property
     def _shift(self):
@@ -288,19 +287,19 @@ class LoadSharingPair(WithPair):
 
     def _segments(self, left, between, right):
         """Return which pairs may touch in segments, which are on their path, pairs at both ends."""
-        mesh, at = self.drawing, np.concatenate([left, right])
+        mesh, pitches = self.drawing, np.concatenate([left, right])
         middle = np.concatenate([between] * 2)
         if mesh.overlap_ratio == 0.0:
             pairs = self._pairs(between)
             inside = pairs.inside
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            pairs = self._pairs(at, middle, np.concatenate([inside] * 2))
-            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(at.size), 2)]
+            pairs = self._pairs(pitches, middle, np.concatenate([inside] * 2))
+            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(pitches.size), 2)]
         else:
             # Most segments start with the pairs with which the last one ends.
-            same = np.column_stack([at, self._begun(middle)])
+            same = np.column_stack([pitches, self._begun(middle)])
             _, first, each = np.unique(same, axis=0, return_index=True, return_inverse=True)
-            pairs = self._pairs(at[first], middle[first])
+            pairs = self._pairs(pitches[first], middle[first])
             ends = [pairs.at_phases(rows) for rows in np.split(each.reshape(-1), 2)]
             inside = on_path = ends[0].inside | ends[1].inside
         return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
