@@ -12,14 +12,12 @@ class _Loader(_Base):
     repeated: list[str]
 
     def construct_mapping(self, node, deep=False):
-        seen = set()
         # Keys that are no plain scalars are left to the check of the configuration.
-        scalars = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        for key in scalars:
-            if key.value in seen:
+        keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        for i, key in enumerate(keys):
+            if any(key.value == earlier.value for earlier in keys[:i]):
                 line = key.start_mark.line + 1
                 self.repeated.append(f"{key.value} is given twice, again in line {line}")
-            seen.add(key.value)
         return super().construct_mapping(node, deep)
 
 
