@@ -71,12 +71,11 @@ def integers(low, high=None):
 
 def integer(name, value, low, high=None):
     """Return `value` as int if it is an integer in ``low ... high``, else raise ValueError."""
-    if isinstance(value, Integral) and not isinstance(value, bool):
-        if low <= value <= (_LARGEST if high is None else high):
-            return int(value)
-        if high is None and value >= low:
-            high = _LARGEST
-    raise refusal(name, value, integers(low, high))
+    limit = _LARGEST if high is None else high
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if whole and low <= value <= limit:
+        return int(value)
+    raise refusal(name, value, integers(low, limit if whole and value > limit else high))
 
 
 def one_of(name, value, choices):
@@ -132,11 +131,7 @@ def known(owner, names, allowed):
 def state(name, value):
     """Return an initial state as two finite floats, else raise ValueError."""
     try:
-        displacement, velocity = value
-        return (
-            number(name, displacement, "finite", math.isfinite),
-            number(name, velocity, "finite", math.isfinite),
-        )
-    except (TypeError, ValueError):
+        return finite(name, many(name, value, 2))
+    except ValueError:
         words = "two finite numbers (displacement in static deflections, dx/dtau)"
         raise refusal(name, value, words) from None

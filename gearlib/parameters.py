@@ -45,10 +45,7 @@ class Number(Kind):
     `optional` value may be None.
     """
 
-    above: float | None = None
-    least: float | None = None
-    below: float | None = None
-    most: float | None = None
+    above = least = below = most = None  # type: float | None
     optional = False
 
     def __init__(self, unit, example="", infinite="", **bounds):
@@ -185,11 +182,7 @@ def declared(thing):
 
 def numbers(thing):
     """Return name -> `Parameter` of the real numbers that something declares."""
-    return {
-        name: parameter
-        for name, parameter in declared(thing).items()
-        if isinstance(parameter.kind, Number)
-    }
+    return {name: x for name, x in declared(thing).items() if isinstance(x.kind, Number)}
 
 
 def named(thing):
@@ -222,11 +215,11 @@ def checked(function):
     """Check what a function declares of its keyword arguments before it is called."""
 
     @functools.wraps(function)
-    def call(*args, **given):
+    def call(*args, **arguments):
         for name, parameter in declared(function).items():
-            if given.get(name, parameter.default) is not parameter.default:
-                given[name] = parameter.kind.check(name, given[name])
-        return function(*args, **given)
+            if arguments.get(name, parameter.default) is not parameter.default:
+                arguments[name] = parameter.kind.check(name, arguments[name])
+        return function(*args, **arguments)
 
     return documented(call)
 
@@ -243,10 +236,8 @@ def documented(thing):
     thing.__doc__ = "\n".join([head, *lines]) + raises + errors
     signature = inspect.signature(thing)
     plain_types = [
-        parameter.replace(
-            annotation=getattr(parameter.annotation, "__origin__", parameter.annotation)
-        )
-        for parameter in signature.parameters.values()
+        x.replace(annotation=getattr(x.annotation, "__origin__", x.annotation))
+        for x in signature.parameters.values()
     ]
     thing.__signature__ = signature.replace(parameters=plain_types)
     return thing

@@ -21,15 +21,7 @@ from gearlib.config.trials import Problem
 from gearlib.config.types import Name
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
-_PAIR = GearPairSection(
-    max_stiffness=1.0,
-    stiffness_ratio=1.0,
-    contact_ratio=1.0,
-    reduced_mass=1.0,
-    load=1.0,
-    backlash=1.0,
-    teeth=1,
-)
+_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
 
@@ -58,24 +50,24 @@ def filled(mapping):
     if not isinstance(mapping, dict):
         return mapping, []
     pair, dampings, speed = _gears(mapping)
-    made = _made(pair, dampings)
+    defaults = _defaults_of(pair, dampings)
     six_degrees = mapping.get("six_degrees") or {}
     if "gears" in mapping and pair is not _PAIR:
         if refused := _too_damped(mapping["dampings"], pair):
             return mapping, refused
-        made["resonance"] = _resonance(mapping.get("resonance"), pair, speed)
-        made["six_degrees"] = drawing.six_degrees(Gears.model_validate(mapping["gears"]).mesh())
+        defaults["resonance"] = _resonance(mapping.get("resonance"), pair, speed)
+        defaults["six_degrees"] = drawing.six_degrees(Gears.model_validate(mapping["gears"]).mesh())
         if "bearing_stiffness" not in six_degrees:
-            others = [name for name in get_args(Problem) if name != "six_degrees"]
-            made["work_precision"]["problems"] = others
+            other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
+            defaults["work_precision"]["problems"] = other_problems
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in (*_BODIES, "bearing_stiffness"):
-            del made["six_degrees"][key]
+            del defaults["six_degrees"][key]
     mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
     # Where a run has samples enough to tell the harmonics of the phase lag apart.
     most = _run(mapping).samples_per_period // 8
-    made["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
-    whole = laid_over(made, mapping)
+    defaults["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
+    whole = laid_over(defaults, mapping)
     whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}
     if "gears" in mapping:
         whole["gear_pair"] = pair
@@ -87,13 +79,14 @@ def filled(mapping):
 
 def release(schema):
     """Take the keys that have a default here off those that a JSON schema requires."""
-    _release(_made(_PAIR, _DAMPINGS), schema, schema)
+    _release(_defaults_of(_PAIR, _DAMPINGS), schema, schema)
 
 
-def _release(made, node, schema):
+def _release(defaults, node, schema):
+    """Take the keys of some defaults off those that a node of a JSON schema requires."""
     if "$ref" in node:
         node = schema["$defs"][node["$ref"].removeprefix("#/$defs/")]
-    for key, value in made.items():
+    for key, value in defaults.items():
         if key in node.get("required", []):
             node["required"].remove(key)
         if isinstance(value, dict):
@@ -149,7 +142,7 @@ def _too_damped(dampings, pair):
 def _in_coefficients(node, pair):
     """Return a copy of a section in which dampings given by ratios are coefficients of a pair."""
     if isinstance(node, list):
-        return [_in_coefficients(one, pair) for one in node]
+        return [_in_coefficients(entry, pair) for entry in node]
     if not isinstance(node, dict):
         return node
     if node and node.keys() <= Damping.model_fields.keys():
@@ -160,7 +153,7 @@ def _in_coefficients(node, pair):
     return {key: _in_coefficients(value, pair) for key, value in node.items()}
 
 
-def _made(pair, dampings):
+def _defaults_of(pair, dampings):
     """Return every default that depends on the gears, in the shape of the configuration."""
     sums = {name: d.material_damping + d.backlash_damping for name, d in dampings.items()}
     first = next((name for name in sums if sums[name] > 0.0), next(iter(sums)))

@@ -40,9 +40,11 @@ def six_degrees(mesh):
     """Return what the section `six_degrees` has of a drawing, without friction and run-out."""
     from gearlib.models.geometry.drawn_parameters import bodies
 
-    found = {key: rounded(value) for key, value in bodies(mesh).items() if key != "teeth"}
+    bodies_of_drawing = {
+        key: rounded(value) for key, value in bodies(mesh).items() if key != "teeth"
+    }
     zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
-    return found | zeros
+    return bodies_of_drawing | zeros
 
 
 def derived(key, derive, names=(), **options):
@@ -61,14 +63,14 @@ def coefficient(name, value, stiffness, mass):
 
 def method(key, section):
     """Return the arguments of a stiffness as the library has them."""
-    given = section.model_dump(include={"stiffness", "stiffness_options"})
-    if "stiffness_options" in given:
-        given["options"] = given.pop("stiffness_options")
-        if "torque" in given["options"]:
+    arguments = section.model_dump(include={"stiffness", "stiffness_options"})
+    if "stiffness_options" in arguments:
+        arguments["options"] = arguments.pop("stiffness_options")
+        if "torque" in arguments["options"]:
             raise ValueError(
                 f"{key}.stiffness_options.torque is not allowed: it must be {key}.torque"
             )
-    return given
+    return arguments
 
 
 def naming(key, options=None, **places):
@@ -110,5 +112,5 @@ def naming(key, options=None, **places):
 def rounded(value):
     """Return a number, or a list of them, with 12 digits, an integer or a name as it is."""
     if isinstance(value, list):
-        return [rounded(one) for one in value]
+        return [rounded(entry) for entry in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value

@@ -85,12 +85,14 @@ class Damping(_Coefficients):
 
     def coefficients(self, pair):
         """Return k_1 and k_1m for a `GearPairSection`, N s/m, as keywords of `gearlib.GearPair`."""
-        given, scale = self.model_dump(), (pair.mean_stiffness, pair.reduced_mass)
-        found = {}
+        values, scale = self.model_dump(), (pair.mean_stiffness, pair.reduced_mass)
+        coefficients = {}
         for key, others in IN_PLACE_OF.items():
-            name = next(name for name in (key, *others) if name in given)
-            found[key] = given[name] if name == key else coefficient(name, given[name], *scale)
-        return found
+            name = next(name for name in (key, *others) if name in values)
+            coefficients[key] = (
+                values[name] if name == key else coefficient(name, values[name], *scale)
+            )
+        return coefficients
 
 
 class State(Section):

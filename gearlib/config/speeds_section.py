@@ -60,24 +60,24 @@ def _section(node, pair, where, problems):
 
 def _grid(node, pair, where, problems):
     """Return the keys of a grid as tunings."""
-    given = {key: _rpm(node[key]) for key in _GRID if key in node}
-    for key in (*_GRID[:3], *given):
-        if given.get(key) is None:
+    speeds = {key: _rpm(node[key]) for key in _GRID if key in node}
+    for key in (*_GRID[:3], *speeds):
+        if speeds.get(key) is None:
             value = f"= {node[key]!r} is not allowed" if key in node else "is missing"
             problems.append(f"{where}.{key} {value}: a grid must be in rpm throughout, or nowhere")
             return {}
     unit = Decimal(rate(pair))
-    if unit * given["stop"] > _MOST:
-        return {key: float(unit * value) for key, value in given.items()}
-    count = (given["stop"] - given["start"]) / given["step"] if given["step"] else Decimal(0)
+    if unit * speeds["stop"] > _MOST:
+        return {key: float(unit * value) for key, value in speeds.items()}
+    count = (speeds["stop"] - speeds["start"]) / speeds["step"] if speeds["step"] else Decimal(0)
     if not 0 < count < _STEPS or count % 1:
         problems.append(
             f"{where}.stop = {node['stop']!r} is not allowed: it must be {where}.start = "
             f"{node['start']!r} plus a whole multiple of {where}.step = {node['step']!r}"
         )
         return {}
-    start, step = ((unit * given[key]).quantize(_DECIMALS) for key in ("start", "step"))
-    lengths = {key: value / given["step"] * step for key, value in given.items()}
+    start, step = ((unit * speeds[key]).quantize(_DECIMALS) for key in ("start", "step"))
+    lengths = {key: value / speeds["step"] * step for key, value in speeds.items()}
     lengths |= {"start": start, "stop": start + count * step}
     return {key: float(value) for key, value in lengths.items()}
 

@@ -12,14 +12,12 @@ class _Loader(_Base):
     repeated: list[str]
 
     def construct_mapping(self, node, deep=False):
-        seen = set()
         # Keys that are no plain scalars are left to the check of the configuration.
-        scalars = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        for key in scalars:
-            if key.value in seen:
+        keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        for i, key in enumerate(keys):
+            if any(key.value == earlier.value for earlier in keys[:i]):
                 line = key.start_mark.line + 1
                 self.repeated.append(f"{key.value} is given twice, again in line {line}")
-            seen.add(key.value)
         return super().construct_mapping(node, deep)
 
 
@@ -32,10 +30,10 @@ def read(path):
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
         loader.repeated = []
-        said = loader.get_single_data()
+        content = loader.get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_fault(error)}") from None
-    return said, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
+    return content, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
 
 
 def _fault(error):

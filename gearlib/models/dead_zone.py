@@ -26,8 +26,8 @@ from gearlib import checks
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.oscillator import Equation
-from gearlib.models.profiles import Series, Steps
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, check, documented
+from gearlib.models.profiles import Profile, Series, Steps
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented
 
 #: Names of variables of datasets that are otherwise those of a gear mesh.
 _LONG_NAMES = {
@@ -141,13 +141,10 @@ class DeadZoneOscillator(Model):
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self):
-        for name, default in self.by_default.items():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, default(self))
         upper = FINITE.check("upper_edge", self.upper_edge)
         allowed = f"from -inf to upper_edge = {upper!r}"
         checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
-        check(self)
+        super().__post_init__()
         names = ["upper_stiffness", "lower_stiffness"][: 1 + math.isfinite(self.lower_edge)]
         if not any(_mean(getattr(self, name)) for name in names):
             values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
@@ -177,10 +174,12 @@ class DeadZoneOscillator(Model):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        stiffnesses = {
-            name: _plain(getattr(self, name)) for name in ("upper_stiffness", "lower_stiffness")
+        profiles = {
+            name: stiffness.as_dict()
+            for name, stiffness in vars(self).items()
+            if isinstance(stiffness, Profile)
         }
-        return asdict(self) | stiffnesses
+        return asdict(self) | profiles
 
 
 def _pieces(stiffness):
@@ -194,12 +193,3 @@ def _mean(stiffness):
     """Return the mean of a stiffness over a period."""
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)
-
-
-def _plain(stiffness):
-    """Return a stiffness as plain values."""
-    if isinstance(stiffness, Series):
-        return {"kind": "series", "mean": stiffness.mean, "harmonics": vars(stiffness.harmonics)}
-    if isinstance(stiffness, Steps):
-        return {"kind": "steps", **vars(stiffness)}
-    return stiffness

@@ -2,18 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 from gearlib import checks
+from gearlib.parameters import FINITE, Many, check, documented
 
 
+@documented
 @dataclass(frozen=True)
 class Harmonics:
     """sum over n >= 1 of cosines[n - 1] cos(n tau) + sines[n - 1] sin(n tau).
-
-    Parameters
-    ----------
-    cosines, sines : sequence of float
-        Amplitudes of orders 1, 2, ... per mesh period; the shorter one is filled with zeros.
 
     Raises
     ------
@@ -21,12 +19,11 @@ class Harmonics:
         If an amplitude is not a finite number.
     """
 
-    cosines: tuple = ()
-    sines: tuple = ()
+    cosines: Annotated[tuple, Many(FINITE), "Amplitudes of orders 1, 2, ... per mesh period"] = ()
+    sines: Annotated[tuple, Many(FINITE), "Likewise; the shorter one is filled with zeros"] = ()
 
     def __post_init__(self):
-        for name in ("cosines", "sines"):
-            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
+        check(self)
 
     @classmethod
     def from_table(cls, phase, values, count=None):

@@ -37,7 +37,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.parameters import TRUTH, Instance, Integer, Number, check, documented
+from gearlib.parameters import TRUTH, Instance, Integer, Number, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.tooth_pairs import propagator as tooth_pairs  # noqa: F401
@@ -101,7 +101,7 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self):
-        check(self)
+        super().__post_init__()
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1))
@@ -129,12 +129,12 @@ class LoadSharingPair(WithPair):
         stiffness : {"energy", "iso"}, default "energy"
             A table needs a `pair` of one's own.
         **options
-            torque, damping and so on, as of `GearPair.from_geometry`.
+            Arguments of `GearPair.from_geometry` such as torque and damping_ratio.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
-        given = {"coupling": coupling} if stiffness == "energy" else {}
+        of_stiffness = {"coupling": coupling} if stiffness == "energy" else {}
         return cls(
-            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=given, **options),
+            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=of_stiffness, **options),
             drawing=mesh,
             phases=phases,
             stiffness=stiffness,
@@ -148,14 +148,14 @@ class LoadSharingPair(WithPair):
         """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
 
         Its deviation is -e(tau), the error without load, and its stiffness F / (x - e), so that it
-        has the same static transmission error at this load, at others of its own.
+        has the same static transmission error at this load, another one at others.
 
         Parameters
         ----------
         phases : int, default 128
-            Of the stiffness, between which it is linear; >= 8.
+            Phases of the stiffness, between which it is linear; >= 8.
         harmonics : int, default 24
-            Of the deviation; < phases / 2.
+            Harmonics of the deviation; < phases / 2.
 
         Raises
         ------
@@ -167,25 +167,22 @@ class LoadSharingPair(WithPair):
                 f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
                 "where one mesh period stands for all"
             )
-        bare, loaded = (
-            tooth_pairs(self.drawing, phases, **self._options).share([0.0, self.load]).error
-        )
+        pairs = tooth_pairs(self.drawing, phases, **self._options)
+        bare, loaded = pairs.share([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
-        ratios = zip(
-            ("max_stiffness", "stiffness_ratio", "contact_ratio"), profile.ratios(), strict=True
+        stiffness, stiffness_ratio, contact_ratio = profile.ratios()
+        pair = self.pair.replace(
+            max_stiffness=stiffness, stiffness_ratio=stiffness_ratio, contact_ratio=contact_ratio
         )
-        return OneDegreePair(
-            pair=self.pair.replace(**dict(ratios)),
-            profile=profile,
-            deviation=Harmonics.from_table(phase, -bare, harmonics),
-        )
+        deviation = Harmonics.from_table(phase, -bare, harmonics)
+        return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
     @property
     def _options(self):
         names = ("stiffness", "coupling", "deviation", "pitch_errors")
-        own = {name: getattr(self, name) for name in names}
-        return own | {"load": self.load, "corners": self.corner_contact}
+        options = {name: getattr(self, name) for name in names}
+        return options | {"load": self.load, "corners": self.corner_contact}
 
     def _pairs(self, pitches, middle=None, inside=None):
         return pairs_at(self.drawing, pitches, middle, inside, **self._options)
@@ -206,8 +203,7 @@ class LoadSharingPair(WithPair):
             N; the first pair is the last that came into mesh.
         """
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
-        at = np.asarray(displacement, float) * self.static_deflection
-        return pairs.forces_at(at).force[0]
+        return pairs.forces_at(np.asarray(displacement, float) * self.static_deflection).force[0]
 
     @property
     def repeats(self):
@@ -219,24 +215,24 @@ class LoadSharingPair(WithPair):
         return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
     def _cuts(self):
-        """Return base pitches, from 0 to 1, between which all is a straight line."""
+        """Return base pitches, from 0 to 1, between which gaps and compliances are straight."""
         mesh = self.drawing
         if lines := face_of(mesh, self.repeats).lines:
             lines *= math.ceil(self.phases / FEWEST_LINES)
             return (self._shift + np.arange(lines) / lines) % 1.0
         start, end = mesh.path
-        at = [start, end]
+        corners = [start, end]
         for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
             if gear.tip_relief is not None:
-                at.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
+                corners.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
-                at += [position for position in table.position if start < position < end]
-        at = [(np.array(at) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
+                corners += [position for position in table.position if start < position < end]
+        cuts = [(np.array(corners) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
         ends = (-1.0, 0.0, self._zone[0]), (1.0, mesh.contact_ratio, self._zone[1])
-        for sign, place, beyond in ends if any(self._zone) else ():
-            at.append(place + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
-        return np.append(np.concatenate(at), self._shift) % 1.0
+        for sign, end_of_path, beyond in ends if any(self._zone) else ():
+            cuts.append(end_of_path + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
+        return np.append(np.concatenate(cuts), self._shift) % 1.0
 
     @property
     def _shift(self):
@@ -291,19 +287,19 @@ class LoadSharingPair(WithPair):
 
     def _segments(self, left, between, right):
         """Return which pairs may touch in segments, which are on their path, pairs at both ends."""
-        mesh, at = self.drawing, np.concatenate([left, right])
+        mesh, pitches = self.drawing, np.concatenate([left, right])
         middle = np.concatenate([between] * 2)
         if mesh.overlap_ratio == 0.0:
             pairs = self._pairs(between)
             inside = pairs.inside
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            pairs = self._pairs(at, middle, np.concatenate([inside] * 2))
-            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(at.size), 2)]
+            pairs = self._pairs(pitches, middle, np.concatenate([inside] * 2))
+            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(pitches.size), 2)]
         else:
             # Most segments start with the pairs with which the last one ends.
-            same = np.column_stack([at, self._begun(middle)])
+            same = np.column_stack([pitches, self._begun(middle)])
             _, first, each = np.unique(same, axis=0, return_index=True, return_inverse=True)
-            pairs = self._pairs(at[first], middle[first])
+            pairs = self._pairs(pitches[first], middle[first])
             ends = [pairs.at_phases(rows) for rows in np.split(each.reshape(-1), 2)]
             inside = on_path = ends[0].inside | ends[1].inside
         return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
@@ -312,21 +308,21 @@ class LoadSharingPair(WithPair):
         """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""
         m, k = pairs.gap.shape
         force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
-        for s in range(2**k):
-            own = [i for i in range(k) if s >> i & 1]
-            there = pairs.inside[:, own].all(-1)
-            if not there.any():
+        for number in range(2**k):
+            touching = [i for i in range(k) if number >> i & 1]
+            rows = pairs.inside[:, touching].all(-1)
+            if not rows.any():
                 continue
-            rise, back = pairs.carried_by(own)
-            both = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
-            force[there, s] = both[there]
+            rise, back = pairs.carried_by(touching)
+            law = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
+            force[rows, number] = law[rows]
             # By how much the forces of the others move the flanks of a pair.
-            yielding = pairs.compliance[:, :, own]
-            overlap[:, s, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
-            beside = pairs.gap - (yielding @ back[..., None])[..., 0]
-            overlap[:, s, :, 1] = beside / self.static_deflection
-            whole = on_path[:, own].all(-1) & (on_path.sum(-1) == len(own))
-            force[whole, -1, 0] = both[whole, 0]
+            yielding = pairs.compliance[:, :, touching]
+            overlap[:, number, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
+            distance = pairs.gap - (yielding @ back[..., None])[..., 0]
+            overlap[:, number, :, 1] = distance / self.static_deflection
+            coast = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
+            force[coast, -1, 0] = law[coast, 0]
         if self.backlash < math.inf:
             force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
         return force, overlap
@@ -351,8 +347,8 @@ class LoadSharingPair(WithPair):
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        own = {name: value for name, value in asdict(self).items() if name != "pair"}
-        return {**self.pair.as_dict(), **own}
+        values = asdict(self)
+        return {**values.pop("pair"), **values}
 
 
 def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):

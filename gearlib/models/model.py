@@ -2,9 +2,9 @@
 
 A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
 ``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
-a default. With more coordinates it gives instead ``size``, a piecewise-linear ``system`` with
-``linear`` and ``initial``, ``propagators``, ``flank_lines`` and ``damped``. No caller asks a model
-for its class.
+a default. With more coordinates it gives instead ``size``, the ``train`` of its matrices or a
+piecewise-linear ``system`` with ``linear``, ``initial``, ``propagators``, ``flank_lines`` and
+``damped``. No caller asks a model for its class.
 """
 
 import dataclasses
@@ -64,6 +64,12 @@ class Model:
     force_note: Any = ""  #: a sentence on the forces beside results, or ""
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
+    def __post_init__(self):
+        parameters.check(self)
+        for name, default in self.by_default.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, default(self))
+
     @property
     def piecewise_linear(self):
         """Whether the motion between events has a closed form."""
@@ -96,13 +102,15 @@ class Model:
         return self.equation.law(tuning, tolerance)
 
     def system(self, tuning):
-        """Return the `TrainSystem` of a piecewise-linear model, see `Equation.system`."""
-        return self.equation.system(tuning)
+        """Return the `TrainSystem` of a piecewise-linear model at one tuning."""
+        return (self.train or self.equation).system(tuning)
 
     def linear(self, system):
-        """Return (frequencies, shapes, free motions, mass): what modes are counted in, by theta."""
-        one = np.ones((1, 1))
-        return np.array([self.equation.natural]), one, np.zeros((1, 0)), one
+        """Return (frequencies by theta, mode shapes, free motions, mass matrix)."""
+        if self.train:
+            return self.train.linear(system)
+        unit = np.ones((1, 1))
+        return np.array([self.equation.natural]), unit, np.zeros((1, 0)), unit
 
     def outputs(self, system):
         """Return functionals of states by phase that are recorded too, shape (e, 3, p, n)."""
@@ -118,7 +126,7 @@ class Model:
         """Return an initial state, checked: displacement and dx/dtau, or all components."""
         if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
             finite = "finite", math.isfinite
-            return tuple(checks.number("initial_state", one, *finite) for one in value)
+            return tuple(checks.number("initial_state", entry, *finite) for entry in value)
         return checks.state("initial_state", value)
 
     @property
@@ -131,8 +139,7 @@ class Model:
         described: dict = {}
         for owner in filter(None, (self, self.mesh)):
             declarations = parameters.declared(type(owner))
-            for name in (field.name for field in dataclasses.fields(owner)):
-                value = getattr(owner, name)
+            for name, value in fields_of(owner).items():
                 parameter = declarations.get(name, parameters.Parameter(None, name))
                 units, words = parameters.cf_units(parameter.unit), parameter.long_name
                 if type(value) is float and math.isfinite(value):
@@ -172,9 +179,7 @@ class Model:
                 model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
         return model
 
-    def parameter(self, name):
-        """Return the value of one of `parameters`."""
-        return getattr(self, name)
+    parameter = value
 
     def with_parameter(self, name, value):
         """Return the model with one of `parameters` set."""
@@ -247,7 +252,7 @@ class Model:
         return FAR * max(self.extent, *start)
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         equation = self.equation
         return bool(equation.damping[0 if math.isfinite(equation.lower) else 1 :].any())
 
@@ -293,21 +298,24 @@ class Model:
         ValueError
             If there is no field of a name, or the model does not allow a value.
         """
-        names = [field.name for field in dataclasses.fields(self)]
-        mesh_names = [field.name for field in dataclasses.fields(self.mesh)] if self.mesh else []
-        checks.known(type(self).__name__, changes, list(dict.fromkeys(names + mesh_names)))
+        names = fields_of(self)
+        known_names = names | (fields_of(self.mesh) if self.mesh else {})
+        checks.known(type(self).__name__, changes, list(known_names))
         following = {
             name: None
             for name, default in self.by_default.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        of_mesh = {name: value for name, value in changes.items() if name not in names}
-        of_model = {name: value for name, value in changes.items() if name in names}
-        model = dataclasses.replace(self, **of_model, **following)  # type: ignore[type-var]
-        if of_mesh:
-            pair = model.mesh.replace(**of_mesh)
-            model = dataclasses.replace(model, pair=pair, **following)  # type: ignore[type-var]
-        return model
+        of_mesh = {name: changes.pop(name) for name in {*changes} - {*names}}
+        pair = changes.get("pair", self.mesh)
+        if of_mesh and is_model(pair):
+            changes["pair"] = pair.replace(**of_mesh)
+        return dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
+
+
+def fields_of(instance):
+    """Return name -> value of the fields of a dataclass."""
+    return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
 
 
 def natural_scale(model, units):

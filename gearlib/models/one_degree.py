@@ -22,7 +22,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.oscillator import Equation
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
-from gearlib.parameters import Instance, Number, check, documented, named
+from gearlib.parameters import Instance, Number, documented, named
 
 _QUADRATIC, _CUBIC = Number(unit="N s^2/m^2", least=0), Number(unit="N s^3/m^3", least=0)
 
@@ -65,9 +65,6 @@ class OneDegreePair(WithPair):
 
     one_mesh = True
     nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")
-
-    def __post_init__(self):
-        check(self)
 
     @property
     def force_note(self):
@@ -112,5 +109,5 @@ class OneDegreePair(WithPair):
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
         values = asdict(self)
-        profile = {"kind": type(self.profile).__name__.lower(), **values.pop("profile")}
-        return {**values.pop("pair"), **values, "profile": profile}
+        del values["profile"]
+        return {**values.pop("pair"), **values, "profile": self.profile.as_dict()}

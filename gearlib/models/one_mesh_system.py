@@ -12,22 +12,11 @@ from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 def one_mesh(free, push, flanks, low, starts, orders, tuning):
     """Return the `TrainSystem` of one mesh of n components and p segments of constant stiffness.
 
-    Parameters
-    ----------
-    free : numpy.ndarray, shape (n, n)
-        dz/dtheta in the backlash, by theta = t in the model's own unit of time.
-    push : numpy.ndarray, shape (n,)
-        dz/dtheta by a unit of the contact force.
-    flanks : dict
-        Contact code -> (functional of the distance, shape (n,), stiffness, shape (p,), damping that
-        it has more than the backlash), of NORMAL and, if there is a far flank, of INVERSE.
-    low : numpy.ndarray, shape (p,)
-        Whether a segment lies below the mean stiffness.
-    starts : numpy.ndarray, shape (p + 1,)
-        Phases that bound the segments.
-    orders : numpy.ndarray
-        Frequencies of the excitation by phase.
-    tuning : float
+    `free`, shape (n, n), is dz/dtheta in the backlash, `push`, shape (n,), that by a unit of the
+    contact force. `flanks` maps NORMAL and, if there is a far flank, INVERSE to (functional of the
+    distance, shape (n,), stiffness, shape (p,), damping in excess of that of the backlash). `low`
+    says which segments lie below the mean stiffness, `starts`, shape (p + 1,), are the phases that
+    bound them, and `orders` the frequencies of the excitation by phase.
     """
     (n, p), constant = (len(free), len(low)), len(free) - 1 - 2 * len(orders)
     near = flanks[NORMAL][0]
@@ -53,13 +42,7 @@ def one_mesh(free, push, flanks, low, starts, orders, tuning):
     scale = np.array([1.0, highest]).repeat(half)
     norm = _largest_norm(moving * scale / scale[:, None])
     return TrainSystem(
-        free=free,
-        near=near[None],
-        far=far[None],
-        push=pushes,
-        grip=grips,
-        effect=effect,
-        stiffness=stiffness,
+        *(free, near[None], far[None], pushes, grips, effect, stiffness),
         low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),

@@ -1,22 +1,10 @@
 """Parameters of a gear pair: the border between SI units and dimensionless ratios.
 
-=====================  ======================  ==========================================
-ratio or scale         symbol                  definition
-=====================  ======================  ==========================================
-mean_stiffness         C_s                     Eq. (2)
-mean_eigenfrequency    Omega_s                 sqrt(C_s / m_red), rad/s
-damping_ratio          beta                    k_1 / (2 m_red Omega_s)
-backlash_damping_ratio beta_m                  k_1m / (2 m_red Omega_s)
-static_deflection      F / C_s                 m
-backlash_ratio         s_k C_s / F             1
-=====================  ======================  ==========================================
-
 Nothing below this module knows a unit: kernels see the ratios and the tuning
 ``nu = omega_c / Omega_s`` only.
 
-Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper
-prints ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its
-damping ratios.
+Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper prints
+``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its damping ratios.
 """
 
 import math
@@ -54,7 +42,7 @@ class GearPair(PairParameters, Model):
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     def __post_init__(self):
-        parameters.check(self)
+        super().__post_init__()
         check_scales(self)
         for name in ("material_damping", "backlash_damping"):
             value = getattr(self, name)
@@ -163,7 +151,7 @@ class GearPair(PairParameters, Model):
         return {"exact": exact, "taylor": "taylor.propagator"}
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property

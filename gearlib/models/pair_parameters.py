@@ -54,7 +54,7 @@ class PairScales:
 
     @property
     def backlash_ratio(self):
-        """Backlash in static deflections."""
+        """s_k C_s / F: backlash in static deflections."""
         return self.backlash / self.static_deflection
 
 

@@ -11,15 +11,17 @@ wholly above or wholly below it ("at the lower stiffness").
 
 import csv
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import parameters
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.models.harmonics import Harmonics
 
+_PHASES = parameters.Many(parameters.ANGLE)
 #: Phases per shortest wave at which a sum of harmonics is compared with its mean.
 _SCAN = 32
 
@@ -41,8 +43,16 @@ class Pieces:
         return Pieces(breaks, np.column_stack([values, slopes]), self.low[owner], self.harmonics)
 
 
+class Profile:
+    """A course of the stiffness over one period."""
+
+    def as_dict(self):
+        """Return its kind and its parameters as plain values."""
+        return {"kind": type(self).__name__.lower(), **asdict(self)}
+
+
 @dataclass(frozen=True)
-class Rectangular:
+class Rectangular(Profile):
     """The full series of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
     def pieces(self, pair):
@@ -57,8 +67,9 @@ class Rectangular:
         return _constant(breaks, values[present], is_low[present])
 
 
+@parameters.documented
 @dataclass(frozen=True)
-class Fourier:
+class Fourier(Profile):
     """Eq. (1) cut after `harmonics` terms: a smooth stiffness, another model than the full series.
 
     Raises
@@ -67,10 +78,10 @@ class Fourier:
         If `harmonics` is not an integer >= 1.
     """
 
-    harmonics: int
+    harmonics: Annotated[int, parameters.Integer(1, 10_000), "Number of terms"]
 
     def __post_init__(self):
-        checks.integer("harmonics", self.harmonics, 1, 10_000)
+        parameters.check(self)
 
     def pieces(self, pair):
         """Return the `Pieces` for a `GearPair`."""
@@ -82,16 +93,10 @@ class Fourier:
         return _about(1.0, table)
 
 
+@parameters.documented
 @dataclass(frozen=True)
-class Series:
-    """A mean with harmonics about it, for `gearlib.DeadZoneOscillator`.
-
-    Parameters
-    ----------
-    mean : float
-        Finite, > 0, in the model's own unit of stiffness.
-    harmonics : Harmonics
-        In the same unit.
+class Series(Profile):
+    """A mean with harmonics about it, for `gearlib.DeadZoneOscillator`, in its unit of stiffness.
 
     Raises
     ------
@@ -99,13 +104,11 @@ class Series:
         If the mean is not allowed, or the harmonics make the stiffness negative somewhere.
     """
 
-    mean: float
-    harmonics: Harmonics
+    mean: Annotated[float, parameters.POSITIVE, "Mean"]
+    harmonics: Annotated[Harmonics, parameters.Instance((Harmonics,), "Harmonics"), "Added to it"]
 
     def __post_init__(self):
-        object.__setattr__(self, "mean", checks.finite_positive("mean", self.mean))
-        if not isinstance(self.harmonics, Harmonics):
-            raise ValueError(f"harmonics = {self.harmonics!r} is not allowed: it must be Harmonics")
+        parameters.check(self)
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SCAN * len(table) + 1)
         least = self.mean + float(_waves(table, phase).min())
@@ -121,16 +124,10 @@ class Series:
         return _about(self.mean, self.harmonics.table())
 
 
+@parameters.documented
 @dataclass(frozen=True)
-class Steps:
+class Steps(Profile):
     """A stiffness of constant segments, taken periodic, for `gearlib.DeadZoneOscillator`.
-
-    Parameters
-    ----------
-    phase : sequence of float
-        Where each segment starts, rad, strictly rising within [0, 2 pi).
-    stiffness : sequence of float
-        Its stiffness, in the model's own unit; finite, >= 0.
 
     Raises
     ------
@@ -138,11 +135,13 @@ class Steps:
         Naming the entry that is wrong.
     """
 
-    phase: tuple
-    stiffness: tuple
+    phase: Annotated[tuple, _PHASES, "Where segments start, strictly rising within [0, 2 pi)"]
+    stiffness: Annotated[
+        tuple, parameters.Many(parameters.NONNEGATIVE), "Their stiffness in the model's own unit"
+    ]
 
     def __post_init__(self):
-        _check_table(self, checks.finite_nonnegative, 1)
+        _check_table(self, 1)
 
     def pieces(self):
         """Return the `Pieces`, in the unit given."""
@@ -155,16 +154,10 @@ class Steps:
         return _constant(breaks, values, values < (1.0 - 1e-12) * mean)
 
 
+@parameters.documented
 @dataclass(frozen=True)
-class Tabulated:
+class Tabulated(Profile):
     """A table of a tooth-contact program, linear between its points, taken periodic.
-
-    Parameters
-    ----------
-    phase : sequence of float
-        Mesh phases, rad, strictly rising within [0, 2 pi).
-    stiffness : sequence of float
-        Mesh stiffness there, N/m; finite, > 0.
 
     Raises
     ------
@@ -172,11 +165,11 @@ class Tabulated:
         Naming the entry that is wrong.
     """
 
-    phase: tuple
-    stiffness: tuple
+    phase: Annotated[tuple, _PHASES, "Mesh phases, strictly rising within [0, 2 pi)"]
+    stiffness: Annotated[tuple, parameters.Many(parameters.STIFFNESS), "Mesh stiffness there"]
 
     def __post_init__(self):
-        _check_table(self, checks.finite_positive, 2)
+        _check_table(self, 2)
 
     @classmethod
     def read(cls, path, phase="phase", stiffness="stiffness"):
@@ -250,17 +243,13 @@ class Tabulated:
         return phase, np.array([*self.stiffness, self.stiffness[0]])
 
 
-def _check_table(profile, check, least):
-    """Check phase and stiffness of a profile, and set them to tuples of floats."""
-    phase = tuple(
-        checks.number("phase", x, "finite", math.isfinite)
-        for x in checks.many("phase", profile.phase)
-    )
-    stiffnesses = enumerate(checks.many("stiffness", profile.stiffness))
-    values = tuple(check(f"stiffness[{i}]", value) for i, value in stiffnesses)
-    if len(phase) != len(values) or len(phase) < least:
+def _check_table(profile, least):
+    """Check what a profile declares, and that its phases rise and are as many as its values."""
+    parameters.check(profile)
+    phase, stiffness = profile.phase, profile.stiffness
+    if len(phase) != len(stiffness) or len(phase) < least:
         raise ValueError(
-            f"a table of {len(phase)} phases and {len(values)} stiffnesses is not allowed: "
+            f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses is not allowed: "
             f"it must have equally many, at least {least}"
         )
     rising = all(a < b for a, b in zip(phase, phase[1:], strict=False))
@@ -269,8 +258,6 @@ def _check_table(profile, check, least):
             f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise strictly "
             "within [0, 2 pi)"
         )
-    object.__setattr__(profile, "phase", phase)
-    object.__setattr__(profile, "stiffness", values)
 
 
 def _constant(breaks, values, low, harmonics=()):

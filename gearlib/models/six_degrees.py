@@ -55,7 +55,6 @@ from gearlib.parameters import (
     Integer,
     Many,
     Number,
-    check,
     documented,
     named,
 )
@@ -142,12 +141,6 @@ class SixDegreePair(WithPair):
         "torques": lambda model: tuple(model.pair.load * radius for radius in model.base_radii),
     }
 
-    def __post_init__(self):
-        check(self)
-        for name, default in self.by_default.items():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, default(self))
-
     @classmethod
     def from_geometry(cls, mesh, *, bearing_stiffness, **more):
         """Return the pair of two drawn gears, the pinion as gear 3, on bearings.
@@ -161,8 +154,8 @@ class SixDegreePair(WithPair):
         bearing_stiffness : sequence of float
             C3y, C3z, C2y, C2z along and across the line of action, N/m; > 0 or infinite.
         **more
-            Other parameters of the class, also in place of what is drawn; torque, damping_ratio
-            and so on, as of `GearPair.from_geometry`.
+            Other parameters of the class, also in place of those of the drawing, and arguments of
+            `GearPair.from_geometry` such as torque and damping_ratio.
         """
         given = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
         pair = GearPair.from_geometry(mesh, **more)
@@ -216,7 +209,7 @@ class SixDegreePair(WithPair):
         return reduce, lift
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether any phase of the motion is damped."""
         return self.pair.damped() or any(self.bearing_damping)
 
     def flexible(self):
@@ -229,17 +222,6 @@ class SixDegreePair(WithPair):
         from gearlib.models.trains.two_gears import TwoGears
 
         return TwoGears(gears=self)
-
-    def system(self, tuning):
-        """Return the `TrainSystem` at one tuning, over theta = Omega_s t.
-
-        Components: the coordinates, their rates, 1 and the harmonics.
-        """
-        return self.train.system(tuning)
-
-    def linear(self, system):
-        """Return what modes are counted in, see `Model.linear`."""
-        return self.train.linear(system)
 
     def outputs(self, system):
         """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""

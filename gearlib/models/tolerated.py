@@ -53,25 +53,25 @@ def of_drawing():
     return parameters_of_both
 
 
-def complete(key, given, own=None):
+def complete(key, law, own=None):
     """Return the numbers of one of `KINDS`, a dict of float, or raise ValueError that names `key`.
 
     Deviations may be texts such as ``"5 %"`` of mean or nominal value. `own` is the value of the
     model or drawing, for ``mean`` and ``nominal`` where they are left out.
     """
-    checks.require(hasattr(given, "items"), key, given, WORDS)
-    given = dict(given)
-    names: tuple = next((kind for kind in KINDS if given and {*given} <= {*kind}), ())
-    missing = [name for name in names if name not in given]
-    checks.require(names and {*missing} <= {*_LEFT_OUT}, key, given, WORDS)
+    checks.require(hasattr(law, "items"), key, law, WORDS)
+    law = dict(law)
+    names: tuple = next((kind for kind in KINDS if law and {*law} <= {*kind}), ())
+    missing = [name for name in names if name not in law]
+    checks.require(names and {*missing} <= {*_LEFT_OUT}, key, law, WORDS)
     centre = names[0]
-    of_centre = "" if missing else f", of {centre} = {given[centre]!r}"
+    of_centre = "" if missing else f", of {centre} = {law[centre]!r}"
     if missing and own is None:
         raise ValueError(f"{key}.{centre} is missing: the model has no value of its own")
-    given |= dict.fromkeys(missing, own)
+    law |= dict.fromkeys(missing, own)
     values: dict = {}
     for name in names:
-        value, words = given[name], "a finite number"
+        value, words = law[name], "a finite number"
         if name in ("std", "upper", "lower"):
             words = "a finite number, or a share such as '5 %'"
             share = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
@@ -79,11 +79,11 @@ def complete(key, given, own=None):
                 value = float(share[1]) / 100.0 * abs(values[centre])
         values[name] = checks.number(f"{key}.{name}", value, words, math.isfinite)
     if "std" in values:
-        checks.require(values["std"] > 0.0, f"{key}.std", given["std"], f"> 0{of_centre}")
+        checks.require(values["std"] > 0.0, f"{key}.std", law["std"], f"> 0{of_centre}")
     else:
         low, high = ("min", "max") if "min" in values else ("lower", "upper")
-        words = f"> {low} = {given[low]!r}" + (of_centre if "nominal" in values else "")
-        checks.require(values[low] < values[high], f"{key}.{high}", given[high], words)
+        words = f"> {low} = {law[low]!r}" + (of_centre if "nominal" in values else "")
+        checks.require(values[low] < values[high], f"{key}.{high}", law[high], words)
     return values
 
 
@@ -97,15 +97,15 @@ def extent(values):
     return nominal, nominal + values["lower"], nominal + values["upper"]
 
 
-def check_range(key, given, parameter, extent):
+def check_range(key, law, parameter, extent):
     """Refuse what a parameter can never be; the ends of a tail are a matter of each sample."""
     kind = getattr(parameter, "kind", None)
     if not isinstance(kind, parameters.Number):
         return
     values = "least value of {}", "largest value of {}"
-    names = ("{}.min", "{}.max") if "min" in given else values
+    names = ("{}.min", "{}.max") if "min" in law else values
     for name, end in zip(names, extent[1:], strict=True):
         if math.isfinite(end):
             kind.check(name.format(key), end)
-    centre = next((name for name in _LEFT_OUT if name in given), None)
+    centre = next((name for name in _LEFT_OUT if name in law), None)
     kind.check(f"{key}.{centre}" if centre else f"middle of {key}", extent[0])
