@@ -22,8 +22,8 @@ from benchmarks.scipy_split import run as scipy_split
 from benchmarks.short import SHORT, repeats
 from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.engines import orbit
+from gearlib.engines.orbit import Span
 from gearlib.engines.polynomial import bernstein_matrix
-from gearlib.engines.protocol import Span
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import run_nonlinear, steady_course
 from gearlib.pages.explorer.view import look

@@ -22,7 +22,7 @@ from benchmarks import train_yardstick
 from benchmarks.short import repeats
 from gearlib import GearTrain, idler, integrators, planetary, sweep, two_stage
 from gearlib.engines import orbit
-from gearlib.engines.protocol import Span
+from gearlib.engines.orbit import Span
 from gearlib.studies.trials.difficult_problems import PAPER
 
 ROUNDS = repeats(4)

@@ -1,6 +1,9 @@
 """What is recorded of an orbit: extrema, fractions, samples, events, period."""
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from gearlib.engines.codes import BACKLASH, NORMAL
 from gearlib.engines.copies import copy, enlarged
@@ -37,6 +40,36 @@ STROBE_PERIODS = 2 * MAX_PERIOD - 1
 #: Stroboscopic states this close, in units of the orbit's height (or of the static deflection if
 #: that is larger), are the same: far above the rounding of a run, far below a visible difference.
 SAME_STATE = 1e-6
+
+
+class Span(NamedTuple):
+    """The length of a run."""
+
+    periods: int  #: mesh periods
+    recorded: int  #: the last ones of them
+    max_events: int  #: in one of them
+
+
+class Record(NamedTuple):
+    """The end of a run and the tables of its recorded periods, with the columns of this module."""
+
+    state: np.ndarray  #: z, shape (size,)
+    final: np.ndarray  #: displacement and velocity, or all of z of a train
+    period: int  #: mesh periods after which the recorded motion repeats; 0: it does not
+    samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
+    events: np.ndarray  #: shape (k, 5 or 6)
+    summary: np.ndarray  #: shape (9,), or (m, 10) of m meshes
+    status: int
+    evaluations: int = 0  #: of the right-hand side
+
+
+class Rows(NamedTuple):
+    """The rows that a sweep fills, one for each tuning."""
+
+    bound: float  #: displacement beyond which a motion grows without bound
+    summaries: np.ndarray  #: those of `Record`
+    ends: np.ndarray  #: final states
+    codes: np.ndarray  #: period and status, shape (n, 2)
 
 
 @kernel

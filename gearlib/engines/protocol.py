@@ -6,45 +6,16 @@ up after so many events in one mesh period.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gearlib.engines.codes import OK, OVERFLOW
-from gearlib.engines.orbit import X_MAX, X_MIN
+from gearlib.engines.orbit import X_MAX, X_MIN, Record, Rows, Span
+from gearlib.engines.stable_repeats import proven
 
 #: Events for which a record has room before it grows.
 _FIRST_EVENTS = 64
-
-
-class Span(NamedTuple):
-    """The length of a run."""
-
-    periods: int  #: mesh periods
-    recorded: int  #: the last ones of them
-    max_events: int  #: in one of them
-
-
-class Record(NamedTuple):
-    """The end of a run and the tables of its recorded periods, with the columns of `orbit`."""
-
-    state: np.ndarray  #: z, shape (size,)
-    final: np.ndarray  #: displacement and velocity, or all of z of a train
-    period: int  #: mesh periods after which the recorded motion repeats; 0: it does not
-    samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
-    events: np.ndarray  #: shape (k, 5 or 6)
-    summary: np.ndarray  #: shape (9,), or (m, 10) of m meshes
-    status: int
-    evaluations: int = 0  #: of the right-hand side
-
-
-class Rows(NamedTuple):
-    """The rows that a sweep fills, one for each tuning."""
-
-    bound: float  #: displacement beyond which a motion grows without bound
-    summaries: np.ndarray  #: those of `Record`
-    ends: np.ndarray  #: final states
-    codes: np.ndarray  #: period and status, shape (n, 2)
 
 
 class Base:
@@ -120,8 +91,6 @@ class Base:
 
         All coordinates are carried, and the gears stay where they have turned to.
         """
-        from gearlib.engines.stable_repeats import proven
-
         engine, repeats, passed = self, self.model.repeats, 0
 
         def run(tuning: float, before: Record | None) -> Record:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.protocol import Span
+from gearlib.engines.orbit import Span
 
 #: A motion has settled once it stays this close to an orbit that draws it on: less than what tells
 #: states apart, so that a transient of a shorter orbit is not taken for a longer one.

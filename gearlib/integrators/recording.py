@@ -8,7 +8,7 @@ from gearlib.data import status
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
-from gearlib.engines.protocol import Record
+from gearlib.engines.orbit import Record
 from gearlib.integrators.right_hand_sides import FAR, NEAR, codes_of
 from gearlib.integrators.steps.equation_of_motion import SIDE
 

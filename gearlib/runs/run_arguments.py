@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from gearlib import checks, integrators
-from gearlib.engines.protocol import Rows, Span
+from gearlib.engines.orbit import Rows, Span
 
 #: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
 MAX_EVENTS = 1_000_000

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gearlib.engines.cache import source_hash
-from gearlib.engines.protocol import Span
+from gearlib.engines.orbit import Span
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair

@@ -9,7 +9,7 @@ from gearlib.engines.linear.modal_frame import Frame
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.propagator import Propagator as Train
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
-from gearlib.engines.protocol import Record
+from gearlib.engines.orbit import Record
 
 
 class Propagator(Train):

@@ -13,7 +13,8 @@ from gearlib.engines.linear.modal_frame import Frame, add
 from gearlib.engines.linear.periods import BEYOND, EVENT_COLUMNS, FULL, MISSING
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_run import begin, period_of, run_train
-from gearlib.engines.protocol import Base, Record
+from gearlib.engines.orbit import Record
+from gearlib.engines.protocol import Base
 
 #: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
 _STRETCH = 512

@@ -1,7 +1,8 @@
 """Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
 
+from gearlib.engines.orbit import Record
 from gearlib.engines.polynomial import bernstein_matrix
-from gearlib.engines.protocol import Base, Record
+from gearlib.engines.protocol import Base
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_maps import vary_nonlinear
 from gearlib.engines.taylor.taylor_run import run_nonlinear, steady_course

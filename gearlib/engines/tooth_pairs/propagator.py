@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gearlib.engines.protocol import Base, Record, Span
+from gearlib.engines.orbit import Record, Span
+from gearlib.engines.protocol import Base
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import Course

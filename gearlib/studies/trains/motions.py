@@ -14,7 +14,7 @@ import xarray as xr
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
-from gearlib.engines.protocol import Span
+from gearlib.engines.orbit import Span
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.many_starts import beside, in_parallel, over_starts, starts
 

@@ -8,7 +8,7 @@ import numpy as np
 from gearlib import integrators
 from gearlib.data import status
 from gearlib.engines import orbit
-from gearlib.engines.protocol import Span
+from gearlib.engines.orbit import Span
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
@@ -106,7 +106,7 @@ class Bound:
         self._model, self._tuning = model, tuning
 
     def record(self, state, periods, record_periods=1):
-        """Return the `gearlib.engines.protocol.Record` of a run."""
+        """Return the `gearlib.engines.orbit.Record` of a run."""
         span = Span(periods, record_periods, MAX_EVENTS)
         return self._module.run(self._model, self._tuning, state, span, **self._options)
 
