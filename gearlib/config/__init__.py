@@ -1,33 +1,7 @@
 """The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
 
-==========================  ========================================================================
-module                      responsibility
-==========================  ========================================================================
-``types``                   what a number, a name, a list may be
-``agreement``               what must agree between keys of a section
-``units``                   texts with a unit, read as SI numbers
-``speeds_section``          tunings given as speeds in rpm
-``gear_pair_section``       sections of the gear pair and the length of the runs
-``gears_section``           sections of gears by their drawing
-``stiffness_section``       drawn pairs, their mesh stiffness by every method
-``drawing``                 from these to the geometry of `gearlib.models`, which checks and derives
-``experiments``             sections of the experiments and of the figures
-``scenes_section``          sections of the scenes and of their models
-``train_section``           section of the gear train
-``drawn_trains``            trains of drawn gears in it
-``reducer_section``         the paper's reducer, its Campbell diagram
-``trials``                  sections of the trials of the methods
-``relief_section``          Harris maps of drawn gears
-``global_dynamics``         basins, bifurcation diagram, Poincare sections
-``validation``              refusals as sentences
-``configuration``           the whole, and what must agree between sections
-``defaults``                defaults that depend on the gears
-``gear_names``              whose gears: the name of a pair or a train
-``laying``                  one configuration laid over another
-``measured_description``    what is said of a measured set
-``fit_section``             what is fitted to it
-``yaml_keys``               YAML files, and the keys that they give twice
-==========================  ========================================================================
+Sections lie in files named by their subject; `types` says what a number, a name, a list may be,
+`configuration` joins the sections, `validation` writes refusals, `defaults` depend on the gears.
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
 editors is made from the model: ``gearlib schema`` prints it, the documentation holds it.

@@ -25,8 +25,9 @@ def model_of(text):
     The model is that of the text to the last digit, or None; so it is of a `LoadSharingPair`.
     """
     try:
-        model = _model(_plain(json.loads(text)))
-    except (AttributeError, TypeError, ValueError, KeyError):
+        values = _plain(json.loads(text))
+        model = _model(values) if isinstance(values, dict) else None
+    except (TypeError, ValueError, KeyError):
         return None
     return model if model is not None and canonical_json(model.as_dict()) == text else None
 

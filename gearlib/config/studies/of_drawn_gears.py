@@ -1,8 +1,7 @@
 """Studies of drawn gears: mesh stiffness, Harris maps."""
 
 from gearlib.config import gear_names
-from gearlib.config.relief_section import HarrisMap
-from gearlib.config.stiffness_section import MeshStiffness, PublishedPair
+from gearlib.config.stiffness_section import HarrisMap, MeshStiffness, PublishedPair
 from gearlib.config.studies.study import (
     DRAWN,
     Drawing,
