@@ -47,10 +47,6 @@ class Equation:
         )
         return bool(constant and not curved)
 
-    def is_closed(self):
-        """Return whether they have closed forms while the speed changes, too."""
-        return self.is_piecewise_linear() and not self.force.size and not self.deviation.size
-
     def law(self, tuning, tolerance):
         """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
         unit, (near, far) = 1.0 / tuning**2, self.sides()
@@ -80,22 +76,26 @@ class Equation:
     def system(self, tuning):
         """Return the `TrainSystem` at one frequency, if the equation is piecewise linear.
 
-        Components x, dx/dt, 1 and a cosine and a sine of each order, over the model's own time t.
+        Components q = x - f, dq/dt, 1 and a cosine and a sine of each order, over the model's own
+        time t: the deviation f moves the flanks, and its inertia falls out of the equation.
         """
-        square, (near, far) = tuning**2, self.sides()
-        rows = self._excitation(1.0 / square)
-        orders = np.unique(rows[:, 0])
+        near, far = self.sides()
+        orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size
-        upper, lower, push = np.zeros((3, n), np.result_type(square))
-        upper[0] = lower[0] = 1.0
-        upper[2], push[1] = -self.upper, -1.0
+        upper, lower, push = np.zeros((3, n), np.result_type(tuning))
+        upper[0], push[1] = 1.0, -1.0
         gap = self.damping[BACKLASH + 1, 0]
         free = one_mesh_system.waves(n, 3, tuning * orders).astype(push.dtype)
         free[0, 1] = 1.0
-        free[1, :3] = -self.ground, -gap, self.load
-        for order, cosine, sine in rows:
-            column = 3 + 2 * int(np.searchsorted(orders, order))
-            free[1, column : column + 2] += cosine * square, sine * square
+        free[1, 2] = self.load
+        for row, functional in ((free[1], self.force), (upper, self.deviation)):
+            for order, cosine, sine in functional:
+                column = 3 + 2 * int(np.searchsorted(orders, order))
+                row[column : column + 2] += cosine, sine
+        # Of x and its rate, the functional and its image, depend the spring e and the damping.
+        free[1] -= self.ground * upper + gap * (upper @ free)
+        lower[:] = upper
+        upper[2] = -self.upper
         flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower

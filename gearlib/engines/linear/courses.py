@@ -69,15 +69,6 @@ class Stretch(NamedTuple):
     events: np.ndarray
     status: int
 
-    @classmethod
-    def of_one(cls, piece, cut, length, record, code):
-        """Return that of one mesh: samples, events and summary as of `orbit`."""
-        (table, events, summary), bounds = record, cut.bounds(piece, length)
-        rows = np.insert(events[:, [1, 2, 3, 4, 0, 1]], 1, 0.0, axis=1)
-        rows[:, 0] += bounds[events[:, 0].astype(int)]
-        states = table[:, [orbit.SAMPLE_X, orbit.SAMPLE_V]]
-        own = table[:, None], states, cut.block, summary[:, None], rows
-        return cls(piece, cut.offset + cut.phase[cut.first], bounds, *own, code)
 
 
 def pieces_of(model, speeds, loads):
@@ -390,13 +381,13 @@ class _Train(_Course, propagator.Propagator):
 class CoursePair(_Course, one_mesh.Propagator):
     """A model with one mesh on its way."""
 
+    def start(self, state):
+        """Return the state without the deviations of the flanks; see `Base.start`."""
+        return super().start(state) - self.shift
+
 
 def propagator_of(model):
     """Return the propagator, by theta, of a model on its way."""
-    from gearlib.engines.taylor.course_steps import Steps
-
-    if model.equation is not None and not model.equation.is_closed():
-        return Steps(model)
     runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)
     runner.words = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner

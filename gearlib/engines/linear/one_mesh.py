@@ -23,6 +23,14 @@ class Propagator(Train):
         self.pieces = 0
         # Displacements are counted from where they are 0, distances from the flank line.
         self.line = model.flank_lines[0]
+        #: Deviation of the flanks and its rate by phase at the start of a mesh period, by which
+        #: displacements of one degree of freedom differ from the first coordinate.
+        self.shift = np.zeros(model.size)
+        if model.equation is not None:
+            cosines = slice(model.size + 1, None, 2)
+            rate = self.system.near[0] @ self.system.free
+            self.shift[0] = self.system.near[0, cosines].sum()
+            self.shift[1] = rate[cosines].sum() / self.system.tuning
 
     def start(self, state):
         """Return the state z; see `Base.start`."""
@@ -32,6 +40,7 @@ class Propagator(Train):
 
     def go(self, z, span, samples, events, summary, first):
         """Run from z; see `Base.go`."""
+        z -= self.shift
         table, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
         rows = np.empty((len(events), EVENT_COLUMNS))
         done = self.run_system(z, raw, rows, span.max_events, table, span[:2], first=first)
@@ -46,8 +55,16 @@ class Propagator(Train):
         v = float(self.grid.rate[0] @ full) / self.system.tuning
         if not code and len(samples):
             self.fill(raw, samples, system)
+        z += self.shift
         events = rows[:count, : orbit.EVENT_COLUMNS]
         return Record(z, np.array([x, v]), period, samples, events, summary, code)
+
+    def fill_maps(self, z, *arguments):
+        """Fill the maps; see `Base.fill_maps`."""
+        z -= self.shift
+        code = super().fill_maps(z, *arguments)
+        z += self.shift
+        return code
 
     def fill(self, raw, samples, system):
         """Fill samples, shape (k, 6 + e), from states, contact codes and segments."""
