@@ -22,7 +22,6 @@ GOING = {
     "gearlib.engines.pair.many_runs": {"run_many", "skip_many"},
     "gearlib.engines.pair.sections": {"section"},
     "gearlib.engines.pair.pair_maps": {"vary"},
-    "gearlib.engines.taylor.taylor_maps": {"vary_nonlinear"},
     "gearlib.engines.linear.train_run": {"run_train"},
     "gearlib.engines.taylor.taylor_run": {"run_nonlinear"},
 }

@@ -70,7 +70,6 @@ class Stretch(NamedTuple):
     status: int
 
 
-
 def pieces_of(model, speeds, loads):
     """Return the pieces of a course.
 

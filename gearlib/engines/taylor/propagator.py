@@ -1,11 +1,12 @@
 """Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
 
-from gearlib.engines.orbit import Record
+import numpy as np
+
+from gearlib.engines.orbit import Record, Span
 from gearlib.engines.polynomial import bernstein_matrix
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor.series import ORDER
-from gearlib.engines.taylor.taylor_maps import vary_nonlinear
-from gearlib.engines.taylor.taylor_run import run_nonlinear, steady_course
+from gearlib.engines.taylor.taylor_run import run_nonlinear
 
 #: Truncation error of a step, static deflections: that of rounding.
 TOLERANCE = 1e-16
@@ -28,14 +29,19 @@ class Propagator(Base):
 
     def go(self, z, span, samples, events, summary, first):
         """Run from z; see `Base.go`."""
-        system = self.law, TO_BERNSTEIN, steady_course(self.law)
-        tables = samples, events, span.max_events, summary[None]
-        done = run_nonlinear(*system, *z, span.periods, span.recorded, *tables)
-        *z[:], period, events, count, code, steps = done
-        # A coefficient of the series costs as much as an evaluation of the right-hand side.
-        return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)
+        return self._go(z, span, samples, events, summary, np.empty((0, 2, 2)))
 
     def fill_maps(self, z, periods, max_events, maps, first):
         """Fill the maps; see `Base.fill_maps`."""
-        *z[:], code = vary_nonlinear(self.law, TO_BERNSTEIN, *z, periods, max_events, maps)
-        return code
+        tables = self.model.empty_record(events=0)
+        return self._go(z, Span(periods, 0, max_events), *tables, maps).status
+
+    def _go(self, z, span, samples, events, summary, maps) -> Record:
+        """Run from z, and fill the maps if there are any."""
+        tables = samples, events, span.max_events, summary, maps
+        spans = span.periods, span.recorded
+        *z[:], period, events, count, code, steps = run_nonlinear(
+            self.law, TO_BERNSTEIN, *z, *spans, *tables
+        )
+        # A coefficient of the series costs as much as an evaluation of the right-hand side.
+        return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)

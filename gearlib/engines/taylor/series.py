@@ -23,7 +23,6 @@ from gearlib.engines.pair.elementary import cos_sin
 #: of a step with its logarithm at most; between 16 and 24 the cost per phase is flat.
 ORDER = 20
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
-_SHARES = 1.0 / np.arange(1, ORDER + 4)
 
 # What a step reads and writes stands in plain arrays: every look into a tuple of arrays counts
 # references, which costs more than the sums.
@@ -37,12 +36,8 @@ ROWS = 10
 (D1, D2, D3, P2, P3, LINE, LEVEL, SLOPE, START) = range(9)
 (GROUND, LOAD, UPPER, LOWER, TUNING, REACH) = range(9, 15)
 COLUMNS = 15
-# Rows of the array of harmonics: of the stiffness by contact code + 1, of the excitation, and of a
-# deviation on a course of speed, by which a step knows that it is on one.
-EXCITATION, DEVIATION = 3, 4
-#: What a step on a course finds at its start: rate of the phase and half the rate of that, share of
-#: the load and its rate, force of the inertia.
-PACE, BEND, SHARE, SHARE_RATE, PULL = range(5)
+#: Row of the excitation in the array of harmonics, behind stiffnesses by contact code + 1.
+EXCITATION = 3
 
 
 class Law(NamedTuple):
@@ -141,32 +136,6 @@ def _add_harmonics(harmonics, which, phase, series, row):
         series[row, ORDER] += harmonics[which, j, 3 + ORDER] * even
 
 
-@kernel
-def _add_chirps(rows, phase, ramp, series, row, second):
-    """Add the Taylor coefficients of harmonics of a phase that is quadratic, by recurrence.
-
-    `second`: of their second derivative instead.
-    """
-    for j in range(rows.shape[0]):
-        n = rows[j, 0]
-        if n == 0.0:
-            break
-        rate, twice = n * ramp[PACE], 2.0 * n * ramp[BEND]
-        cosine, sine = cos_sin(n * phase)
-        cosine_before, sine_before = 0.0, 0.0
-        for k in range(ORDER + 3):
-            value = rows[j, 1] * cosine + rows[j, 2] * sine
-            if second and k > 1:
-                series[row, k - 2] += k * (k - 1.0) * value
-            elif not second and k <= ORDER:
-                series[row, k] += value
-            share = _SHARES[k]
-            falls = (rate * sine + twice * sine_before) * share
-            rises = (rate * cosine + twice * cosine_before) * share
-            cosine_before, sine_before = cosine, sine
-            cosine, sine = -falls, rises
-
-
 @inlined
 def _powers(series, a, square, k):
     """Return the k-th coefficients of square and cube of a series a, less 2 a_0 and 3 a_0^2 a_k.
@@ -208,12 +177,12 @@ def _product(series, a, b, k):
 
 
 @kernel
-def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series, terms):
+def expand(constants, harmonics, piece, phase, contact, sign, x, v, series, terms):
     """Fill the series of a motion through (x, x') at `phase`, inside piece `piece` of c(tau).
 
-    `constants` and `harmonics` as of `tables`, `sign` that of x' throughout the step; `series`,
-    shape (ROWS, ORDER + 1), is filled with `terms` coefficients of x' beyond the first, ORDER or
-    fewer. On a course of speed `harmonics` have a row more, and `ramp` tells of it, shape (5,).
+    `constants` and `harmonics` are those of `tables`, `sign` is that of x' throughout the step;
+    `series`, shape (ROWS, ORDER + 1), is filled with `terms` coefficients of x' beyond the first,
+    ORDER or fewer.
     """
     i = contact + 1
     d1, d2, d3 = constants[i, piece, D1], sign * constants[i, piece, D2], constants[i, piece, D3]
@@ -221,29 +190,20 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
     slope = constants[i, piece, SLOPE]
     level = constants[i, piece, LEVEL] + slope * (phase - constants[i, piece, START])
     touching, waving = contact != BACKLASH, harmonics[i, 0, 0] != 0.0
-    dragged, curved, bent = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0, 0.0
+    dragged, curved = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
     for k in range(ORDER + 1):
         series[FORCE, k] = 0.0
         series[C, k] = 0.0
     series[FORCE, 0] = constants[i, piece, LOAD]
     series[C, 0], series[C, 1] = level, slope
-    if harmonics.shape[0] > DEVIATION:
-        series[FORCE, 0] = series[FORCE, 0] * ramp[SHARE] + ramp[PULL]
-        series[FORCE, 1] = constants[i, piece, LOAD] * ramp[SHARE_RATE]
-        slope, bent = slope * ramp[PACE], slope * ramp[BEND]
-        series[C, 1], series[C, 2] = slope, bent
-        _add_chirps(harmonics[EXCITATION], phase, ramp, series, FORCE, False)
-        _add_chirps(harmonics[DEVIATION], phase, ramp, series, FORCE, True)
-        _add_chirps(harmonics[i], phase, ramp, series, C, False)
-    else:
-        _add_harmonics(harmonics, EXCITATION, phase, series, FORCE)
-        _add_harmonics(harmonics, i, phase, series, C)
+    _add_harmonics(harmonics, EXCITATION, phase, series, FORCE)
+    _add_harmonics(harmonics, i, phase, series, C)
     u = x - constants[i, piece, LINE]
     series[X, 0], series[V, 0], series[U, 0] = x, v, u
     # What the newest coefficients of x' and of the deflection count.
     rate = d1 + (2.0 * d2 + 3.0 * d3 * v) * v
     twice, bend = 2.0 * u, 1.0 + (2.0 * p2 + 3.0 * p3 * u) * u
-    push, old, older = 0.0, 0.0, 0.0
+    push, old = 0.0, 0.0
     for k in range(terms):
         if touching:
             g = series[U, k]
@@ -253,9 +213,7 @@ def expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series
                 g = bend * g + (p2 * square + p3 * cube)
             series[G, k] = g
             push = _product(series, C, G, k) if waving else level * g + slope * old
-            if bent != 0.0 and not waving:
-                push += bent * older
-            old, older = g, old
+            old = g
         series[PUSH, k] = push
         rest = series[FORCE, k] - push - ground * series[X, k]
         newest = series[V, k]

@@ -7,7 +7,6 @@ out or show the only crossing; else it is isolated in Bernstein form (`polynomia
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,18 +21,20 @@ from gearlib.engines.polynomial import (
     horner,
     lowest_of_parabola,
 )
+from gearlib.engines.taylor.deviations import (
+    cross,
+    follow,
+    reach_of,
+    set_identity,
+    stiffest_of,
+)
 from gearlib.engines.taylor.series import (
-    BEND,
     D2,
-    DEVIATION,
     LOWER,
     ORDER,
-    PACE,
     PUSH,
     ROWS,
     SCALED,
-    SHARE,
-    SHARE_RATE,
     UPPER,
     C,
     V,
@@ -82,7 +83,7 @@ def first_crossing(series, row, line, side, h, to_bernstein, work):
 
 @inlined
 def take_step(
-    constants, harmonics, ramp, to_bernstein, piece, phase, left, contact, sign, x, v, series, work
+    constants, harmonics, to_bernstein, piece, phase, left, contact, sign, x, v, series, work
 ):
     """Take one step from `phase`, no longer than `left`; its series stay in `series`.
 
@@ -93,11 +94,11 @@ def take_step(
     upper, lower = constants[0, 0, UPPER], constants[0, 0, LOWER]
     if v == 0.0:
         # At rest the acceleration decides where the motion goes, off a flank line too.
-        expand(constants, harmonics, ramp, piece, phase, contact, 0.0, x, v, series, 1)
+        expand(constants, harmonics, piece, phase, contact, 0.0, x, v, series, 1)
         sign = math.copysign(1.0, series[V, 1])
         contact = contact_between(upper, lower, x, sign)
     during = contact
-    expand(constants, harmonics, ramp, piece, phase, contact, sign, x, v, series, ORDER)
+    expand(constants, harmonics, piece, phase, contact, sign, x, v, series, ORDER)
     h = step_length(constants, series, left)
     # A step that leaves a remainder below rounding takes it along.
     if left - h < 1e-13:
@@ -171,86 +172,31 @@ def add_samples(tuning, phase, h, contact, series, samples, taken):
     return taken
 
 
-class Course(NamedTuple):
-    """Where a run goes: k mesh periods, over and over, of p segments in each of which c is smooth.
-
-    Over theta, the phase of a steady run, on which speed and load are linear.
-    """
-
-    begin: np.ndarray  #: theta of its mesh period where a segment begins, shape (p,)
-    end: np.ndarray  #: and where it ends
-    first_segment: np.ndarray  #: int, where the mesh periods begin, shape (k + 1,)
-    block: np.ndarray  #: int, which row of a summary each is in, shape (k,)
-    taken: np.ndarray  #: int, where their samples begin, shape (k + 1,); of a steady run: (0,)
-    piece: np.ndarray  #: int, of c(tau), shape (p,)
-    phase: np.ndarray  #: tau where segments begin, shape (p,)
-    speed: np.ndarray  #: dtau/dtheta there, shape (p,)
-    share: np.ndarray  #: of the load there, shape (p,)
-    ramp: np.ndarray  #: what of that of a step never changes, see `series`, shape (5,)
-    deviation: np.ndarray  #: rows (order, cosine, sine), shape (j, 3)
-    steady: bool  #: whether the speed is 1 all along
-
-
-def steady_course(law):
-    """Return the `Course` of a run at constant speed."""
-    size, ends = len(law.low), (law.breaks[:-1].copy(), law.breaks[1:].copy())
-    where = np.array([0, size]), *np.zeros((2, 1), np.int64), np.arange(size)
-    none = np.zeros(5), np.empty((0, 3))
-    return Course(*ends, *where, ends[0], np.ones(size), np.ones(size), *none, True)
-
-
-@kernel
-def _with_deviation(harmonics, rows):
-    """Return the table of harmonics with a row more, that of the deviation."""
-    most = max(harmonics.shape[1], rows.shape[0] + 1)
-    found = np.zeros((DEVIATION + 1, most, harmonics.shape[2]))
-    found[:DEVIATION, : harmonics.shape[1]] = harmonics
-    found[DEVIATION, : rows.shape[0], :3] = rows
-    return found
-
-
 @inlined
-def samples_of(course, samples, recorded, record_periods):
-    """Return the samples of one of the mesh periods recorded, with the phases that are wanted."""
-    if recorded < 0:
-        return samples[:0]
-    if not course.steady:
-        return samples[course.taken[recorded] : course.taken[recorded + 1]]
+def samples_of(samples, recorded, record_periods):
+    """Return the samples of a mesh period, if it is recorded, with their phases."""
     count = samples.shape[0] // max(record_periods, 1)
-    rows = samples[recorded * count : (recorded + 1) * count]
+    rows = samples[max(recorded, 0) * count : (recorded + 1) * count]
     orbit.equal_steps(rows, orbit.SAMPLE_AT, 2.0 * math.pi)
     return rows
 
 
-@inlined
-def pace_of(course, p, t, ramp):
-    """Fill the ramp of a step, t after the begin of segment p; return its phase."""
-    ramp[PACE] = course.speed[p] + 2.0 * ramp[BEND] * t
-    ramp[SHARE] = course.share[p] + ramp[SHARE_RATE] * t
-    return course.phase[p] + (course.speed[p] + ramp[BEND] * t) * t
-
-
 @kernel
 def run_nonlinear(
-    law, to_bernstein, course, x, v, periods, record_periods, samples, events, limit, summary
+    law, to_bernstein, x, v, periods, record_periods, samples, events, limit, summary, maps
 ):
     """Run the nonlinear mesh as `gearlib.engines.pair.pair_run.run`, with its returns.
 
-    `summary`, shape (b, 9), or (b, 10) with the integral of the force last, has a row for each
-    block of the course. Returns in addition the number of Taylor steps, the deterministic cost of
-    the run.
+    `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the map of small deviations of each
+    mesh period. Returns in addition the number of Taylor steps, the deterministic cost of the run.
     """
-    for row in range(summary.shape[0]):
-        orbit.clear_summary(summary[row])
+    orbit.clear_summary(summary)
     constants, harmonics = tables(law)
-    steady, ramp = course.steady, course.ramp.copy()
-    if not steady:
-        harmonics = _with_deviation(harmonics, course.deviation)
     series, work = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
+    deviation, stiffest = np.zeros((6, ORDER + 1)), stiffest_of(law)
     # Looked up once: each look counts references.
-    first, pieces, low, tuning = course.first_segment, course.piece, law.low, law.tuning
-    begins, ends = course.begin, course.end
-    kept = min(periods, orbit.STROBE_PERIODS) if steady else 0
+    breaks, low, tuning, varied = law.breaks, law.low, law.tuning, maps.shape[0] > 0
+    kept = min(periods, orbit.STROBE_PERIODS) if record_periods else 0
     strobes = np.empty((kept + 1, 2))
     found, steps = 0, 0
     contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
@@ -260,25 +206,29 @@ def run_nonlinear(
         row = n - (periods - kept)
         if row >= 0:
             strobes[row, 0], strobes[row, 1] = x, v
+        if varied:
+            set_identity(maps[n])
         recorded = n - (periods - record_periods)
-        taken, counted, number = 0, steps, n % course.block.shape[0]
-        own = summary[course.block[number]]
-        rows = samples_of(course, samples, recorded, record_periods)
-        for p in range(first[number], first[number + 1]):
-            piece, at, end = pieces[p], begins[p], ends[p]
+        taken, counted = 0, steps
+        rows = samples_of(samples, recorded, record_periods)
+        for piece in range(low.shape[0]):
+            at, end = breaks[piece], breaks[piece + 1]
             while at < end:
                 if steps - counted >= limit:
                     return x, v, 0, events, 0, EVENT_LIMIT, steps
-                before = contact
-                phase = at if steady else pace_of(course, p, at - begins[p], ramp)
+                before, old = contact, sign
+                still, left = v == 0.0, end - at
+                if varied:
+                    left = min(
+                        left, reach_of(constants[contact + 1, piece], stiffest, contact, x, v)
+                    )
                 h, during, contact, sign, x, v = take_step(
                     constants,
                     harmonics,
-                    ramp,
                     to_bernstein,
                     piece,
-                    phase,
-                    end - at,
+                    at,
+                    left,
                     contact,
                     sign,
                     x,
@@ -289,22 +239,29 @@ def run_nonlinear(
                 steps += 1
                 if h < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
+                if varied:
+                    # A step from rest sets out with the sign of its acceleration.
+                    old = math.copysign(1.0, series[V, 1]) if still else old
+                    cross(constants, piece, before, during, 0.0, maps[n])
+                    follow(constants[during + 1, piece], during, old, h, series, deviation, maps[n])
+                    cross(constants, piece, during, contact, v, maps[n])
                 if not within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded >= 0:
-                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, own)
-                    if orbit.unresolved(own):
+                    add_step(tuning, low[piece], to_bernstein, h, during, series, work, summary)
+                    if orbit.unresolved(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
                     taken = add_samples(tuning, at, h, during, series, rows, taken)
                     if during != before:
                         # Leaves a flank line from rest, at the start of the step.
-                        events, found = orbit.note(events, found, n, at, before, during, 0.0, own)
+                        events, found = orbit.note(
+                            events, found, n, at, before, during, 0.0, summary
+                        )
                     if contact != during:
                         events, found = orbit.note(
-                            events, found, n, at + h, during, contact, v, own
+                            events, found, n, at + h, during, contact, v, summary
                         )
                 at += h
     strobes[kept, 0], strobes[kept, 1] = x, v
-    height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
-    period = orbit.orbit_period(strobes, tuning, height) if steady else 0
-    return x, v, period, events, found, OK, steps
+    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    return x, v, orbit.orbit_period(strobes, tuning, height), events, found, OK, steps

@@ -6,7 +6,6 @@ from gearlib.engines.orbit import Record, Span
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 from gearlib.engines.taylor.series import ORDER
-from gearlib.engines.taylor.taylor_run import Course
 from gearlib.engines.tooth_pairs.tooth_pairs_run import run_pairs
 
 
@@ -17,19 +16,7 @@ class Propagator(Base):
 
     def __init__(self, model, tuning):
         super().__init__(model, tuning)
-        self.system = system = model.system(tuning)
-        ends = system.starts[:-1].copy(), system.starts[1:].copy()
-        size, repeats = ends[0].size, np.zeros(system.repeats, np.int64)
-        none = np.zeros(1, np.int64)
-        rest = (
-            np.ones(size),
-            np.ones(size),
-            np.array([1.0, 0.0, 1.0, 0.0, 0.0]),
-            np.empty((0, 3)),
-            True,
-        )
-        where = system.first_segment, repeats, none, np.arange(size), np.zeros(size)
-        self.course = Course(*ends, *where, *rest)
+        self.system = model.system(tuning)
 
     def go(self, z, span, samples, events, summary, first):
         """Run from z; see `Base.go`."""
@@ -42,8 +29,8 @@ class Propagator(Base):
 
     def _go(self, z, span, samples, events, summary, first, maps) -> Record:
         """Run from z, and fill the maps if there are any."""
-        tables = samples, events, span.max_events, summary[None], maps, first
+        tables = samples, events, span.max_events, summary, maps, first
         spans = span.periods, span.recorded
-        done = run_pairs(self.system, self.course, TO_BERNSTEIN, *z, *spans, *tables)
+        done = run_pairs(self.system, TO_BERNSTEIN, *z, *spans, *tables)
         *z[:], period, events, count, code, steps = done
         return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)

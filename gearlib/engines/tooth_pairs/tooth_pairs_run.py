@@ -23,6 +23,7 @@ from gearlib.engines.codes import (
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair.deviation import multiply
+from gearlib.engines.taylor.deviations import set_identity
 from gearlib.engines.taylor.series import (
     ORDER,
     PUSH,
@@ -169,7 +170,6 @@ def _contact_of(s, coast):
 @kernel
 def run_pairs(
     system,
-    course,
     to_bernstein,
     x,
     v,
@@ -184,15 +184,12 @@ def run_pairs(
 ):
     """Run the mesh; arguments and returns as of `gearlib.engines.pair.pair_run.run`.
 
-    `course` and `summary` as of `taylor_run.run_nonlinear`, phases from the begin of the segment of
-    the system on that `piece` tells; `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the
-    growth of small deviations of a steady run; `first` is the mesh period in which the run begins.
-    Returns in addition the number of steps.
+    `maps`, shape (periods, 2, 2) or (0, 2, 2), is filled with the maps of small deviations; `first`
+    is the mesh period in which the run begins. Returns in addition the number of steps.
     """
-    for row in range(summary.shape[0]):
-        orbit.clear_summary(summary[row])
-    first_segment, pieces, inside = course.first_segment, course.piece, system.inside
-    begins, ends, renewed = course.begin, course.end, system.renewed
+    orbit.clear_summary(summary)
+    first_segment, inside = system.first_segment, system.inside
+    starts, renewed = system.starts, system.renewed
     force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
     lower, longest, tuning = system.lower, system.longest, system.tuning
     closing = system.closing
@@ -208,28 +205,27 @@ def run_pairs(
         recorded = n - (periods - record_periods)
         taken, count = 0, 0
         if maps.shape[0] > 0:
-            maps[n, 0, 0] = maps[n, 1, 1] = 1.0
-            maps[n, 0, 1] = maps[n, 1, 0] = 0.0
-        number = (first + n) % course.block.shape[0]
-        begin, own = begins[first_segment[number]], summary[course.block[number]]
-        rows = samples_of(course, samples, recorded, record_periods)
-        for i in range(first_segment[number], first_segment[number + 1]):
-            start, p = n == 0 and i == first_segment[number], pieces[i]
+            set_identity(maps[n])
+        number = (first + n) % system.repeats
+        begin = starts[first_segment[number]]
+        rows = samples_of(samples, recorded, record_periods)
+        for p in range(first_segment[number], first_segment[number + 1]):
+            start = n == 0 and p == first_segment[number]
             flanks, pairs = overlap[p], inside[p]
             if start or renewed[p]:
                 before = _contact_of(s, coast)
-                s = touching(flanks, pairs, lower, course.phase[i], x)
+                s = touching(flanks, pairs, lower, 0.0, x)
                 line = -1
                 after = _contact_of(s, coast)
                 if after == NORMAL and x < lower:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and after != before and not start:
                     events, found = orbit.note(
-                        events, found, n, begins[i] - begin, before, after, v, own
+                        events, found, n, starts[p] - begin, before, after, v, summary
                     )
-            phase, end = begins[i], ends[i]
+            phase, end = starts[p], starts[p + 1]
             while phase < end:
-                t, drag = phase - begins[i], damping[1 if s else 0]
+                t, drag = phase - starts[p], damping[1 if s else 0]
                 during = _contact_of(s, coast)
                 law = force[p, s]
                 _expand(law, t, drag, slip[p], unit, x, v, series)
@@ -264,8 +260,8 @@ def run_pairs(
                 if recorded >= 0:
                     # "At the lower stiffness": while one pair carries alone.
                     low = s < coast and s & (s - 1) == 0
-                    add_step(tuning, low, to_bernstein, h, during, series, work, own)
-                    if orbit.unresolved(own):
+                    add_step(tuning, low, to_bernstein, h, during, series, work, summary)
+                    if orbit.unresolved(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
                     taken = add_samples(tuning, phase - begin, h, during, series, rows, taken)
                 phase += h
@@ -279,7 +275,7 @@ def run_pairs(
                 s = (coast if s == 0 else 0) if which == k else s ^ (1 << which)
                 after = _contact_of(s, coast)
                 if maps.shape[0] > 0:
-                    t = phase - begins[i]
+                    t = phase - starts[p]
                     jump = (_value(force[p, s], t, x) - _value(law, t, x)) * unit
                     jump += (damping[1 if s else 0] - drag) * (v - slip[p])
                     factor, rate = 1.0, v
@@ -292,9 +288,9 @@ def run_pairs(
                         multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[n])
                 if after != during and recorded >= 0:
                     events, found = orbit.note(
-                        events, found, n, phase - begin, during, after, v, own
+                        events, found, n, phase - begin, during, after, v, summary
                     )
     strobes[kept, 0], strobes[kept, 1] = x, v
-    height = summary[0, orbit.X_MAX] - summary[0, orbit.X_MIN]
+    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height, system.repeats)
     return x, v, period, events, found, OK, steps

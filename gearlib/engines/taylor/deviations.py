@@ -1,4 +1,4 @@
-"""Maps of mesh periods in Taylor steps: how small deviations of a motion go on.
+"""Small deviations of a motion along Taylor steps.
 
 Along a step a deviation w obeys w'' + drag(t) w' + stiff(t) w = 0, with the series of the step. At
 a flank line the damping jumps, and with it w' as in `gearlib.engines.pair.deviation`.
@@ -8,10 +8,8 @@ import math
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW, UNRESOLVED
+from gearlib.engines.codes import BACKLASH
 from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.mesh_constants import contact_between
 from gearlib.engines.taylor.series import (
     D1,
     D2,
@@ -21,21 +19,25 @@ from gearlib.engines.taylor.series import (
     ORDER,
     P2,
     P3,
-    ROWS,
     U_SQUARE,
     V_SQUARE,
     C,
     V,
     X,
-    tables,
 )
-from gearlib.engines.taylor.taylor_run import take_step
 
+_INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
 #: x^20 / 20! = 1e-17 at x = 1.18.
 _CONVERGED = 1.18
-_INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
 #: Rows of the series of a deviation: w, w', terms of w'' so far, drag, stiff, stiff over c(tau).
 _W, _RATE, _PULL, _DRAG, _STIFF, _STEEP = range(6)
+
+
+@inlined
+def stiffest_of(law):
+    """Return a bound of the stiffness of both flanks over its period."""
+    near = _stiffest(law.pieces, law.stiffness)
+    return max(near, _stiffest(law.far_pieces, law.far_stiffness))
 
 
 @inlined
@@ -49,7 +51,7 @@ def _stiffest(pieces, waves):
 
 
 @inlined
-def _reach(row, stiffest, contact, x, v):
+def reach_of(row, stiffest, contact, x, v):
     """Return how far the series of a deviation at (x, x') carries.
 
     A deviation swings with the frequency of the contact though the motion may be slow, or rest:
@@ -91,9 +93,21 @@ def _value(row, t):
     return total
 
 
+@inlined
+def set_identity(matrix):
+    """Fill a map, shape (2, 2), with the identity."""
+    matrix[0, 0] = matrix[1, 1] = 1.0
+    matrix[0, 1] = matrix[1, 0] = 0.0
+
+
 @kernel
-def _through_step(ground, h, deviation, matrix):
-    """Take the columns of a map, shape (2, 2), through a step of length h."""
+def follow(row, contact, sign, h, series, deviation, matrix):
+    """Take the columns of a map, shape (2, 2), through a step of length h.
+
+    `row` has the constants of its contact and piece; `deviation` is storage.
+    """
+    _fill_equation(row, contact, sign, series, deviation)
+    ground = row[GROUND]
     w, rate, pull = deviation[_W], deviation[_RATE], deviation[_PULL]
     drag, stiff = deviation[_DRAG], deviation[_STIFF]
     terms = ORDER
@@ -118,7 +132,7 @@ def _damping(row, speed):
 
 
 @kernel
-def _cross(constants, piece, before, after, v, matrix):
+def cross(constants, piece, before, after, v, matrix):
     """Take a map from one contact to another; without a way between the flanks, over both."""
     first, speed = before, abs(v)
     while first != after:
@@ -128,62 +142,3 @@ def _cross(constants, piece, before, after, v, matrix):
         for j in range(2):
             matrix[1, j] -= jump * matrix[0, j]
         first = then
-
-
-@kernel
-def vary_nonlinear(law, to_bernstein, x, v, periods, limit, matrices):
-    """Go through mesh periods from (x, v) at tau = 0, and fill the map of each.
-
-    `matrices` has the shape (periods, 2, 2). Returns (x, v, status).
-    """
-    constants, harmonics = tables(law)
-    still, deviation = np.zeros(0), np.zeros((6, ORDER + 1))
-    series, isolation = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
-    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
-    near = _stiffest(law.pieces, law.stiffness)
-    stiffest = max(near, _stiffest(law.far_pieces, law.far_stiffness))
-    if not within_range(x, v):
-        return x, v, OVERFLOW
-    for n in range(periods):
-        steps, matrix = 0, matrices[n]
-        matrix[0, 0] = matrix[1, 1] = 1.0
-        matrix[0, 1] = matrix[1, 0] = 0.0
-        for piece in range(law.pieces.shape[0]):
-            phase, end = law.breaks[piece], law.breaks[piece + 1]
-            while phase < end:
-                if steps >= limit:
-                    return x, v, EVENT_LIMIT
-                steps += 1
-                speed, old, before = v, sign, contact
-                row = constants[contact + 1, piece]
-                stop = min(end, phase + _reach(row, stiffest, contact, x, v))
-                h, during, contact, sign, x, v = take_step(
-                    constants,
-                    harmonics,
-                    still,
-                    to_bernstein,
-                    piece,
-                    phase,
-                    stop - phase,
-                    contact,
-                    sign,
-                    x,
-                    v,
-                    series,
-                    isolation,
-                )
-                if h < 0.0:
-                    return x, v, UNRESOLVED
-                # A step from rest sets out with the sign of its acceleration.
-                old = math.copysign(1.0, series[V, 1]) if speed == 0.0 else old
-                if during != before:
-                    _cross(constants, piece, before, during, 0.0, matrix)
-                row = constants[during + 1, piece]
-                _fill_equation(row, during, old, series, deviation)
-                _through_step(row[GROUND], h, deviation, matrix)
-                phase += h
-                if not within_range(x, v):
-                    return x, v, OVERFLOW
-                if contact != during:
-                    _cross(constants, piece, during, contact, v, matrix)
-    return x, v, OK
