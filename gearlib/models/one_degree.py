@@ -71,10 +71,7 @@ class OneDegreePair(WithPair):
         """The sentence on forces of its pair where the profile is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
-    @property
-    def parameters(self):
-        """Its numbers beside those of the pair, see `Model.parameters`."""
-        return named(type(self))
+    parameters = property(lambda model: named(type(model)), doc="Its numbers beside the pair's.")
 
     @cached_property
     def equation(self):

@@ -161,11 +161,7 @@ class SixDegreePair(WithPair):
         pair = GearPair.from_geometry(mesh, **more)
         return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | given))
 
-    @property
-    def parameters(self):
-        """Phases of run-out and friction, see `Model.parameters`."""
-        return named(type(self))
-
+    parameters = property(lambda model: named(type(model)), doc="Phases of run-out and friction.")
     contact_map = contact_map
 
     @property
