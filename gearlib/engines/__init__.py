@@ -36,7 +36,7 @@ def warm_up():
     from gearlib.engines.cache import source_hash
     from gearlib.engines.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
     from gearlib.engines.pair.many_runs import run_many
-    from gearlib.engines.pair.mesh_constants import mesh
+    from gearlib.engines.pair.motion import mesh
     from gearlib.engines.pair.pair_run import run
 
     ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])

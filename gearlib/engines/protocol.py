@@ -66,7 +66,7 @@ class Base:
         """Return (end, maps, status): maps, (periods, size, size), linearise each mesh period.
 
         They are exact: phases of contact by their motion, flank crossings by saltation matrices,
-        see `gearlib.engines.pair.pair_maps`. If the status is not OK, they are NaN.
+        see `gearlib.engines.pair.maps`. If the status is not OK, they are NaN.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))

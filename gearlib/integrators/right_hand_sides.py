@@ -36,7 +36,7 @@ from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.grid import work_of
 from gearlib.engines.linear.train_run import set_contacts
 from gearlib.engines.linear.train_system import matrix_of, set_harmonics
-from gearlib.engines.pair.mesh_constants import contact_between
+from gearlib.engines.pair.motion import contact_between
 from gearlib.integrators.steps import equation_of_motion, train_steps
 from gearlib.integrators.steps.equation_of_motion import SIDE
 

@@ -20,7 +20,7 @@ from gearlib import (
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
-from gearlib.engines.pair.mesh_constants import mesh
+from gearlib.engines.pair.motion import mesh
 from gearlib.engines.pair.propagator import ratios
 from gearlib.studies import global_picture as studies
 from gearlib.studies.global_picture import _random_states

@@ -19,10 +19,9 @@ from gearlib.engines.pair.contact_table import (
     set_level,
     step,
 )
-from gearlib.engines.pair.damped_oscillator import evolve, level
-from gearlib.engines.pair.event_by_event import ARC_COLUMNS, march_period
+from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.many_runs import skip_many
-from gearlib.engines.pair.mesh_constants import contact_of, mesh
+from gearlib.engines.pair.motion import contact_of, evolve, level, mesh
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.engines.pair.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 

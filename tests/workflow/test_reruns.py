@@ -146,7 +146,7 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
 @pytest.mark.parametrize(
     ("path", "expected"),
     [
-        ("gearlib/engines/pair/event_by_event.py", EVERYTHING),
+        ("gearlib/engines/pair/events.py", EVERYTHING),
         (
             "gearlib/analysis/global_dynamics/poincare.py",
             jobs("basins", "bifurcation", "poincare"),
@@ -185,7 +185,7 @@ def test_an_edited_source_reruns_what_depends_on_it(records, path, expected):
 
 
 @pytest.mark.parametrize(
-    "path", ["gearlib/engines/pair/event_by_event.py", "gearlib/integrators/fixed_steps.py"]
+    "path", ["gearlib/engines/pair/events.py", "gearlib/integrators/fixed_steps.py"]
 )
 def test_snakemake_finds_the_same(project, records, path):
     edit(project / path, "\n# one more line\n")

@@ -22,7 +22,7 @@ from gearlib.analysis.harmonics.equation import LEAST_SAMPLES, MeshEquation, def
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.numbers_given import floats
 from gearlib.data.result import result
-from gearlib.engines.pair.mesh_constants import contact_of
+from gearlib.engines.pair.motion import contact_of
 from gearlib.runs.run_arguments import check_tuning
 from gearlib.runs.simulation import simulate
 

@@ -19,8 +19,8 @@ A level is a row of numbers, so that either level is found by its index.
 import math
 
 from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.pair.damped_oscillator import UNDERDAMPED, propagators
 from gearlib.engines.pair.elementary import cos_sin, decay
+from gearlib.engines.pair.motion import UNDERDAMPED, propagators
 
 PER_RADIAN = 12
 #: Entries of a table: more than a turn of an oscillator that is not next to critical damping.

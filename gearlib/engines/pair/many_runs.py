@@ -8,7 +8,7 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import OK, OVERFLOW
 from gearlib.engines.jit import kernel
 from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.mesh_constants import contact_of, mesh
+from gearlib.engines.pair.motion import contact_of, mesh
 from gearlib.engines.pair.pair_run import run_at, skip
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 

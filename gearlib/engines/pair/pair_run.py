@@ -10,8 +10,8 @@ from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair import recorded_arcs
-from gearlib.engines.pair.event_by_event import ARC_COLUMNS
-from gearlib.engines.pair.mesh_constants import contact_of
+from gearlib.engines.pair.events import ARC_COLUMNS
+from gearlib.engines.pair.motion import contact_of
 from gearlib.engines.pair.settling import (
     NEAR,
     after_repeats,

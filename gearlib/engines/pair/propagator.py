@@ -4,8 +4,8 @@ import numpy as np
 
 from gearlib.engines.orbit import Record
 from gearlib.engines.pair import many_runs, pair_run, sections
-from gearlib.engines.pair.mesh_constants import mesh
-from gearlib.engines.pair.pair_maps import vary
+from gearlib.engines.pair.maps import vary
+from gearlib.engines.pair.motion import mesh
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.engines.protocol import Base
 

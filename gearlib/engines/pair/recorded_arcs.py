@@ -22,8 +22,7 @@ from gearlib.engines.orbit import (
     X_MIN,
     add_event,
 )
-from gearlib.engines.pair.damped_oscillator import UNDERDAMPED, evolve, turning_time
-from gearlib.engines.pair.event_by_event import (
+from gearlib.engines.pair.events import (
     CONTACT,
     DISPLACEMENT,
     DURATION,
@@ -31,7 +30,7 @@ from gearlib.engines.pair.event_by_event import (
     START,
     VELOCITY,
 )
-from gearlib.engines.pair.flight import fly, lowest_time
+from gearlib.engines.pair.motion import UNDERDAMPED, evolve, fly, lowest_time, turning_time
 
 
 @kernel

@@ -6,8 +6,8 @@ from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.engines.jit import kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair import recorded_arcs
-from gearlib.engines.pair.event_by_event import ARC_COLUMNS, START
-from gearlib.engines.pair.mesh_constants import contact_of
+from gearlib.engines.pair.events import ARC_COLUMNS, START
+from gearlib.engines.pair.motion import contact_of
 from gearlib.engines.pair.pair_run import outcome, skip, whole_period
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 

@@ -21,9 +21,7 @@ from gearlib.engines.codes import BACKLASH, NORMAL
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.orbit import MAX_PERIOD
 from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.damped_oscillator import UNDERDAMPED, evolve, turning_time
-from gearlib.engines.pair.deviation import follow_arcs
-from gearlib.engines.pair.event_by_event import (
+from gearlib.engines.pair.events import (
     ARC_COLUMNS,
     CONTACT,
     DISPLACEMENT,
@@ -31,7 +29,8 @@ from gearlib.engines.pair.event_by_event import (
     LEVEL,
     VELOCITY,
 )
-from gearlib.engines.pair.flight import fly, lowest_time
+from gearlib.engines.pair.maps import follow_arcs
+from gearlib.engines.pair.motion import UNDERDAMPED, evolve, fly, lowest_time, turning_time
 from gearlib.engines.pair.whole_periods import KEPT, advance
 
 #: D in static deflections, in units of the state where that is larger.

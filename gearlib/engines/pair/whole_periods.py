@@ -1,6 +1,6 @@
 """Whole mesh periods, segment by segment, without exp, sine or cosine.
 
-The orbit is that of `event_by_event`, with shortcuts that are proven:
+The orbit is that of `events`, with shortcuts that are proven:
 
 * A whole segment in contact is one 2 x 2 map when no flank line can be reached: when the amplitude
   is below the equilibrium deflection, or when the velocities at both ends and the length of the
@@ -8,7 +8,7 @@ The orbit is that of `event_by_event`, with shortcuts that are proven:
 * From a landing to the end of the segment, or to where contact is lost, by `contact_table`.
 * A flight from x = 0 that cannot reach the far flank returns once: by `flight.return_flight`.
 
-All other cases use the closed forms, or `event_by_event`.
+All other cases use the closed forms, or `events`.
 """
 
 from typing import NamedTuple
@@ -46,10 +46,8 @@ from gearlib.engines.pair.contact_table import (
     stays_above,
     step,
 )
-from gearlib.engines.pair.crossing import descent_time
-from gearlib.engines.pair.damped_oscillator import evolve
-from gearlib.engines.pair.event_by_event import march_on
-from gearlib.engines.pair.flight import fly, return_flight
+from gearlib.engines.pair.events import descent_time, march_on
+from gearlib.engines.pair.motion import evolve, fly, return_flight
 
 #: States at the ends of the last periods, more than `orbit.orbit_period` asks for.
 KEPT = STROBE_PERIODS + 1

@@ -1,7 +1,7 @@
 """Small deviations of a motion along Taylor steps.
 
 Along a step a deviation w obeys w'' + drag(t) w' + stiff(t) w = 0, with the series of the step. At
-a flank line the damping jumps, and with it w' as in `gearlib.engines.pair.deviation`.
+a flank line the damping jumps, and with it w' as in `gearlib.engines.pair.maps`.
 """
 
 import math

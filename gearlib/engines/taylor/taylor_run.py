@@ -14,7 +14,7 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.mesh_constants import contact_between
+from gearlib.engines.pair.motion import contact_between
 from gearlib.engines.polynomial import (
     fall_by_shape,
     first_fall,

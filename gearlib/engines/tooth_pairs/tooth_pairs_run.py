@@ -22,7 +22,7 @@ from gearlib.engines.codes import (
 )
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.deviation import multiply
+from gearlib.engines.pair.maps import multiply
 from gearlib.engines.taylor.deviations import set_identity
 from gearlib.engines.taylor.series import (
     ORDER,

@@ -27,7 +27,7 @@ from gearlib.data import status
 from gearlib.data.provenance import canonical_json
 from gearlib.data.result import result_of_many, stacked
 from gearlib.engines.jit import kernel
-from gearlib.engines.pair.damped_oscillator import evolve, level
+from gearlib.engines.pair.motion import evolve, level
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import problems, references
 

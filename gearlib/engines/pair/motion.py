@@ -1,4 +1,16 @@
-"""Backlash: closed form of the free flight under load and oil drag.
+"""Constants of a mesh, and its motion in contact and in flight in closed form.
+
+In contact, between two stiffness switches, the flanks touch as
+
+    u'' + 2 a u' + W^2 u = 0,    a = beta / nu,    W^2 = c / nu^2,
+
+u the displacement from the equilibrium of the present stiffness level. With p = u0' + a u0 and
+q = a u0' + W^2 u0 the motion is
+
+    u(t)  = u0  C(t) + p S(t),        C = exp(-a t) cos(w t),      S = exp(-a t) sin(w t) / w
+    u'(t) = u0' C(t) - q S(t),        (cosh, sinh when over-damped; 1, t when critical)
+
+with w^2 = |W^2 - a^2|. In the backlash it flies freely under load and oil drag:
 
     x'' + 2 b x' = f,      b = beta_m / nu,    f = 1 / nu^2 > 0.
 
@@ -12,8 +24,130 @@ flight has one lowest point at most, and always ends.
 """
 
 import math
+from typing import NamedTuple
 
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.jit import inlined, kernel
+
+UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
+
+
+class Level(NamedTuple):
+    """One stiffness level: its oscillator and where it comes to rest."""
+
+    a: float  #: decay rate
+    square: float  #: W^2
+    w: float  #: damped frequency, or half the difference of the two rates when over-damped
+    kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
+    equilibrium: float  #: equilibrium of the deflection, 1 / c
+    stiffness: float  #: c = C / C_s
+
+
+@kernel
+def level(stiffness, damping, tuning):
+    """Return the `Level` of stiffness c = C / C_s, damping ratio beta and tuning nu."""
+    a = damping / tuning
+    natural = math.sqrt(stiffness) / tuning
+    # The product keeps the digits that W^2 - a^2 would lose next to critical damping.
+    difference = (natural - a) * (natural + a)
+    kind = UNDERDAMPED if difference > 0.0 else (OVERDAMPED if difference < 0.0 else CRITICAL)
+    return Level(a, natural * natural, math.sqrt(abs(difference)), kind, 1.0 / stiffness, stiffness)
+
+
+@inlined
+def propagators(lev, t):
+    """Return (C(t), S(t))."""
+    if lev.kind == UNDERDAMPED:
+        decay = math.exp(-lev.a * t)
+        return decay * math.cos(lev.w * t), decay * math.sin(lev.w * t) / lev.w
+    if lev.kind == CRITICAL:
+        decay = math.exp(-lev.a * t)
+        return decay, decay * t
+    # exp(-(a - w) t) times bounded factors: never inf * 0, and a - w without cancellation.
+    decay = 0.5 * math.exp(-lev.square / (lev.a + lev.w) * t)
+    fast = math.expm1(-2.0 * lev.w * t)
+    return decay * (2.0 + fast), -decay * fast / lev.w
+
+
+@inlined
+def evolve(lev, u, v, t):
+    """Return (u(t), u'(t)) from (u, v) at 0."""
+    c, s = propagators(lev, t)
+    return u * c + (v + lev.a * u) * s, v * c - (lev.a * v + lev.square * u) * s
+
+
+@kernel
+def turning_time(lev, u, v):
+    """Return the first t > 0 with u'(t) = 0, infinity if there is none.
+
+    Turning points of an under-damped motion follow each other at pi / w; an over-damped or
+    critical motion has one at most.
+    """
+    q = lev.a * v + lev.square * u
+    if v == 0.0:
+        # At rest on a turning point: the next one is half a turn away.
+        return math.pi / lev.w if lev.kind == UNDERDAMPED and u != 0.0 else math.inf
+    if lev.kind == UNDERDAMPED:
+        # The signs go into atan2 so that a turning point close by keeps its relative accuracy.
+        return math.atan2(abs(v) * lev.w, math.copysign(1.0, v) * q) / lev.w
+    if lev.kind == CRITICAL:
+        ratio = v / q
+        return ratio if ratio > 0.0 else math.inf
+    # artanh(w v / q) with 1 - w v / q in closed form, which heavy damping would round to zero.
+    ratio = v / (lev.square * (v / (lev.a + lev.w) + u))
+    return math.log1p(2.0 * lev.w * ratio) / (2.0 * lev.w) if ratio > 0.0 else math.inf
+
+
+class Mesh(NamedTuple):
+    """Dimensionless constants of the rectangular mesh at one tuning."""
+
+    low: Level  #: C_min
+    high: Level  #: C_max
+    half_high: float  #: phase length of half the C_max segment
+    whole_low: float  #: phase length of the C_min segment
+    drag: float  #: b = beta_m / nu
+    pull: float  #: f = 1 / nu^2
+    gap: float  #: backlash in static deflections
+    tuning: float  #: nu
+
+
+@kernel
+def mesh(ratios, tuning):
+    """Return the `Mesh` at one tuning.
+
+    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max segment, the C_min segment,
+    beta, beta_m, backlash in static deflections.
+    """
+    return Mesh(
+        level(ratios[1], ratios[4], tuning),
+        level(ratios[0], ratios[4], tuning),
+        ratios[2],
+        ratios[3],
+        ratios[5] / tuning,
+        1.0 / (tuning * tuning),
+        ratios[6],
+        tuning,
+    )
+
+
+@kernel
+def contact_of(gap, x, v):
+    """Return the contact code of a state; on a flank line, that of the motion just after.
+
+    The load pulls up, so a state at rest on a flank line moves up.
+    """
+    return contact_between(0.0, -gap, x, v)
+
+
+@kernel
+def contact_between(upper, lower, x, v):
+    """Return the contact code of a state between two contact lines, as `contact_of`."""
+    if x > upper or (x == upper and v >= 0.0):
+        return NORMAL
+    if x < lower or (x == lower and v < 0.0):
+        return INVERSE
+    return BACKLASH
+
 
 #: Below this z the power series of phi2 is used: the closed form would lose two digits there.
 _SERIES_BELOW = 0.5

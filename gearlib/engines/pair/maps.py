@@ -1,4 +1,4 @@
-"""How a small deviation goes along the arcs of an orbit: its linearised maps.
+"""Maps of small deviations along the arcs of an orbit, and over mesh periods.
 
 Along a phase of contact or a flight a deviation w = (dx, dx') obeys the linearised equation of
 motion, in closed form. A stiffness switch happens at a fixed phase and leaves w as it is. A flank
@@ -8,15 +8,17 @@ crossing multiplies it by the saltation matrix
 
 and because the mesh force is zero on a flank line, x'' jumps by the damping alone, which is
 proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even when the
-crossing is tangential. There it depends on the side from which the crossing is looked at.
-"""
+crossing is tangential. There it depends on the side from which the crossing is looked at."""
 
 import math
 
-from gearlib.engines.codes import BACKLASH
+import numpy as np
+
+from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW
 from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.pair.damped_oscillator import propagators
-from gearlib.engines.pair.event_by_event import CONTACT, DURATION, LEVEL
+from gearlib.engines.overflow import within_range
+from gearlib.engines.pair.events import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period
+from gearlib.engines.pair.motion import contact_of, propagators
 
 
 @inlined
@@ -51,3 +53,30 @@ def follow_arcs(m, arcs, count, previous, matrix):
             c, s = propagators(lev, t)
             multiply(c + lev.a * s, s, -lev.square * s, c - lev.a * s, matrix)
     return previous
+
+
+@kernel
+def vary(m, x, v, periods, limit, matrices):
+    """Go through mesh periods from (x, v) at tau = 0; return (x, v, status).
+
+    Fills `matrices`, shape (periods, 2, 2), with the derivative of the state at the end of each
+    period by that at its start.
+    """
+    arcs = np.empty((64, ARC_COLUMNS))
+    contact = contact_of(m.gap, x, v)
+    previous = contact
+    for i in range(periods):
+        before = contact, x, v
+        contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+        if count > limit:
+            return x, v, EVENT_LIMIT
+        if count > arcs.shape[0]:
+            arcs = np.empty((2 * count, ARC_COLUMNS))
+            contact, x, v = before
+            contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+        if not within_range(x, v):
+            return x, v, OVERFLOW
+        matrices[i, 0, 0] = matrices[i, 1, 1] = 1.0
+        matrices[i, 0, 1] = matrices[i, 1, 0] = 0.0
+        previous = follow_arcs(m, arcs, count, previous, matrices[i])
+    return x, v, OK
