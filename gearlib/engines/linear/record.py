@@ -3,7 +3,7 @@
 import math
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.copies import copy
 from gearlib.engines.jit import uncounted, woven
 from gearlib.engines.linear.distances import begin_of, curve_of, furthest, sizes_of
@@ -18,22 +18,30 @@ SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
 @uncounted
-def _add_extrema(curve, factor, w, row, most, least):
-    """Add the extrema of a curve times a factor to two columns of a summary."""
+def _add_extrema(curve, displaced, stiffness, w, row):
+    """Add the extrema of a distance to those of the displacement, if it is one, and of the force.
+
+    Both are those of one curve, so that one search finds them.
+    """
     degree = curve.shape[0] - 1
-    for sign, column in ((1.0, most), (-1.0, least)):
+    for sign, shift, force in (
+        (1.0, orbit.X_MAX, orbit.FORCE_MAX),
+        (-1.0, orbit.X_MIN, orbit.FORCE_MIN),
+    ):
+        floor, largest = sign * row[shift] if displaced else math.inf, -math.inf
+        if stiffness > 0.0:
+            floor = min(floor, sign * row[force] / stiffness)
         for k in range(degree + 1):
-            w.bernstein[0, k] = sign * factor * curve[k]
-        row[column] = sign * highest_from(w.bernstein, degree, sign * row[column])
-
-
-@woven
-def _inside(curve, factor, row, most, least):
-    """Return whether the coefficients of a curve times a factor lie between two columns."""
-    high, low = -math.inf, math.inf
-    for k in range(curve.shape[0]):
-        high, low = max(high, curve[k]), min(low, curve[k])
-    return factor * high <= row[most] and factor * low >= row[least]
+            w.bernstein[0, k] = sign * curve[k]
+            largest = max(largest, w.bernstein[0, k])
+        # Most pieces have no new extrema, which their coefficients tell at once.
+        if largest <= floor:
+            continue
+        best = highest_from(w.bernstein, degree, floor)
+        if displaced and not best <= sign * row[shift]:
+            row[shift] = sign * best
+        if stiffness > 0.0 and not stiffness * best <= sign * row[force]:
+            row[force] = sign * stiffness * best
 
 
 @woven
@@ -119,19 +127,16 @@ def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples
             row, code = summary[j], w.contact[j]
             _distance(tables, c, 1, j, w)
             begin_of(curve, part / piece, degree)
-            # Most pieces have no new extrema, which their coefficients tell at once.
-            if not _inside(curve, 1.0, row, orbit.X_MAX, orbit.X_MIN):
-                _add_extrema(curve, 1.0, w, row, orbit.X_MAX, orbit.X_MIN)
+            stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, p, j]
+            _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, w, row)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
                 _distance(tables, c, 0, j, w)
                 begin_of(curve, part / piece, degree)
-            stiffness = system.stiffness[code + 1, p, j]
+                _add_extrema(curve, False, stiffness, w, row)
             for k in range(degree + 1):
                 row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (degree + 1)
-            if not _inside(curve, stiffness, row, orbit.FORCE_MAX, orbit.FORCE_MIN):
-                _add_extrema(curve, stiffness, w, row, orbit.FORCE_MAX, orbit.FORCE_MIN)
         at = phase + done * tuning
         end = at + part * tuning - 1e-12
         while w.place[TAKEN] < samples.shape[0]:
