@@ -11,14 +11,16 @@ import math
 
 import numpy as np
 
-from gearlib.engines.jit import inlined, kernel, uncounted, woven
+from gearlib.engines.jit import kernel, uncounted, woven
 
 #: Halvings after which an interval is as short as rounding.
 MAX_DEPTH = 48
 #: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
 MAX_NEWTON = 480
-#: Steps from a start so close that none has ever needed ten.
+#: Steps to a maximum, from a start so close that none has ever needed ten.
 _FEW_NEWTON = 60
+#: Rows of the storage of searches: of intervals that wait, and three of polynomials.
+WORK_ROWS = MAX_DEPTH + 4
 #: Intervals looked at; polynomials with up to ten nearly double roots take 140.
 MAX_INTERVALS = 1000
 #: A dip smaller than this share of the coefficients cannot be told from their rounding.
@@ -103,26 +105,6 @@ def halve(b, left, whole, n):
 
 
 @kernel
-def _bracketed_root(coefficients, low, high):
-    """Return the root on [low, high] of a polynomial that falls through zero once there."""
-    s = 0.5 * (low + high)
-    for step in range(MAX_NEWTON):
-        value, slope = horner(coefficients, s)
-        if value > 0.0:
-            low = s
-        else:
-            high = s
-        new = s - value / slope if slope < 0.0 else low
-        if not low < new < high or step % 8 == 7:
-            new = 0.5 * (low + high)
-        moved = abs(new - s)
-        s = new
-        if moved <= 2e-16 * high:
-            break
-    return s
-
-
-@kernel
 def lowest_of_parabola(a, b, c):
     """Return the smallest value of a + b s + c s^2 on [0, 1]."""
     lowest = min(a, a + b + c)
@@ -131,169 +113,161 @@ def lowest_of_parabola(a, b, c):
     return lowest
 
 
-@kernel
-def first_fall(coefficients, to_bernstein, work):
-    """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
+@uncounted
+def _root(b, n, s, p, q):
+    """Return (s, slope at s) where Bernstein coefficients of degree n pass zero, near s."""
+    for i in range(n + 1):
+        p[i] = BINOMIALS[n, i] * b[i]
+    for i in range(n):
+        q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
+    low, high, rate, scale, last = 0.0, 1.0, 0.0, 1.0, 0.0
+    for step in range(MAX_NEWTON):
+        rate = 0.0
+        if s <= 0.5:
+            ratio, scale = s / (1.0 - s), 1.0 - s
+            value = p[n]
+            for i in range(n - 1, -1, -1):
+                value = value * ratio + p[i]
+                rate = rate * ratio + q[i]
+        else:
+            ratio, scale = (1.0 - s) / s, s
+            value = p[0]
+            for i in range(1, n + 1):
+                value = value * ratio + p[i]
+                rate = rate * ratio + q[i - 1]
+        if value > 0.0:
+            low = s
+        else:
+            high = s
+        # Both sums lack powers of the scale, the value one more.
+        new = s - value * scale / (n * rate) if rate < 0.0 else -1.0
+        newton = low <= new <= high and step % 8 < 7
+        if not newton:
+            new = 0.5 * (low + high)
+        moved = abs(new - s)
+        s = new
+        # What a step of Newton's method leaves goes with its square, as from the last step to it.
+        if moved <= 2e-16 * high or (newton and moved * moved * moved < 1e-17 * high * last * last):
+            break
+        last = moved if newton else 0.0
+    return s, n * rate * scale ** (n - 1)
 
-    -1 if the budget of intervals does not suffice to tell. `coefficients`, shape (n + 1,), constant
-    first, may be changed. From zero, or below it by the rounding of whoever starts there, the
-    polynomial counts as falling at once when its slope is negative; else what counts is where it
-    falls after it has come up. `to_bernstein`: `bernstein_matrix` of degree n; `work`, shape (50, n
-    + 2): a row per waiting interval, its Bernstein coefficients and its width.
+
+@uncounted
+def _changes(b, n, noise):
+    """Return (sign changes of Bernstein coefficients, place of the last): no more roots are there.
+
+    Coefficients that cannot be told from zero do not count, unless they are first.
     """
-    n = coefficients.shape[0] - 1
-    noise = 0.0
-    for k in range(n + 1):
-        noise += abs(coefficients[k])
-    noise *= _ROUNDING
+    changes, place, before = 0, 0.0, b[0]
+    last = 0
+    for i in range(1, n + 1):
+        if abs(b[i]) > noise:
+            if before * b[i] < 0.0:
+                changes += 1
+                place = (last + (i - last) * before / (before - b[i])) / n
+            before, last = b[i], i
+    return changes, place
+
+
+@uncounted
+def first_fall_from(work, zeros, end, noise):
+    """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
+
+    2: there is none; -1: the budget of intervals does not suffice to tell. A polynomial in
+    Bernstein form has no more roots than its coefficients change signs, and lies between the
+    smallest and the largest: what neither settles is halved. The first row of `work`, shape
+    (WORK_ROWS, n + 2), begins with its coefficients; `zeros` powers from the constant on are zero:
+    1 on the line, 2 at rest on it. A dip below zero by `noise` cannot be told from rounding.
+    """
+    last, b, rounding = work.shape[1] - 1, work[0], noise
+    n = last - 1
     if not noise < math.inf:
-        # Beyond the range of numbers: so is the end of the step, whose status says so.
-        return 2.0
-    if coefficients[0] <= 0.0 and coefficients[1] < -noise:
-        return 0.0
-    # From a start on the line a factor s is divided out, and another from a start at rest: beside
-    # that root the next one could not be told from rounding.
-    for _ in range(2):
-        if coefficients[0] == 0.0:
-            for k in range(n):
-                coefficients[k] = coefficients[k + 1]
-            coefficients[n] = 0.0
-            if abs(coefficients[0]) <= noise and coefficients[1] < -noise:
-                # Its root is closer than rounding can place it.
-                return max(-coefficients[0] / coefficients[1], 0.0)
-    # Most steps are far from the line.
-    tail = 0.0
-    for k in range(3, n + 1):
-        tail += abs(coefficients[k])
-    if lowest_of_parabola(coefficients[0], coefficients[1], coefficients[2]) > tail:
-        return 2.0
-    _to_bernstein(coefficients, to_bernstein, work[0])
-    depth = 0  # rows 0 ... depth of `work` hold the intervals still to be looked at
-    low = 0.0
-    work[0, n + 1] = 1.0
+        # Beyond the range of numbers: so is the end of the period, whose status says so.
+        return 2.0, 0.0
+    # Factors s are divided out: beside such a root the next one could not be told from rounding.
+    for _ in range(min(zeros, n - 2)):
+        for i in range(n):
+            b[i] = b[i + 1] * n / (i + 1)
+        noise *= n
+        n -= 1
+    slope = n * (b[1] - b[0])
+    if zeros == 0 and b[0] <= 0.0 and slope < -noise:
+        return 0.0, 0.0
+    if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
+        # Its root is closer than rounding can place it.
+        return max(-b[0] / slope, 0.0), 0.0
+    p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
+    depth, low = 0, 0.0
+    b[last] = 1.0
     for _ in range(MAX_INTERVALS):
-        if depth < 0:
-            return 2.0
+        if depth < 0 or low > end:
+            return 2.0, 0.0
         b = work[depth]
-        width = b[n + 1]
-        smallest, largest, falling = b[0], b[0], True
+        width = b[last]
+        smallest, largest = b[0], b[0]
         for j in range(1, n + 1):
             smallest, largest = min(smallest, b[j]), max(largest, b[j])
-            if b[j] > b[j - 1]:
-                falling = False
         if smallest >= -noise:
             low += width
             depth -= 1
-        elif falling and b[n] < -noise:
-            return _bracketed_root(coefficients, low, low + width)
-        elif largest < 0.0 and b[n] >= b[0]:
+            continue
+        changes, place = _changes(b, n, noise)
+        if changes == 1 and b[0] > 0.0:
+            s, slope = _root(b, n, place, p, q)
+            found = low + width * s
+            if found > end:
+                return 2.0, 0.0
+            slope *= found**zeros / width
+            return found, rounding / abs(slope) if slope != 0.0 else 0.0
+        if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > noise):
             # Below from the start, and coming up.
             low += width
             depth -= 1
         elif depth == MAX_DEPTH:
             if b[n] < -noise and b[n] < b[0]:
                 # Rounding hides how it falls, not that it does.
-                return low
+                return low, 0.0
             low += width
             depth -= 1
         else:
             # The right half stays in this row, the left half goes on top.
             left = work[depth + 1]
             halve(b, left, work[MAX_DEPTH + 1], n)
-            b[n + 1] = 0.5 * width
-            left[n + 1] = 0.5 * width
+            b[last] = 0.5 * width
+            left[last] = 0.5 * width
             depth += 1
-    return 2.0 if depth < 0 else -1.0
-
-
-@inlined
-def _value_and_slope(c, first, top, s):
-    """Return sum c_k s^(k - first) from `first` to `top` and its derivative.
-
-    Even and odd powers apart: two short chains of operations instead of a long one.
-    """
-    square = s * s
-    even, odd, even_slope, odd_slope = 0.0, 0.0, 0.0, 0.0
-    last = top - (top - first) % 2
-    if last < top:
-        odd = c[top]
-    for k in range(last, first, -2):
-        even_slope = even_slope * square + even
-        odd_slope = odd_slope * square + odd
-        even = even * square + c[k]
-        odd = odd * square + c[k - 1]
-    even_slope = even_slope * square + even
-    even = even * square + c[first]
-    return even + s * odd, odd + 2.0 * s * (even_slope + s * odd_slope)
+    return (2.0 if depth < 0 else -1.0), 0.0
 
 
 @kernel
-def fall_by_shape(coefficients, first):
-    """Return where a polynomial falls through zero, 2 if it does not, -1 where this cannot tell.
+def first_fall(coefficients, to_bernstein, work):
+    """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
-    A polynomial that falls all along, or is bent one way all along, has at most one crossing
-    between ends of opposite signs and, when it is not bent upwards, none between positive ones.
-    Slope and bend are bounded by their parabolas and the magnitudes of all higher terms.
-    `coefficients` as of `first_fall`, n >= 4; `first` is 1 to divide a factor s out (the start is
-    on the line).
+    -1 if the budget of intervals does not suffice to tell. `coefficients`, shape (n + 1,), are
+    those of powers, constant first. From zero, or below it by the rounding of whoever starts there,
+    the polynomial counts as falling at once when its slope is negative; else what counts is where
+    it falls after it has come up. `to_bernstein`: `bernstein_matrix` of degree n; `work` is storage
+    of shape (WORK_ROWS, n + 2).
     """
-    c, n = coefficients, coefficients.shape[0] - 1
-    end, size, steep, bend = 0.0, 0.0, 0.0, 0.0
-    slope_sum, slope_tail, bend_tail = 0.0, 0.0, 0.0
-    for k in range(n, first - 1, -1):
-        j = k - first
-        value, large = c[k], abs(c[k])
-        end += value
-        size += large
-        steep += j * value
-        bend += (j * (j - 1)) * large
-        slope_sum += j * large
-        if j == 5:
-            bend_tail = bend
-        if j == 4:
-            slope_tail = slope_sum
-    noise = _ROUNDING * size
-    c0, c1, c2, c3, c4 = c[first], c[first + 1], c[first + 2], c[first + 3], c[first + 4]
-    if c0 <= noise or abs(end) <= noise:
-        return -1.0
-    falls = -lowest_of_parabola(-c1, -2.0 * c2, -3.0 * c3) + slope_tail < -noise
-    if not falls:
-        up = lowest_of_parabola(2.0 * c2, 6.0 * c3, 12.0 * c4) > bend_tail + noise
-        if not up and lowest_of_parabola(-2.0 * c2, -6.0 * c3, -12.0 * c4) <= bend_tail + noise:
-            return -1.0
-        if up and end > 0.0 and c1 < noise and steep > -noise:
-            return -1.0
-    if end > 0.0:
+    noise, bend, end = 0.0, 0.0, 0.0
+    for k in range(coefficients.shape[0]):
+        end += coefficients[k]
+        noise += abs(coefficients[k])
+        bend += k * abs(coefficients[k])
+    noise *= _ROUNDING
+    slope = coefficients[1]
+    if coefficients[0] <= 0.0 and slope < -noise:
+        return 0.0
+    # It rises or falls all along, and does not reach zero.
+    bend -= abs(slope)
+    if slope > bend or (slope < -bend and end > noise):
         return 2.0
-    # Newton's method from the parabola through value and slope at 0 and the value at 1.
-    top = n
-    while top > first + 4 and abs(c[top]) <= 1e-19 * size:
-        top -= 1
-    a = end - c0 - c1
-    s = 2.0 * c0 / (math.sqrt(c1 * c1 - 4.0 * a * c0) - c1)
-    # The first steps need few terms.
-    for _ in range(3):
-        value, slope = _value_and_slope(c, first, min(top, first + 7), s)
-        if not 0.0 < s - value / slope < 1.0:
-            break
-        s -= value / slope
-    low, high = 0.0, 1.0
-    for _ in range(_FEW_NEWTON):
-        value, slope = _value_and_slope(c, first, top, s)
-        if value > 0.0:
-            low = s
-        else:
-            high = s
-        new = s - value / slope if slope < 0.0 else -1.0
-        if low <= new <= high:
-            # What a step of Newton's method leaves: its square times the bend.
-            moved = abs(new - s)
-            if moved <= 2e-16 * high or bend * moved * moved <= -1e-17 * slope * new:
-                return new
-        else:
-            new = 0.5 * (low + high)
-        s = new
-    return -1.0
+    zeros = 0
+    while zeros < 2 and coefficients[zeros] == 0.0:
+        zeros += 1
+    _to_bernstein(coefficients, to_bernstein, work[0])
+    return first_fall_from(work, zeros, 1.0, noise)[0]
 
 
 @kernel

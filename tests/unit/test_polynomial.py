@@ -10,8 +10,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from gearlib.engines import polynomial
 from gearlib.engines.polynomial import (
+    WORK_ROWS,
     bernstein_matrix,
-    fall_by_shape,
     first_fall,
     highest,
 )
@@ -20,7 +20,7 @@ from gearlib.engines.taylor.taylor_run import first_crossing
 
 DEGREE = 20
 MATRIX = bernstein_matrix(DEGREE)
-WORK = np.empty((50, DEGREE + 2))
+WORK = np.empty((WORK_ROWS, DEGREE + 2))
 
 
 def of_a_step(coefficients):
@@ -105,9 +105,12 @@ def test_roots_that_are_nearly_multiple_and_plateaus():
 def with_budget(kernel, intervals):
     """Return a kernel as Python, with another budget; the compiled one keeps its own."""
     scope = vars(polynomial) | {"MAX_INTERVALS": intervals}
-    # What `highest` hands over to has the budget.
-    handed = types.FunctionType(polynomial.highest_from.py_func.__code__, dict(scope))
-    return types.FunctionType(kernel.py_func.__code__, scope | {"highest_from": handed})
+    # What `highest` and `first_fall` hand over to has the budget.
+    handed = {
+        name: types.FunctionType(getattr(polynomial, name).py_func.__code__, dict(scope))
+        for name in ("highest_from", "first_fall_from")
+    }
+    return types.FunctionType(kernel.py_func.__code__, scope | handed)
 
 
 def test_a_budget_that_is_spent_is_told():
@@ -142,7 +145,7 @@ def test_a_flat_root_is_placed_to_the_end():
     # Newton's method takes a twentieth off the distance at a time; 60 steps would end at 0.02.
     c = np.zeros(DEGREE + 1)
     c[0], c[20] = 1e-40, -1.0
-    assert polynomial._bracketed_root(c, 0.0, 1.0) == pytest.approx(0.01, rel=1e-12)
+    assert first_fall(c, MATRIX, WORK) == pytest.approx(0.01, rel=1e-12)
 
 
 def test_a_polynomial_that_hugs_the_line_ends():
@@ -156,25 +159,7 @@ def test_a_polynomial_that_hugs_the_line_ends():
 @pytest.mark.parametrize("power", [1, 2, 3, 7])
 def test_a_polynomial_that_falls_all_along_is_not_cut(power):
     # The first coefficients of 1 - 2 s^k in Bernstein form are equal: no rise.
-    c, work = np.zeros(DEGREE + 1), np.full((50, DEGREE + 2), np.nan)
+    c, work = np.zeros(DEGREE + 1), np.full((WORK_ROWS, DEGREE + 2), np.nan)
     c[0], c[power] = 1.0, -2.0
     assert first_fall(c, MATRIX, work) == pytest.approx(0.5 ** (1.0 / power), abs=1e-15)
     assert np.isnan(work[1]).all()
-
-
-def test_shape_tells_what_bernstein_form_tells():
-    rng = np.random.default_rng(0)
-    told = np.zeros(3, dtype=int)
-    for case in range(20_000):
-        decay = rng.uniform(0.2, 0.9)
-        c = rng.normal(size=DEGREE + 1) * decay ** np.arange(DEGREE + 1)
-        first = case % 2
-        c[0] = 0.0 if first else abs(c[0])
-        found = fall_by_shape(c, first)
-        told[0 if found < 0.0 else 1 if found > 1.0 else 2] += 1
-        if found >= 0.0:
-            expected = first_fall(c.copy(), MATRIX, WORK)
-            # Coefficients carry 1e-16 of their sum; a flat root moves by that over its slope.
-            slope = 1.0 if found > 1.0 else abs(np.polyval(np.polyder(c[::-1]), found))
-            assert abs(found - expected) <= 1e-14 * abs(c).sum() / slope, (case, c)
-    assert told.min() > 500

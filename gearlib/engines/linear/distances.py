@@ -12,7 +12,7 @@ from gearlib.engines.jit import uncounted, woven
 from gearlib.engines.linear.modal_arcs import DEGREE, LEAST
 from gearlib.engines.linear.sparse_series import SERIES, may_reach
 from gearlib.engines.linear.train_system import next_contact
-from gearlib.engines.polynomial import BINOMIALS, MAX_DEPTH, MAX_INTERVALS, MAX_NEWTON, halve
+from gearlib.engines.polynomial import BINOMIALS, first_fall_from
 
 #: Rounding of a distance, as a share of its parts.
 _ROUNDING = 1e-15
@@ -151,141 +151,6 @@ def begin_of(b, share, n):
 
 
 @uncounted
-def _root(b, n, s, p, q):
-    """Return (s, slope at s) where Bernstein coefficients of degree n pass zero, near s."""
-    for i in range(n + 1):
-        p[i] = BINOMIALS[n, i] * b[i]
-    for i in range(n):
-        q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
-    low, high, rate, scale, last = 0.0, 1.0, 0.0, 1.0, 0.0
-    for step in range(MAX_NEWTON):
-        rate = 0.0
-        if s <= 0.5:
-            ratio, scale = s / (1.0 - s), 1.0 - s
-            value = p[n]
-            for i in range(n - 1, -1, -1):
-                value = value * ratio + p[i]
-                rate = rate * ratio + q[i]
-        else:
-            ratio, scale = (1.0 - s) / s, s
-            value = p[0]
-            for i in range(1, n + 1):
-                value = value * ratio + p[i]
-                rate = rate * ratio + q[i - 1]
-        if value > 0.0:
-            low = s
-        else:
-            high = s
-        # Both sums lack powers of the scale, the value one more.
-        new = s - value * scale / (n * rate) if rate < 0.0 else -1.0
-        newton = low <= new <= high and step % 8 < 7
-        if not newton:
-            new = 0.5 * (low + high)
-        moved = abs(new - s)
-        s = new
-        # What a step of Newton's method leaves goes with its square, as from the last step to it.
-        if moved <= 2e-16 * high or (newton and moved * moved * moved < 1e-17 * high * last * last):
-            break
-        last = moved if newton else 0.0
-    return s, n * rate * scale ** (n - 1)
-
-
-@uncounted
-def _changes(b, n, noise):
-    """Return (sign changes of Bernstein coefficients, place of the last): no more roots are there.
-
-    Coefficients that cannot be told from zero do not count, unless they are first.
-    """
-    changes, place, before = 0, 0.0, b[0]
-    last = 0
-    for i in range(1, n + 1):
-        if abs(b[i]) > noise:
-            if before * b[i] < 0.0:
-                changes += 1
-                place = (last + (i - last) * before / (before - b[i])) / n
-            before, last = b[i], i
-    return changes, place
-
-
-@uncounted
-def first_fall(work, zeros, end, noise):
-    """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
-
-    2: there is none; -1: the budget of intervals does not suffice to tell. A polynomial in
-    Bernstein form has no more roots than its coefficients change signs, and lies between the
-    smallest and the largest: what neither settles is halved.
-
-    Parameters
-    ----------
-    work : ndarray, shape (MAX_DEPTH + 4, degree + 2)
-        The first row: Bernstein coefficients on [0, 1]; changed. Storage for those that wait.
-    zeros : int
-        How many coefficients, from the constant on, are zero: 1 on the line, 2 at rest on it.
-    end : float
-    noise : float
-        A dip below zero that cannot be told from rounding.
-    """
-    last, b, rounding = work.shape[1] - 1, work[0], noise
-    n = last - 1
-    if not noise < math.inf:
-        # Beyond the range of numbers: so is the end of the period, whose status says so.
-        return 2.0, 0.0
-    # Factors s are divided out: beside such a root the next one could not be told from rounding.
-    for _ in range(min(zeros, n - 2)):
-        for i in range(n):
-            b[i] = b[i + 1] * n / (i + 1)
-        noise *= n
-        n -= 1
-    slope = n * (b[1] - b[0])
-    if zeros == 0 and b[0] <= 0.0 and slope < -noise:
-        return 0.0, 0.0
-    if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
-        # Its root is closer than rounding can place it.
-        return max(-b[0] / slope, 0.0), 0.0
-    p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
-    depth, low = 0, 0.0
-    b[last] = 1.0
-    for _ in range(MAX_INTERVALS):
-        if depth < 0 or low > end:
-            return 2.0, 0.0
-        b = work[depth]
-        width = b[last]
-        smallest, largest = b[0], b[0]
-        for j in range(1, n + 1):
-            smallest, largest = min(smallest, b[j]), max(largest, b[j])
-        if smallest >= -noise:
-            low += width
-            depth -= 1
-            continue
-        changes, place = _changes(b, n, noise)
-        if changes == 1 and b[0] > 0.0:
-            s, slope = _root(b, n, place, p, q)
-            found = low + width * s
-            if found > end:
-                return 2.0, 0.0
-            slope *= found**zeros / width
-            return found, rounding / abs(slope) if slope != 0.0 else 0.0
-        if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > noise):
-            # Below from the start, and coming up.
-            low += width
-            depth -= 1
-        elif depth == MAX_DEPTH:
-            if b[n] < -noise and b[n] < b[0]:
-                # Rounding hides how it falls, not that it does.
-                return low, 0.0
-            low += width
-            depth -= 1
-        else:
-            # The right half stays in this row, the left half goes on top.
-            left = work[depth + 1]
-            halve(b, left, work[MAX_DEPTH + 1], n)
-            b[last] = 0.5 * width
-            left[last] = 0.5 * width
-            depth += 1
-    return (2.0 if depth < 0 else -1.0), 0.0
-
-
-@uncounted
 def _falls(b, zeros, noise):
     """Return whether a distance that starts at rest on its line, as on the other one, falls."""
     lead, size = 0.0, 0.0
@@ -335,7 +200,7 @@ def first_events(tables, c, grid, w, end):
             if zeros == 0 and w.rest[j] > 1 and not grid.gap[j] and _falls(b, w.rest[j], noise):
                 found, spread = 0.0, 0.0
             else:
-                found, spread = first_fall(w.bernstein, zeros, end, noise)
+                found, spread = first_fall_from(w.bernstein, zeros, end, noise)
             if found < 0.0:
                 return -1.0
             if found < w.share[j]:

@@ -7,7 +7,7 @@ import numpy as np
 from gearlib.engines.linear.modal_arcs import DEGREE
 from gearlib.engines.linear.sparse_series import price_of, sparse_of
 from gearlib.engines.linear.train_system import may_close
-from gearlib.engines.polynomial import MAX_DEPTH, bernstein_matrix
+from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
 # Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
 # period), events of the period, samples taken of it, events before it, mesh periods that the
@@ -120,7 +120,7 @@ def work_of(n, wide, m, degree=DEGREE, wanted=False):
         np.array([0, 0, -1, 0, 0, 0, 0]),
         np.zeros(2),
         np.empty(degree + 1),
-        np.empty((MAX_DEPTH + 4, degree + 2)),
+        np.empty((WORK_ROWS, degree + 2)),
         terms,
         distances,
         bernstein_matrix(degree if series else 0),

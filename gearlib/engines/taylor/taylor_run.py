@@ -2,8 +2,7 @@
 
 A step ends at the end of a piece of c(tau), at the first crossing of a flank line and, where the
 damping has a quadratic part, at a change of sign of x'. Crossings are those of the step's own
-polynomial: a bounce inside a step is found. Bounds of the polynomial or its shape rule most steps
-out or show the only crossing; else it is isolated in Bernstein form (`polynomial.first_fall`).
+polynomial: a bounce inside a step is found (`polynomial.first_fall`).
 """
 
 import math
@@ -15,12 +14,7 @@ from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OV
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair.motion import contact_between
-from gearlib.engines.polynomial import (
-    fall_by_shape,
-    first_fall,
-    horner,
-    lowest_of_parabola,
-)
+from gearlib.engines.polynomial import WORK_ROWS, first_fall, horner, lowest_of_parabola
 from gearlib.engines.taylor.deviations import (
     cross,
     follow,
@@ -68,16 +62,10 @@ def _scale(series, row, line, factor, h):
 @kernel
 def first_crossing(series, row, line, side, h, to_bernstein, work):
     """Return where side (series - line) first falls through zero, in shares of h; 2 if nowhere."""
-    tail = _scale(series, row, line, side, h)
-    curve = series[SCALED]
+    tail, curve = _scale(series, row, line, side, h), series[SCALED]
     # Most steps are far from the line.
     if lowest_of_parabola(curve[0], curve[1], curve[2]) > tail:
         return 2.0
-    # From rest on the line its shape does not tell.
-    if curve[0] != 0.0 or curve[1] != 0.0:
-        found = fall_by_shape(curve, 1 if curve[0] == 0.0 else 0)
-        if found >= 0.0:
-            return found
     return first_fall(curve, to_bernstein, work)
 
 
@@ -192,7 +180,7 @@ def run_nonlinear(
     """
     orbit.clear_summary(summary)
     constants, harmonics = tables(law)
-    series, work = np.zeros((ROWS, ORDER + 1)), np.empty((50, ORDER + 2))
+    series, work = np.zeros((ROWS, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     deviation, stiffest = np.zeros((6, ORDER + 1)), stiffest_of(law)
     # Looked up once: each look counts references.
     breaks, low, tuning, varied = law.breaks, law.low, law.tuning, maps.shape[0] > 0

@@ -23,6 +23,7 @@ from gearlib.engines.codes import (
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair.maps import multiply
+from gearlib.engines.polynomial import WORK_ROWS
 from gearlib.engines.taylor.deviations import set_identity
 from gearlib.engines.taylor.series import (
     ORDER,
@@ -194,7 +195,7 @@ def run_pairs(
     lower, longest, tuning = system.lower, system.longest, system.tuning
     closing = system.closing
     k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
-    series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((50, ORDER + 2))
+    series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     kept = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((kept + 1, 2))
     found, steps, s, line = 0, 0, 0, -1
