@@ -266,6 +266,8 @@ def first_fall(coefficients, to_bernstein, work):
     zeros = 0
     while zeros < 2 and coefficients[zeros] == 0.0:
         zeros += 1
+    if zeros > 0 and coefficients[zeros] < -noise:
+        return 0.0
     _to_bernstein(coefficients, to_bernstein, work[0])
     return first_fall_from(work, zeros, 1.0, noise)[0]
 
