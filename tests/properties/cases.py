@@ -55,8 +55,8 @@ def pairs(draw):
     unit = 2.0 * math.sqrt(mass * stiffness)
     return GearPair(
         max_stiffness=stiffness,
-        # Nearer to 1 rounding decides which level is the lower one.
-        stiffness_ratio=draw(st.one_of(between(0.3, 1.0 - 1e-9), st.just(1.0))),
+        # At 1 no level is the lower one, and next to it rounding decides which one is.
+        stiffness_ratio=draw(between(0.3, 1.0 - 1e-9)),
         contact_ratio=draw(between(1.0, 2.0)),
         reduced_mass=mass,
         load=load,
