@@ -71,7 +71,7 @@ def run_up(
 
     While the acceleration is constant the stiffness switches at roots of a quadratic, and where it
     is constant in between the motion is that of a run at constant speed: nothing is approximated.
-    Run-out and deviations go by Taylor steps, whose error is that of rounding; ``source`` says so.
+    Run-out and deviations go by power series, whose error is that of rounding; ``source`` says so.
     The mesh carries the inertia of the acceleration beside the load, see
     `gearlib.models.acceleration`.
 
