@@ -33,14 +33,9 @@ _GLIBC = "glibc.cpu.hwcaps="
 def settings(environment=None, flags=None):
     """Return the environment variables, a dict; empty where they do not apply.
 
-    They are read when a library is loaded, those of the C library when a process starts.
-
-    Parameters
-    ----------
-    environment : mapping, optional
-        By default ``os.environ``; other tunables of glibc in it are kept.
-    flags : set of str, optional
-        Features of the processor as in ``/proc/cpuinfo``; by default of this one.
+    They are read when a library is loaded, those of the C library when a process starts. By default
+    the environment is ``os.environ``, whose tunables of glibc are kept, and the flags are features
+    of this processor as in ``/proc/cpuinfo``.
     """
     environment = os.environ if environment is None else environment
     flags = features() if flags is None else flags

@@ -9,22 +9,10 @@ from gearlib.engines.jit import kernel
 
 @kernel
 def carry(maps, weights, vector, logs):
-    """Carry a deviation through maps, scaled back to length one after each of them.
+    """Carry a deviation, shape (n,), through maps, shape (k, n, n), and scale it after each.
 
-    Parameters
-    ----------
-    maps : ndarray, shape (k, n, n)
-    weights : ndarray, shape (n,)
-        The length is that of weights * deviation.
-    vector : ndarray, shape (n,)
-        The deviation, changed in place.
-    logs : ndarray, shape (k,)
-        Filled with the logarithms of the growth in each map.
-
-    Returns
-    -------
-    bool
-        False: the deviation has vanished, none is left to grow.
+    The length is that of weights * deviation, both of shape (n,). Fills `logs`, shape (k,), with
+    the logarithms of the growth. Returns False where the deviation has vanished.
     """
     n = vector.shape[0]
     image = np.empty(n)

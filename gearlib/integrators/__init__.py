@@ -101,11 +101,8 @@ def refusal(model, name):
 def choose(model, name, options):
     """Return (name, method, options) for a model: the method named, or "exact" or "taylor".
 
-    Raises
-    ------
-    ValueError
-        If the method is unknown or does not take the model, or an option is unknown or has an
-        impossible value. Also an ImportError if the method's package is not installed.
+    ValueError if the method is unknown or does not take the model, or an option is unknown or
+    wrong; `MissingPackage` if the method's package is not installed.
     """
     if not is_model(model):
         raise ValueError(

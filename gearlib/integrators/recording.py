@@ -99,16 +99,9 @@ class Run:
     def record(self, n, t, z, dense, shown=()):
         """Record steps over switches and contact, whose contact is that of the states.
 
-        Parameters
-        ----------
-        n : int
-            Mesh period from whose start phases are counted.
-        t, z : ndarray, shape (k + 1,) and (k + 1, size)
-            Phases and states of the step ends; contact changes on straight lines between them.
-        dense : callable
-            ``dense(phases)`` returns the states between them.
-        shown : ndarray, shape (j,)
-            Phases besides the step ends at which the solution is shown.
+        Step ends lie at t, shape (k + 1,), counted from the start of mesh period n, with states z,
+        shape (k + 1, size); contact changes on straight lines between them. ``dense(phases)``
+        returns states between them; at the phases `shown` the solution is shown too.
         """
         problem, turn = self.problem, TURN * (n % self.problem.repeats)
         kept = np.arange(max(self.strobe, n), self.periods)

@@ -63,14 +63,9 @@ class Split(Run):
         return self.OFF * max(1.0, math.sqrt(z @ z))
 
     def solve(self, turn, start, end, z, segment, codes, exits):
-        """Return the `Phase` from (start, z) in the mesh period that starts at phase `turn`.
+        """Return the `Phase` from (start, z) in the mesh period that starts at `turn`, or raise `Stall`.
 
         With all steps and dense output where the phase is recorded, `keep`.
-
-        Raises
-        ------
-        Stall
-            If the solver cannot go on.
         """
         raise NotImplementedError
 

@@ -52,26 +52,14 @@ class Tolerances:
 
 
 def read(tolerances, known, value_of=lambda name: None, keys=None):
-    """Return the `Tolerances` of a mapping.
+    """Return the `Tolerances` of a mapping; ValueError names the key, its value and the allowed range.
 
-    Parameters
-    ----------
-    tolerances : mapping
-        Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
-        deviations from the nominal value, or ``{distribution, ...}`` with a name of `scipy.stats`
-        and its parameters. ``correlations``, a list of [name, name, rho], are those of the normal
-        scores.
-    known : mapping
-        Name -> `gearlib.parameters.Parameter`, or None where nothing is declared of it.
-    value_of : callable, optional
-        Returns the value that the model has of a name, for what is left out; None: it has none.
-    keys : mapping, optional
-        Name -> how refusals call it; by default ``tolerances.<name>``.
-
-    Raises
-    ------
-    ValueError
-        Naming the key, its value and the allowed range.
+    A name of a parameter maps to ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
+    deviations from the nominal value, or ``{distribution, ...}`` with a name of `scipy.stats` and
+    its parameters; ``correlations``, a list of [name, name, rho], are those of the normal scores.
+    `known` maps names to their `gearlib.parameters.Parameter` or None, `value_of` returns the value
+    that the model has of a name, `keys` maps names to those in refusals, by default
+    ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         raise checks.refusal(

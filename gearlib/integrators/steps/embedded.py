@@ -89,26 +89,13 @@ def _first_step(control, end, x, v, a):
 
 @kernel
 def take_embedded_steps(law, m, control, wanted, end, limit, place, times, states, stages):
-    """Take steps under step control until the arrays are full or the end is reached.
+    """Take steps until arrays are full or the end is reached; return (steps, status, evaluations).
 
-    Parameters
-    ----------
-    law, m, control : Law, Contact, Control
-    wanted, end : float
-        Phases before which steps need not be kept, and at which the last one ends.
-    limit : int
-        Most steps, rejected ones included, in one mesh period.
-    place : ndarray, shape (3,)
-        Length of the next step, 0 at the start of the run; number of the mesh period and steps of
-        it so far. Kept up to date.
-    times, states : ndarray, shape (k + 1,) and (k + 1, 2)
-        Filled from the first.
-    stages : ndarray, shape (k, 7, 2)
-        Rates (x', x'') of the steps, filled.
-
-    Returns
-    -------
-    steps, status, evaluations
+    Fills `times`, shape (k + 1,), and `states`, shape (k + 1, 2), from the first, and `stages`,
+    shape (k, 7, 2), with the rates (x', x''); steps before the phase `wanted` need not be kept.
+    `place`, shape (3,), has the length of the next step, 0 at the start of the run, the number of
+    the mesh period and its steps so far, rejected ones included, of which there are `limit` at
+    most.
     """
     # Local names: every attribute access counts references.
     breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
