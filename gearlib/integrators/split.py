@@ -63,7 +63,7 @@ class Split(Run):
         return self.OFF * max(1.0, math.sqrt(z @ z))
 
     def solve(self, turn, start, end, z, segment, codes, exits):
-        """Return the `Phase` from (start, z) in the mesh period that starts at `turn`, or raise `Stall`.
+        """Return the `Phase` from (start, z) in the mesh period from `turn` on, or raise `Stall`.
 
         With all steps and dense output where the phase is recorded, `keep`.
         """

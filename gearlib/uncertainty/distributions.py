@@ -52,7 +52,7 @@ class Tolerances:
 
 
 def read(tolerances, known, value_of=lambda name: None, keys=None):
-    """Return the `Tolerances` of a mapping; ValueError names the key, its value and the allowed range.
+    """Return the `Tolerances` of a mapping, or raise ValueError with key, value and allowed range.
 
     A name of a parameter maps to ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
     deviations from the nominal value, or ``{distribution, ...}`` with a name of `scipy.stats` and
