@@ -35,16 +35,8 @@ _BESIDE, _APART = 1e-13, 1e-2
 def proven(propagator, z, period, limit, first=0):
     """Return the period of the orbit on which the motion from z settles, 0 where that is not shown.
 
-    Parameters
-    ----------
-    propagator : gearlib.engines.protocol.Base
-    z : ndarray, shape (size,)
-    period : int
-        As of `gearlib.engines.orbit.orbit_period`; 0: none.
-    limit : int
-        Most events in one mesh period.
-    first : int
-        Mesh period of z, where the excitation repeats after several.
+    `period` is as of `orbit.orbit_period`, 0: none; `limit` the most events in one mesh period,
+    `first` the mesh period of z where the excitation repeats after several.
     """
     model = propagator.model
     if not period or propagator.proves_periods:

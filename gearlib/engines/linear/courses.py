@@ -17,7 +17,6 @@ import numpy as np
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
 from gearlib.engines.linear import one_mesh, propagator
-from gearlib.engines.linear.course_chirps import chirped
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.sparse_series import sparse_of
@@ -83,11 +82,9 @@ class Stretch(NamedTuple):
 def pieces_of(model, speeds, loads):
     """Return the pieces of a course.
 
-    Parameters
-    ----------
-    speeds, loads : ndarray, shapes (j, 2), (k, 2)
-        Rows of seconds and rpm, of seconds and share of the load, seconds rising; two rows of loads
-        at one time are a step. The last value holds from there on; speeds end the course.
+    Speeds, shape (j, 2), and loads, shape (k, 2), have rows of seconds and rpm, of seconds and
+    share of the load; two loads at one time are a step, the last value holds from there on, and
+    speeds end the course.
     """
     unit = np.array([float(model.mesh_frequency(1.0)), 1.0])
     speeds, loads = speeds * unit, loads * unit
@@ -126,20 +123,10 @@ def _line(rows, start):
 def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     """Yield a `Stretch` after the other of a run through pieces, up to one that fails.
 
-    Parameters
-    ----------
-    runner : propagator_of
-    pieces : list of Piece
-    state : ndarray, shape (2 N,)
-        At the start, rates by theta; changed in place.
-    samples : callable
-        Of a piece, a `Cut` and theta of its segments, as `equal_steps` makes one.
-    limit : int
-        Most events in one mesh period.
-    inertia : ndarray, shape (N,)
-        Accelerations of the coordinates by theta for a unit of d2tau/dtheta2.
-    teeth : float
-        Mesh periods of a block, of which there is one summary.
+    The state, shape (2 N,), has rates by theta and changes in place; `samples` is as of
+    `equal_steps`, `limit` the most events in one mesh period, `inertia`, shape (N,), accelerations
+    by theta for a unit of d2tau/dtheta2, and `teeth` the mesh periods of a block, of which there is
+    one summary.
     """
     for piece in pieces:
         runner.enter(piece, inertia)
@@ -290,7 +277,7 @@ class _Course:
         if not self.laws.harmonics.size:
             return self.laws
         first = (0, self.laws.first_segment.size - 1) if self.long else ()
-        return chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+        return _chirped(self.laws, self.model.system(2.0, *first), self.model.size)
 
     def taken(self):
         """Return tables for one run; of harmonics on a course there are no modes."""
@@ -419,3 +406,35 @@ def _loaded(base, piece, inertia):
     free[one, one + 1], free[rows, one] = piece.slope, load
     lines = "near", "far", "push", "grip"
     return base._replace(free=free, **{name: wider(getattr(base, name)) for name in lines})
+
+
+def _chirped(system, twice, size):
+    """Return a system in whose harmonics the phase is quadratic in theta.
+
+    Behind the coordinates and rates comes dtau/dtheta, and cosine, sine and their rates by theta of
+    each harmonic: what damping makes of these is no matter of the speed then. It is what `twice`,
+    the system of tuning 2, has more than that of tuning 1. The rates of the rates are those of
+    `sparse_series`.
+    """
+    h = system.harmonics.size
+    wide = size + 2 + 4 * h
+    places = [size + 1 + 4 * j for j in range(h)]
+
+    def moved(array, other):
+        found = np.zeros((*array.shape[:-1], wide))
+        found[..., :size], found[..., -1] = array[..., :size], array[..., size]
+        for j, (i, w) in enumerate(zip(places, system.harmonics, strict=True)):
+            cosine, sine = (size + 1 + 2 * j + k for k in range(2))
+            rate = other - array
+            found[..., i] = array[..., cosine] - rate[..., cosine]
+            found[..., i + 1] = array[..., sine] - rate[..., sine]
+            found[..., i + 2], found[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
+        return found
+
+    names = "near", "far", "push", "grip"
+    lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
+    free = np.zeros((wide, wide))
+    free[:size] = moved(system.free[:size], twice.free[:size])
+    for i in places:
+        free[i, i + 2] = free[i + 1, i + 3] = 1.0
+    return system._replace(free=free, harmonics=np.empty(0), **lines)

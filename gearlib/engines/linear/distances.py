@@ -213,17 +213,10 @@ def first_fall(work, zeros, end, noise):
 
     2: there is none; -1: the budget of intervals does not suffice to tell. A polynomial in
     Bernstein form has no more roots than its coefficients change signs, and lies between the
-    smallest and the largest: what neither settles is halved.
-
-    Parameters
-    ----------
-    work : ndarray, shape (MAX_DEPTH + 4, degree + 2)
-        The first row: Bernstein coefficients on [0, 1]; changed. Storage for those that wait.
-    zeros : int
-        How many coefficients, from the constant on, are zero: 1 on the line, 2 at rest on it.
-    end : float
-    noise : float
-        A dip below zero that cannot be told from rounding.
+    smallest and the largest: what neither settles is halved. `work`, shape (MAX_DEPTH + 4, degree +
+    2), begins with its coefficients on [0, 1] and changes; so many `zeros` of them, from the
+    constant on, are zero: 1 on the line, 2 at rest on it. A dip below zero within `noise` is
+    rounding.
     """
     last, b, rounding = work.shape[1] - 1, work[0], noise
     n = last - 1
