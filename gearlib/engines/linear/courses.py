@@ -288,10 +288,8 @@ class _Course:
 
     def _between(self, piece, cut, theta):
         """Return the components between the rates and the constant at the begin of a `Cut`."""
-        found, phase = (
-            [],
-            cut.phase[0] + math.tau * (round(cut.offset / math.tau) % self.model.repeats),
-        )
+        turns = round(cut.offset / math.tau) % self.model.repeats
+        found, phase = [], cut.phase[0] + math.tau * turns
         if self.laws.harmonics.size:
             nu = float(cut.speeds(piece)[0])
             found.append(nu)
@@ -304,17 +302,13 @@ class _Course:
 
     def _set(self, cut, length, taken):
         """Take the segments of a `Cut`, theta of them, and where samples begin."""
-        system = self.loaded
-        starts, tables = np.concatenate([[0.0], np.cumsum(length)]), ("effect", "stiffness", "low")
-        self.system = system._replace(
-            starts=starts,
-            first_segment=cut.first,
-            repeats=len(cut.first) - 1,
-            **{
-                name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which])
-                for name in tables
-            },
-        )
+        system, starts = self.loaded, np.concatenate([[0.0], np.cumsum(length)])
+        tables = {
+            name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which])
+            for name in ("effect", "stiffness", "low")
+        }
+        own = {"starts": starts, "first_segment": cut.first, "repeats": len(cut.first) - 1}
+        self.system = system._replace(**own, **tables)
         self.grid = self.grid._replace(
             length=length,
             kind=np.full(length.size, -1),
@@ -360,13 +354,8 @@ class _Course:
             self._add_chirps(raw, piece, columns)
         rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
         rows[:, 0] += bounds[events[:, 0].astype(int)]
-        record = (
-            columns,
-            raw[:, : 2 * half],
-            cut.block,
-            summary.reshape(-1, m, SUMMARY_COLUMNS),
-            rows,
-        )
+        summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
+        record = columns, raw[:, : 2 * half], cut.block, summary, rows
         return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
 
 

@@ -316,10 +316,8 @@ def _fill(tables, c, rates, pairs, block, rows):
     )
     waves = sizes[..., None] * (terms @ exponentials)
     curves = tables.curves[c]
-    curves[:, :, 0:size:2], curves[:, :, 1:size:2] = (
-        waves[:, :, :pairs].real,
-        -waves[:, :, :pairs].imag,
-    )
+    curves[:, :, 0:size:2] = waves[:, :, :pairs].real
+    curves[:, :, 1:size:2] = -waves[:, :, :pairs].imag
     curves[:, :, size:k] = waves[:, :, pairs:].real
     curves[:, :, k:] = 0.0
     slow = rows[..., k:] @ scipy.linalg.expm(half * block)

@@ -4,7 +4,7 @@ Their series know that the phase is quadratic in theta, the time of the model; s
 """
 
 import dataclasses
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -20,27 +20,19 @@ from gearlib.engines.taylor.taylor_run import Course, run_nonlinear
 _SAME = 1e-9
 
 
-class Segments(NamedTuple):
-    """What a mesh period consists of."""
-
-    starts: np.ndarray  #: phases that bound segments, shape (p + 1,)
-    first_segment: np.ndarray  #: where mesh periods begin
-
-
 class Steps:
     """A model with one degree of freedom on its way."""
 
     words, long, meshes = "Taylor steps", False, 1
-    deviation = np.empty((0, 3))
 
     def __init__(self, model):
         equation = model.equation
         self.model, self.deviation = model, equation.deviation
         bare = dataclasses.replace(equation, deviation=np.empty((0, 3)))
         self.law = bare.law(1.0, TOLERANCE)
-        #: What says where segments begin, and from where their phases count.
-        self.laws = Segments(self.law.breaks, np.array([0, len(self.law.low)]))
-        self.from_phase = self.law.breaks
+        #: Phases that bound segments, and where mesh periods begin among these.
+        mesh_periods = np.array([0, len(self.law.low)])
+        self.laws = SimpleNamespace(starts=self.law.breaks, first_segment=mesh_periods)
 
     def start(self, state):
         """Return the state z; see `Base.start`."""
@@ -52,44 +44,28 @@ class Steps:
         self.ramp[BEND], self.ramp[SHARE_RATE] = 0.5 * piece.acceleration, piece.slope
         self.ramp[PULL] = inertia[0] * piece.acceleration
 
-    def course(self, piece, cut, length, taken):
+    def _course(self, piece, cut, length, taken):
         """Return the `Course` of a `Cut`, whose samples begin at `taken`."""
-        starts = np.concatenate([[0.0], np.cumsum(length)])
+        starts, breaks = np.concatenate([[0.0], np.cumsum(length)]), self.law.breaks
         theta = cut.bounds(piece, length)[0] - piece.start + starts[:-1]
-        phase = cut.phase[:-1] - self.laws.starts[-1] * cut.turn
-        passed = phase - self.laws.starts[cut.which]
+        passed = cut.phase[:-1] - breaks[-1] * cut.turn - breaks[cut.which]
         passed[np.abs(passed) < _SAME] = 0.0
-        begin, end = cut.within(length)
-        return Course(
-            begin,
-            end,
-            cut.first,
-            cut.block - cut.block[0],
-            taken,
-            cut.which,
-            self.from_phase[cut.which] + passed,
-            cut.speeds(piece)[:-1],
-            piece.load + piece.slope * theta,
-            self.ramp,
-            self.deviation,
-            False,
-        )
-
-    def run(self, course, state, *arguments):
-        """Run through a course; return its end, events, events found and status."""
-        done = run_nonlinear(self.law, TO_BERNSTEIN, course, *state, *arguments)
-        return done[:2], *done[3:6]
+        phase, speed = breaks[cut.which] + passed, cut.speeds(piece)[:-1]
+        load, block = piece.load + piece.slope * theta, cut.block - cut.block[0]
+        places = *cut.within(length), cut.first, block, taken, cut.which
+        return Course(*places, phase, speed, load, self.ramp, self.deviation, False)
 
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
         length, count = cut.lengths(piece), len(cut.block)
         wanted, taken = samples(piece, cut, length)
-        course = self.course(piece, cut, length, taken)
+        course = self._course(piece, cut, length, taken)
         table = np.zeros((len(wanted), orbit.SAMPLE_COLUMNS))
         table[:, orbit.SAMPLE_AT] = wanted
         summary = np.zeros((course.block[-1] + 1, SUMMARY_COLUMNS))
         events = np.empty((4 * count, orbit.EVENT_COLUMNS))
         spans = count, count, table, events, limit, summary
-        state[:], events, found, code = self.run(course, state, *spans)
+        done = run_nonlinear(self.law, TO_BERNSTEIN, course, *state, *spans)
+        state[:], (events, found, code) = done[:2], done[3:6]
         record = table, events[: found if code == OK else 0], summary
         return Stretch.of_one(piece, cut, length, record, code)
