@@ -17,7 +17,6 @@ import numpy as np
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
 from gearlib.engines.linear import one_mesh, propagator
-from gearlib.engines.linear.course_chirps import chirped
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.sparse_series import sparse_of
@@ -73,11 +72,9 @@ class Stretch(NamedTuple):
 def pieces_of(model, speeds, loads):
     """Return the pieces of a course.
 
-    Parameters
-    ----------
-    speeds, loads : ndarray, shapes (j, 2), (k, 2)
-        Rows of seconds and rpm, of seconds and share of the load, seconds rising; two rows of loads
-        at one time are a step. The last value holds from there on; speeds end the course.
+    Speeds, shape (j, 2), and loads, shape (k, 2), have rows of seconds and rpm, of seconds and
+    share of the load; two loads at one time are a step, the last value holds from there on, and
+    speeds end the course.
     """
     unit = np.array([float(model.mesh_frequency(1.0)), 1.0])
     speeds, loads = speeds * unit, loads * unit
@@ -116,20 +113,10 @@ def _line(rows, start):
 def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     """Yield a `Stretch` after the other of a run through pieces, up to one that fails.
 
-    Parameters
-    ----------
-    runner : propagator_of
-    pieces : list of Piece
-    state : ndarray, shape (2 N,)
-        At the start, rates by theta; changed in place.
-    samples : callable
-        Of a piece, a `Cut` and theta of its segments, as `equal_steps` makes one.
-    limit : int
-        Most events in one mesh period.
-    inertia : ndarray, shape (N,)
-        Accelerations of the coordinates by theta for a unit of d2tau/dtheta2.
-    teeth : float
-        Mesh periods of a block, of which there is one summary.
+    The state, shape (2 N,), has rates by theta and changes in place; `samples` is as of
+    `equal_steps`, `limit` the most events in one mesh period, `inertia`, shape (N,), accelerations
+    by theta for a unit of d2tau/dtheta2, and `teeth` the mesh periods of a block, of which there is
+    one summary.
     """
     for piece in pieces:
         runner.enter(piece, inertia)
@@ -280,7 +267,7 @@ class _Course:
         if not self.laws.harmonics.size:
             return self.laws
         first = (0, self.laws.first_segment.size - 1) if self.long else ()
-        return chirped(self.laws, self.model.system(2.0, *first), self.model.size)
+        return _chirped(self.laws, self.model.system(2.0, *first), self.model.size)
 
     def taken(self):
         """Return tables for one run; of harmonics on a course there are no modes."""
@@ -291,10 +278,8 @@ class _Course:
 
     def _between(self, piece, cut, theta):
         """Return the components between the rates and the constant at the begin of a `Cut`."""
-        found, phase = (
-            [],
-            cut.phase[0] + math.tau * (round(cut.offset / math.tau) % self.model.repeats),
-        )
+        turns = round(cut.offset / math.tau) % self.model.repeats
+        found, phase = [], cut.phase[0] + math.tau * turns
         if self.laws.harmonics.size:
             nu = float(cut.speeds(piece)[0])
             found.append(nu)
@@ -307,17 +292,13 @@ class _Course:
 
     def _set(self, cut, length, taken):
         """Take the segments of a `Cut`, theta of them, and where samples begin."""
-        system = self.loaded
-        starts, tables = np.concatenate([[0.0], np.cumsum(length)]), ("effect", "stiffness", "low")
-        self.system = system._replace(
-            starts=starts,
-            first_segment=cut.first,
-            repeats=len(cut.first) - 1,
-            **{
-                name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which])
-                for name in tables
-            },
-        )
+        system, starts = self.loaded, np.concatenate([[0.0], np.cumsum(length)])
+        tables = {
+            name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.which])
+            for name in ("effect", "stiffness", "low")
+        }
+        own = {"starts": starts, "first_segment": cut.first, "repeats": len(cut.first) - 1}
+        self.system = system._replace(**own, **tables)
         self.grid = self.grid._replace(
             length=length,
             kind=np.full(length.size, -1),
@@ -363,13 +344,8 @@ class _Course:
             self._add_chirps(raw, piece, columns)
         rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
         rows[:, 0] += bounds[events[:, 0].astype(int)]
-        record = (
-            columns,
-            raw[:, : 2 * half],
-            cut.block,
-            summary.reshape(-1, m, SUMMARY_COLUMNS),
-            rows,
-        )
+        summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
+        record = columns, raw[:, : 2 * half], cut.block, summary, rows
         return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
 
 
@@ -409,3 +385,35 @@ def _loaded(base, piece, inertia):
     free[one, one + 1], free[rows, one] = piece.slope, load
     lines = "near", "far", "push", "grip"
     return base._replace(free=free, **{name: wider(getattr(base, name)) for name in lines})
+
+
+def _chirped(system, twice, size):
+    """Return a system in whose harmonics the phase is quadratic in theta.
+
+    Behind the coordinates and rates comes dtau/dtheta, and cosine, sine and their rates by theta of
+    each harmonic: what damping makes of these is no matter of the speed then. It is what `twice`,
+    the system of tuning 2, has more than that of tuning 1. The rates of the rates are those of
+    `sparse_series`.
+    """
+    h = system.harmonics.size
+    wide = size + 2 + 4 * h
+    places = [size + 1 + 4 * j for j in range(h)]
+
+    def moved(array, other):
+        found = np.zeros((*array.shape[:-1], wide))
+        found[..., :size], found[..., -1] = array[..., :size], array[..., size]
+        for j, (i, w) in enumerate(zip(places, system.harmonics, strict=True)):
+            cosine, sine = (size + 1 + 2 * j + k for k in range(2))
+            rate = other - array
+            found[..., i] = array[..., cosine] - rate[..., cosine]
+            found[..., i + 1] = array[..., sine] - rate[..., sine]
+            found[..., i + 2], found[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
+        return found
+
+    names = "near", "far", "push", "grip"
+    lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
+    free = np.zeros((wide, wide))
+    free[:size] = moved(system.free[:size], twice.free[:size])
+    for i in places:
+        free[i, i + 2] = free[i + 1, i + 3] = 1.0
+    return system._replace(free=free, harmonics=np.empty(0), **lines)

@@ -42,9 +42,7 @@ class Work(NamedTuple):
     """What changes on the way, and storage."""
 
     contact: np.ndarray  #: int, contact codes, shape (m,)
-    rest: (
-        np.ndarray
-    )  #: int, leading coefficients that are 0: 1 on a line, more: at rest on it, (m,)
+    rest: np.ndarray  #: int, leading coefficients that are 0: 1 on a line, more: at rest, (m,)
     line: np.ndarray  #: int, on which: 1 drive side, -1 coast side, shape (m,)
     effects: np.ndarray  #: int, shape (m,)
     clear: np.ndarray  #: bool, whether a mesh comes to no flank line, shape (m,)
@@ -99,29 +97,10 @@ def work_of(n, wide, m, degree=DEGREE, wanted=False):
     series = wanted or price_of(n) > 0
     terms = np.zeros((degree + 1 if series else 0, wide))
     distances = np.zeros((2, m, degree + 2 if series else 0))
-    return Work(
-        np.zeros(m, np.int64),
-        np.zeros(m, np.int64),
-        np.zeros(m, np.int64),
-        np.zeros(m, np.int64),
-        np.zeros(m, np.bool_),
-        np.empty(m),
-        np.zeros(m, np.int64),
-        np.empty(m),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(n),
-        np.zeros(n),
-        np.array([0, 0, -1, 0, 0, 0, 0]),
-        np.zeros(2),
-        np.empty(degree + 1),
-        np.empty((WORK_ROWS, degree + 2)),
-        terms,
-        distances,
-        bernstein_matrix(degree if series else 0),
-    )
+    integers = (np.zeros(m, np.int64) for _ in range(4))
+    states = (np.zeros(wide) for _ in range(7))
+    place, ahead = np.array([0, 0, -1, 0, 0, 0, 0]), np.zeros(2)
+    storage = np.zeros(degree + 1), np.zeros((WORK_ROWS, degree + 2)), terms, distances
+    events = np.zeros(m, np.bool_), np.zeros(m), np.zeros(m, np.int64), np.zeros(m)
+    sizes, powers = (np.zeros(n), np.zeros(n)), bernstein_matrix(degree if series else 0)
+    return Work(*integers, *events, *states, *sizes, place, ahead, *storage, powers)

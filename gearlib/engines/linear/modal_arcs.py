@@ -64,18 +64,7 @@ class Modes(NamedTuple):
 
 
 def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
-    """Return empty `Modes`; what is not filled takes no memory.
-
-    Parameters
-    ----------
-    n, meshes : int
-    lengths : int
-        Different lengths of segments.
-    combinations : int
-        That there are, at most.
-    memory : int
-        Bytes at most.
-    """
+    """Return empty `Modes` for so many different lengths of segments, of at most so many bytes."""
     wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
     each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
     c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))

@@ -82,18 +82,10 @@ class Frame:
     In those of all meshes at their mean stiffness, scaled by their frequencies, springs of very
     different stiffness lie apart: slow modes keep their digits beside shafts a million times as
     stiff as a mesh.
-
-    Parameters
-    ----------
-    frequencies : ndarray, shape (r,)
-        Of the linear modes, by theta.
-    shapes, rigid : ndarray, shapes (n, r), (n, k)
-        Modes and free rotations.
-    mass : ndarray, shape (n, n)
-        With which they are normalised.
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):
+        """Take r frequencies by theta, modes, (n, r), free rotations, (n, k), and the mass."""
         (n, r), k, w = shapes.shape, rigid.shape[1], frequencies
         self.elastic = e = 2 * r
         self._known: dict[bytes, Basis] = {}
@@ -324,10 +316,8 @@ def _fill(tables, c, rates, pairs, block, rows):
     )
     waves = sizes[..., None] * (terms @ exponentials)
     curves = tables.curves[c]
-    curves[:, :, 0:size:2], curves[:, :, 1:size:2] = (
-        waves[:, :, :pairs].real,
-        -waves[:, :, :pairs].imag,
-    )
+    curves[:, :, 0:size:2] = waves[:, :, :pairs].real
+    curves[:, :, 1:size:2] = -waves[:, :, :pairs].imag
     curves[:, :, size:k] = waves[:, :, pairs:].real
     curves[:, :, k:] = 0.0
     slow = rows[..., k:] @ scipy.linalg.expm(half * block)

@@ -11,13 +11,7 @@ from gearlib.engines.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOL
 from gearlib.engines.jit import uncounted, woven
 from gearlib.engines.linear.distances import first_events, keeps_off, sizes_of
 from gearlib.engines.linear.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
-from gearlib.engines.linear.modal_arcs import (
-    advance,
-    multiply,
-    slot_of,
-    turn_by,
-    turn_over,
-)
+from gearlib.engines.linear.modal_arcs import advance, multiply, slot_of, turn_by, turn_over
 from gearlib.engines.linear.record import record
 from gearlib.engines.linear.sparse_series import (
     SERIES,
@@ -92,30 +86,11 @@ def in_order(events, row, first):
 def go(system, grid, tables, w, number, limit, vectors, recording, summary, samples, events):
     """Go through one mesh period from its start; the state of `Work` is changed in place.
 
-    Parameters
-    ----------
-    system, grid, tables, w : TrainSystem, Grid, Modes, Work
-    number : int
-        Which of the mesh periods after which the excitation repeats.
-    limit : int
-        Most events.
-    vectors : ndarray, shape (k, n filled up)
-        Small deviations, changed in place: none, or as many as wanted.
-    recording : bool
-        Whether to fill what follows.
-    summary : ndarray, shape (m, 10)
-        As of `orbit`, one row a mesh.
-    samples : ndarray, shape (k, n + m + 1)
-        As of `record.record`; at equal steps of the period unless `Grid` has where they begin.
-    events : ndarray, shape (k, 6)
-        As of `orbit`, and the number of the mesh; the period is 0. None are recorded if it has no
-        rows. How many there are stands in `Work`.
-
-    Returns
-    -------
-    status : int
-        MISSING where the tables lack a combination, FULL where events have no place: it goes on
-        from there when called again.
+    The excitation repeats after several, of which this is the one with this `number`. `vectors`,
+    shape (k, n filled up), are small deviations that change in place. Only if `recording`, summary,
+    shape (m, 10), samples as of `record.record`, and events, shape (k, 6), are filled; no events if
+    that has no rows. The status is MISSING where the tables lack a combination, FULL where events
+    have no place: it goes on from there when called again.
     """
     (m, n), phase, piece = system.near.shape, 0.0, 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]

@@ -148,21 +148,8 @@ class Propagator(Base):
         w.place[UNTIL] = end
         code = begin(system, grid, w)
         while code == OK:
-            code = run_train(
-                system,
-                grid,
-                tables,
-                w,
-                periods,
-                record_periods,
-                samples,
-                events,
-                limit,
-                summary,
-                strobes,
-                vectors,
-                maps,
-            )
+            record = samples, events, limit, summary, strobes, vectors, maps
+            code = run_train(system, grid, tables, w, periods, record_periods, *record)
             if code == MISSING:
                 add(tables, system, self.frame, w.effects)
             elif code == BEYOND:

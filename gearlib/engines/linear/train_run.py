@@ -9,14 +9,7 @@ from gearlib.engines.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLO
 from gearlib.engines.jit import kernel, uncounted, woven
 from gearlib.engines.linear.grid import FOUND, OPENING, PERIOD, SEGMENT, UNTIL
 from gearlib.engines.linear.periods import BEYOND, go
-from gearlib.engines.linear.train_system import (
-    REST,
-    behind,
-    dot,
-    image,
-    matrix_of,
-    set_harmonics,
-)
+from gearlib.engines.linear.train_system import REST, behind, dot, image, matrix_of, set_harmonics
 
 #: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
 _DERIVATIVES = 10
@@ -122,33 +115,12 @@ def run_train(
 ):
     """Run a gear train on from the state of `Work` and the mesh period counted there.
 
-    Where the tables lack a combination, events a place, or a period its segments, the run waits: it
-    is to be called again once they have it.
-
-    Parameters
-    ----------
-    system, grid, tables, w : TrainSystem, Grid, Modes, Work
-    periods, record_periods : int
-        Of the reference mesh, and how many at the end are recorded; 0: none.
-    samples : ndarray, shape (record_periods k, n + m + 1)
-        Where `Grid` says which are whose: with the phases that are wanted, as of `record.record`.
-    events : ndarray, shape (k, 6)
-        None are recorded if it has no rows.
-    limit : int
-        Most events in one mesh period.
-    summary : ndarray, shape (k m, 10)
-        Begun by `orbit.clear_summary`; one for each of the blocks of `Grid`.
-    strobes : ndarray, shape (m, k + 1, 2)
-        Filled with the states of the meshes at the end of each of the last k periods, and before.
-    vectors : ndarray, shape (2 N, n filled up)
-        Storage; or of shape (0, n filled up).
-    maps : ndarray, shape (periods, 2 N, 2 N)
-        Filled with the growth of small deviations over each period; or of shape (0, 2 N, 2 N).
-
-    Returns
-    -------
-    status : int
-        Or MISSING, FULL or BEYOND.
+    Where the tables lack a combination, events a place, or a period its segments, the status is
+    MISSING, FULL or BEYOND: call it again once they have it. The last `record_periods` are
+    recorded: samples and events as of `periods.go`, a summary of each block of `Grid`, and in
+    `strobes`, shape (m, k + 1, 2), the states of the meshes at the ends of the last k periods, and
+    before. `maps`, shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), get the growth of small deviations
+    over each period; `vectors` are storage for these.
     """
     m, n = system.near.shape
     moving, kept = maps.shape[1], strobes.shape[1] - 1
@@ -173,19 +145,8 @@ def run_train(
         if grid.taken.shape[0] > 0:
             begin, end = grid.taken[number], grid.taken[number + 1]
         rows = summary[grid.block[number] * m :]
-        status = go(
-            system,
-            grid,
-            tables,
-            w,
-            number,
-            limit,
-            vectors,
-            recording,
-            rows,
-            samples[begin:end],
-            events,
-        )
+        taken = samples[begin:end]
+        status = go(system, grid, tables, w, number, limit, vectors, recording, rows, taken, events)
         if status < 0:
             return status
         for row in range(w.place[OPENING], w.place[FOUND]):

@@ -104,19 +104,9 @@ def next_contact(contact, line):
 def may_close(near, far, one):
     """Return whether both flanks might touch at once: whether far - near can fall below zero.
 
-    Both touch where near >= 0 >= far. Proven for all time if far - near is a constant and harmonics
-    that are smaller together; where coordinates move it, or harmonics might, the run has to tell.
-
-    Parameters
-    ----------
-    near, far : ndarray, shape (..., n)
-        Functionals of the distances.
-    one : int
-        The component that is 1; coordinates come before it, harmonics after it.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
+    Both touch where near >= 0 >= far. Proven for all time if far - near, of shape (..., n), is a
+    constant and harmonics that are smaller together; where coordinates, before the component `one`,
+    move it, or the harmonics behind it might, the run has to tell.
     """
     rows = (far - near).real
     cosines, sines = rows[..., one + 1 :: 2], rows[..., one + 2 :: 2]
