@@ -187,8 +187,8 @@ def _scattering(model, mapping, given, classes):
         raise click.UsageError(
             f"--{option} is not allowed: it must be left out where no drawing describes the gears"
         )
+    from gearlib.studies.tolerance_study import model_of
     from gearlib.uncertainty.quality_classes import by_class
-    from gearlib.uncertainty.tolerance_study import model_of
 
     drawing = model_options.load(mapping, "The configuration").gears.described()
     if thickness := classes.get("thickness_class"):

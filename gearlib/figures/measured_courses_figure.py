@@ -9,7 +9,7 @@ _HEIGHT = 2.6
 
 @style.styled()
 def draw(courses, *, colours=None):
-    """Draw datasets of `gearlib.uncertainty.measured_comparison.courses`, a panel for each course.
+    """Draw datasets of `gearlib.studies.measured_comparison.courses`, a panel for each course.
 
     courses: one or several; colours: those of the dampings by name.
     """

@@ -11,7 +11,7 @@ _JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
 def draw(axes, curves, names):
     """Draw what curves have of some observables; return the entries of the legend.
 
-    curves: datasets of `gearlib.uncertainty.measured_comparison`. What lies beyond the limits
+    curves: datasets of `gearlib.studies.measured_comparison`. What lies beyond the limits
     of the axes is left out.
     """
     handles, limits = [], (axes.get_xlim(), axes.get_ylim())

@@ -9,7 +9,7 @@ _HEIGHT = 2.4
 
 @style.styled()
 def draw(orders, *, colours=None):
-    """Draw datasets of `gearlib.uncertainty.measured_comparison.orders`.
+    """Draw datasets of `gearlib.studies.measured_comparison.orders`.
 
     orders: one or several; colours: those of the dampings by name. A row for each observable, a
     column for each order; levels in dB of the largest measured one, so that an unknown gain moves

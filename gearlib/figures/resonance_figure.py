@@ -56,7 +56,7 @@ def draw(
     of periodic orbits, as of `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
     solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
     order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); measured
-    (curves of `gearlib.uncertainty.measured_comparison`: points over the paper's picture); forces
+    (curves of `gearlib.studies.measured_comparison`: points over the paper's picture); forces
     (whether dynamic_force_max has a panel below the displacements, whose limits then are those of
     the curves that settle: the paper's picture goes down to the far flank).
 

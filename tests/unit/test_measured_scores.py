@@ -13,7 +13,7 @@ import yaml
 from gearlib import run_up, sweep
 from gearlib.data.gathering import gather_resonance
 from gearlib.figures import measured_orders_figure, resonance_figure
-from gearlib.uncertainty import measured_comparison, measured_scores
+from gearlib.studies import measured_comparison, measured_scores
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gearlib import read_measured
-from gearlib.uncertainty import measured_comparison, measured_tables
+from gearlib.studies import measured_comparison
+from gearlib.uncertainty import measured_tables
 from gearlib.uncertainty.measured_tables import in_order
 
 

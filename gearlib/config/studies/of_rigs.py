@@ -56,7 +56,7 @@ MEASURED_STUDY = Study(
     MEASURED,
     Job(
         "measured_curve",
-        "gearlib.uncertainty.measured_comparison:curve",
+        "gearlib.studies.measured_comparison:curve",
         lambda c: {"path": _path(c)},
         {"resonance": "resonance.nc"},
         files=("measured/{measured}.nc",),
@@ -65,21 +65,21 @@ MEASURED_STUDY = Study(
     ),
     Job(
         "measured_course",
-        "gearlib.uncertainty.measured_comparison:courses",
+        "gearlib.studies.measured_comparison:courses",
         lambda c: {"path": _path(c), "pairs": pairs_of(c), "run": sampled_run(c)},
         files=("measured/courses/{measured}.nc",),
         given=_files,
     ),
     Job(
         "measured_orders",
-        "gearlib.uncertainty.measured_comparison:orders",
+        "gearlib.studies.measured_comparison:orders",
         lambda c: {"path": _path(c), "pairs": pairs_of(c)},
         files=("measured/orders/{measured}.nc",),
         given=_files,
     ),
     Table(
         "measured",
-        "gearlib.uncertainty.measured_scores:rows",
+        "gearlib.studies.measured_scores:rows",
         {
             "curves": curves,
             "courses": lambda c: courses(c) or None,

@@ -46,7 +46,7 @@ def _refusal(c):
 
 
 def question(c):
-    """Return what the study asks, arguments of `gearlib.uncertainty.tolerance_study`."""
+    """Return what the study asks, arguments of `gearlib.studies.tolerance_study`."""
     section = c.tolerances
     found = {
         "pair": c.pair_parameters(section.damping),
@@ -97,7 +97,7 @@ TOLERANCES_STUDY = Study(
     TOLERANCES,
     Job(
         "tolerance_shard",
-        "gearlib.uncertainty.tolerance_study:compute",
+        "gearlib.studies.tolerance_study:compute",
         lambda c: _of_designs(c) | _runs(c) | {"shard": "{samples}"},
         files=("tolerances/{samples}.nc",),
     ),
@@ -110,13 +110,13 @@ TOLERANCES_STUDY = Study(
     ),
     Job(
         "tolerance_indices",
-        "gearlib.uncertainty.tolerance_study:indices",
+        "gearlib.studies.tolerance_study:indices",
         lambda c: _of_designs(c) | {"samples": c.tolerances.index_samples},
         files=("tolerance_indices.nc",),
     ),
     Table(
         "tolerances",
-        "gearlib.uncertainty.tolerance_study:rows",
+        "gearlib.studies.tolerance_study:rows",
         {"scattered": "tolerances.nc"},
         "Tolerances: table",
         """What of each quantity the tolerances leave open: of the nominal design, mean, standard

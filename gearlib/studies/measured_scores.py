@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from gearlib.uncertainty.measured_comparison import SWEEP_SCALES, calibration, computed_at, height
+from gearlib.studies.measured_comparison import SWEEP_SCALES, calibration, computed_at, height
 
 COLUMNS = [
     "set", "quantity", "calibration", "damping", "measured", "standard_deviation", "computed",
@@ -23,7 +23,7 @@ _UNKNOWN = (math.nan, math.nan)
 def rows(curves, resonance, courses=(), orders=()):
     """Yield the names of the columns, then a row for each quantity, damping and measured set.
 
-    curves, courses, orders: datasets of `gearlib.uncertainty.measured_comparison`; resonance:
+    curves, courses, orders: datasets of `gearlib.studies.measured_comparison`; resonance:
     characteristics as gathered. Numbers that are not known are empty.
     """
     yield COLUMNS
