@@ -12,6 +12,7 @@ from gearlib.data import summary
 from gearlib.data.result import result
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
+    Asked,
     Rows,
     allowed,
     check_either,
@@ -113,23 +114,37 @@ def sweep(
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    table = np.empty((tunings.size, *pair.empty_record()[2].shape))
-    ends = np.empty((tunings.size, len(pair.components)))
-    codes = np.full((tunings.size, 2), -1)  # until a tuning is done
+    rows = _rows(pair, tunings, asked, direction, threads)
+    data = {
+        **summary.variables(pair, ("tuning",), *rows[1:], asked.span.recorded),
+        **pair.scales(),
+        **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
+    }
+    coords = {"tuning": tunings, **pair.coordinates()}
+    said = asked.attributes() | {"direction": direction}
+    return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
+
+
+def _rows(pair, tunings: np.ndarray, asked: Asked, direction: str, threads: int) -> Rows:
+    """Return the rows of a sweep, in the order of the tunings."""
+    rows = Rows(
+        pair.bound(float(tunings.max()), asked.state),
+        np.empty((tunings.size, *pair.empty_record()[2].shape)),
+        np.empty((tunings.size, len(pair.components))),
+        np.full((tunings.size, 2), -1),  # until a tuning is done
+    )
     carry = direction != "cold"
-    rows = Rows(pair.bound(float(tunings.max()), asked.state), table, ends, codes)
 
     def go_through(order):
-        asked.module.sweep(
-            pair, tunings, order, asked.state, carry, asked.span, rows, **asked.options
-        )
+        arguments = asked.state, carry, asked.span, rows
+        asked.module.sweep(pair, tunings, order, *arguments, **asked.options)
 
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
     chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
     chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
-    with notebook.bar("tunings", tunings.size, lambda: int((codes[:, 1] >= 0).sum())):
+    with notebook.bar("tunings", tunings.size, lambda: int((rows.codes[:, 1] >= 0).sum())):
         if carry or threads == 1 or len(chunks) < 2:
             go_through(order)
         else:
@@ -137,15 +152,7 @@ def sweep(
             # threads suffice.
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(go_through, chunks))
-
-    data = {
-        **summary.variables(pair, ("tuning",), table, ends, codes, asked.span.recorded),
-        **pair.scales(),
-        **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
-    }
-    coords = {"tuning": tunings, **pair.coordinates()}
-    said = asked.attributes() | {"direction": direction}
-    return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
+    return rows
 
 
 def _check_order(direction, tunings, name):

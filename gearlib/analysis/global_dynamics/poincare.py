@@ -200,20 +200,9 @@ def bifurcation_diagram(
     words = f"strobes = {strobes} at {values.size} values"
     check_memory(words, strobes * values.size, 2, "in all")
     cases = varied(pair, tuning, parameter, values)
-    states = np.full((values.size, strobes, 2), math.nan)
-    ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
-    order = np.argsort(values)
-    if direction == "down":
-        order = order[::-1]
-    start = initial_state
-    for i in notebook.counted("values", order, order.size):
-        model, nu = cases[i]
-        table, end, code = section(model, nu, np.array([start]), settle, strobes, phase, max_events)
-        states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
-        # Only whole records repeat; their range is the scale of the comparison.
-        height = float(np.ptp(table[0, :, 0]))
-        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], nu, height, model.repeats)
-        start = tuple(end[0]) if direction != "cold" and code[0] == status.OK else initial_state
+    states, ends, codes = _diagram(
+        cases, values, direction, (settle, strobes, phase, max_events), initial_state
+    )
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
@@ -241,3 +230,25 @@ def bifurcation_diagram(
         initial_state=initial_state,
     )
     return name_parameter(dataset, parameter)
+
+
+def _diagram(cases: list, values: np.ndarray, direction: str, record: tuple, start: tuple) -> tuple:
+    """Return (states, ends, codes) of the section of each case, (model, tuning).
+
+    `record` is (settle, strobes, phase, max_events) of `section`.
+    """
+    states = np.full((values.size, record[1], 2), math.nan)
+    ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
+    order = np.argsort(values)
+    if direction == "down":
+        order = order[::-1]
+    state = start
+    for i in notebook.counted("values", order, order.size):
+        model, tuning = cases[i]
+        table, end, code = section(model, tuning, np.array([state]), *record)
+        states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
+        # Only whole records repeat; their range is the scale of the comparison.
+        height = float(np.ptp(table[0, :, 0]))
+        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], tuning, height, model.repeats)
+        state = tuple(end[0]) if direction != "cold" and code[0] == status.OK else start
+    return states, ends, codes

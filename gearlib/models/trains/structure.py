@@ -80,15 +80,8 @@ class Structure(NamedTuple):
 
 def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     """Return the `Structure`; `bodies` is a dict by name, `numbers` the kind of its entries."""
-    coordinates = []
-    for body in bodies.values():
-        values = *body.support_stiffness, body.torsional_stiffness
-        moves = [(axis, math.isfinite(k)) for axis, k in zip("xyu", values, strict=True)]
-        coordinates += [(body.name, axis) for axis, free in moves if free]
-    if rotations_first:
-        coordinates.sort(key=lambda one: one[1] != "u")
-    n = len(coordinates)
-    of = numbers.of
+    coordinates = _coordinates(bodies, rotations_first)
+    n, of = len(coordinates), numbers.of
     own = {body: numbers.zeros(3, n) for body in bodies}
     for i, (name, axis) in enumerate(coordinates):
         own[name]["xyu".index(axis), i] = of(1.0)
@@ -98,11 +91,9 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
         for name, body in bodies.items()
         if body.carrier
     }
-    motions = {}
-    mass, stiffness, damping = numbers.zeros(3, n, n)
+    motions, springs, masses = {}, [], []
     turning, centrifugal, circulating = numbers.zeros(3, n, n)
     load, outward = numbers.zeros(2, n)
-    springs, masses = [], []
     for name, body in bodies.items():
         rows = own[name]
         supports = rows[:2].copy()
@@ -111,27 +102,20 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
             for axis in range(2):
                 if math.isinf(body.support_stiffness[axis]):
                     rows[axis] = pins[name][axis]
-        (x, y, u), r = rows, of(body.base_radius)
-        m, inertia = of(body.mass or 0.0), of(body.inertia)
-        mass += m * (np.outer(x, x) + np.outer(y, y)) + inertia / r**2 * np.outer(u, u)
-        masses += [(x, m), (y, m), (u, inertia / r**2)]
+        (x, y, u), r, m = rows, of(body.base_radius), of(body.mass or 0.0)
+        masses += [(x, m), (y, m), (u, of(body.inertia) / r**2)]
+        held = zip(supports, body.support_stiffness, body.support_damping, strict=True)
+        springs += [(row, k, d) for row, k, d in held if math.isfinite(k)]
+        if math.isfinite(body.torsional_stiffness):
+            springs.append((u, body.torsional_stiffness / r**2, body.torsional_damping / r**2))
         turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
         turned = y - own[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
-        for axis, row in enumerate(supports):
-            if math.isfinite(body.support_stiffness[axis]):
-                stiffness += body.support_stiffness[axis] * np.outer(row, row)
-                damping += body.support_damping[axis] * np.outer(row, row)
-                springs.append((row, body.support_stiffness[axis]))
         if body.carrier:
             outward += m * bodies[body.carrier].base_radius * x
         else:
             c = body.support_damping
             circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
-        if math.isfinite(body.torsional_stiffness):
-            stiffness += body.torsional_stiffness / r**2 * np.outer(u, u)
-            damping += body.torsional_damping / r**2 * np.outer(u, u)
-            springs.append((u, body.torsional_stiffness / r**2))
         load += body.torque / r * u
         motions[name] = np.stack(
             [*numbers.turned(rows[:2], body.angle if body.carrier else 0.0), u]
@@ -139,14 +123,48 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     for shaft in shafts:
         (xa, ya, ua), (xb, yb, ub) = (motions[name] for name in shaft.bodies)
         ra, rb = (of(bodies[name].base_radius) for name in shaft.bodies)
-        for row, k, d in (
-            (ua / ra - ub / rb, shaft.stiffness, shaft.damping),
-            (xa - xb, shaft.bending_stiffness, shaft.bending_damping),
-            (ya - yb, shaft.bending_stiffness, shaft.bending_damping),
-        ):
-            stiffness += k * np.outer(row, row)
-            damping += d * np.outer(row, row)
-            springs.append((row, k))
+        bending = shaft.bending_stiffness, shaft.bending_damping
+        springs.append((ua / ra - ub / rb, shaft.stiffness, shaft.damping))
+        springs += [(xa - xb, *bending), (ya - yb, *bending)]
+    return Structure(
+        tuple(coordinates),
+        np.array(list(motions.values())),
+        _sum_of_squares(numbers, n, masses),
+        _sum_of_squares(numbers, n, [(row, k) for row, k, _ in springs]),
+        _sum_of_squares(numbers, n, [(row, d) for row, _, d in springs]),
+        *_lines(meshes, motions, n, numbers),
+        load,
+        turning,
+        centrifugal,
+        circulating,
+        outward,
+        _listed([(row, k) for row, k, _ in springs], n),
+        _listed(masses, n),
+    )
+
+
+def _coordinates(bodies: dict, rotations_first: bool) -> list:
+    """Return the coordinates (body, axis) along which supports are elastic."""
+    coordinates = []
+    for body in bodies.values():
+        stiffness = *body.support_stiffness, body.torsional_stiffness
+        axes = zip("xyu", stiffness, strict=True)
+        coordinates += [(body.name, axis) for axis, k in axes if math.isfinite(k)]
+    return sorted(coordinates, key=lambda one: one[1] != "u") if rotations_first else coordinates
+
+
+def _sum_of_squares(numbers: Numbers, n: int, parts: list) -> np.ndarray:
+    """Return the matrix, shape (n, n), of the sum of value * functional^2 over the parts."""
+    total = numbers.zeros(n, n)
+    for row, value in parts:
+        total += value * np.outer(row, row)
+    return total
+
+
+def _lines(
+    meshes: list, motions: dict, n: int, numbers: Numbers
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return lines, across and arms of the meshes, see `Structure`."""
     lines, across = numbers.zeros(2, len(meshes), n)
     arms = numbers.zeros(len(meshes), 2, 2)
     for j, mesh in enumerate(meshes):
@@ -160,23 +178,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
         # its mirror image, and a ring gear, which turns more slowly than its pinion, clockwise.
         sliding = mesh.direction * turn
         across[j] = sliding * (np.array([-e[1], e[0]]) @ (first[:2] - second[:2]))
-    return Structure(
-        tuple(coordinates),
-        np.array(list(motions.values())),
-        mass,
-        stiffness,
-        damping,
-        lines,
-        across,
-        arms,
-        load,
-        turning,
-        centrifugal,
-        circulating,
-        outward,
-        _listed(springs, n),
-        _listed(masses, n),
-    )
+    return lines, across, arms
 
 
 def far_lines(found, bodies, meshes, numbers=FLOATS):

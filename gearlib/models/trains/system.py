@@ -11,7 +11,7 @@ M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,35 +104,8 @@ def train_system(train, tuning, segments=None):
         free[n : 2 * n] -= np.outer(inverse @ lines[j], film[j] * speeds_near[j])
 
     norm = train.norm(parts)
-    p = segments.starts.size - 1
-    low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
-    # Flanks are alike in segments of one level and direction of sliding; (coast, drive) of meshes.
-    alike = 2 * segments.low + (segments.sense < 0.0)
-    kinds = [
-        ([] if math.isinf(mesh.backlash) else own, own)
-        for mesh, own in zip(train.meshes, segments.kinds, strict=True)
-    ]
-    highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
-    push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
-    effect = np.zeros((3, p, m), dtype=np.int64)
-    stiffness = np.zeros((3, p, m), free.dtype)
-    for j, mesh in enumerate(train.meshes):
-        levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
-        stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
-        more = (mesh.known_damping - mesh.backlash_damping) * rate
-        d = 0
-        for side, line, speed, way in (
-            (1, near[j], speeds_near[j], lines[j]),
-            (0, far[j], speeds_far[j], train.far_lines[j]),
-        ):
-            for kind in kinds[j][side]:
-                d += 1
-                elastic = levels[kind // 2] * line
-                push[j, d, 0, n : 2 * n] = -inverse @ way
-                grip[j, d, 0] = elastic + more * speed
-                push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
-                grip[j, d, 1] = mesh.friction[1 - side] * (1 - 2 * (kind % 2)) * elastic
-                effect[2 * side, alike[side, :, j] == kind, j] = d
+    flanks = (near, speeds_near, lines), (far, speeds_far, train.far_lines)
+    push, grip, effect, stiffness, low = _contacts(train, segments, flanks, inverse, free)
     return TrainSystem(
         free,
         near,
@@ -149,6 +122,41 @@ def train_system(train, tuning, segments=None):
         tuning,
         min(train.repeats, LONGEST),
     )
+
+
+def _contacts(train: Any, segments: Any, flanks: tuple, inverse: np.ndarray, free: np.ndarray):
+    """Return (push, grip, effect, stiffness, low) of a `TrainSystem`.
+
+    `flanks` are (distances, their rates, lines of action) of drive and coast side.
+    """
+    (m, n), p, size = flanks[0][2].shape, segments.starts.size - 1, len(free)
+    low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
+    # Flanks are alike in segments of one level and direction of sliding; (coast, drive) of meshes.
+    alike = 2 * segments.low + (segments.sense < 0.0)
+    kinds = [
+        ([] if math.isinf(mesh.backlash) else of_mesh, of_mesh)
+        for mesh, of_mesh in zip(train.meshes, segments.kinds, strict=True)
+    ]
+    highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
+    push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
+    effect = np.zeros((3, p, m), dtype=np.int64)
+    stiffness = np.zeros((3, p, m), free.dtype)
+    rate = train.reference_angular_frequency / train.stiffness_scale
+    for j, mesh in enumerate(train.meshes):
+        levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
+        stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
+        more = (mesh.known_damping - mesh.backlash_damping) * rate
+        d = 0
+        for side, (distances, speeds, lines) in zip((1, 0), flanks, strict=True):
+            for kind in kinds[j][side]:
+                d += 1
+                elastic = levels[kind // 2] * distances[j]
+                push[j, d, 0, n : 2 * n] = -inverse @ lines[j]
+                grip[j, d, 0] = elastic + more * speeds[j]
+                push[j, d, 1, n : 2 * n] = -inverse @ train.structure.across[j]
+                grip[j, d, 1] = mesh.friction[1 - side] * (1 - 2 * (kind % 2)) * elastic
+                effect[2 * side, alike[side, :, j] == kind, j] = d
+    return push, grip, effect, stiffness, low
 
 
 def largest_norm(train, parts):
