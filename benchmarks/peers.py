@@ -10,22 +10,18 @@ import numpy as np
 
 from benchmarks.short import repeats
 from gearlib import integrators, sweep
-from gearlib.engines import orbit
+from gearlib.engines.orbit import Span
 
 _TUNING, _REPEATS = 0.9, repeats(5)
 
 
 def _runner(model, method):
     """Return periods -> (x, dx/dtau) of a method on a model, from rest."""
-    samples, events = np.empty((0, orbit.SAMPLE_COLUMNS)), np.empty((0, orbit.EVENT_COLUMNS))
-    summary = np.empty(orbit.SUMMARY_COLUMNS)
     _, module, options = integrators.choose(model, method, {})
 
     def run(periods):
-        done = module.run(
-            model, _TUNING, (0.0, 0.0), periods, 1, samples, events, 10**6, summary, **options
-        )
-        return np.array(done[:2])
+        arguments = _TUNING, (0.0, 0.0), Span(periods, 1, 10**6)
+        return module.run(model, *arguments, keep_events=False, **options).final
 
     return run
 
