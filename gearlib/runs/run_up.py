@@ -140,9 +140,8 @@ def run_up(
     columns = samples * (meshes * 6 + model.size) + _PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
-    every = courses.equal_steps(samples)
     found = list(
-        courses.run_through(runner, pieces, z, every, limit, push, model.periods_per_revolution)
+        courses.run_through(runner, pieces, z, samples, limit, push, model.periods_per_revolution)
     )
     code = found[-1].status
     if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):

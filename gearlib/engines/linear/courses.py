@@ -113,10 +113,10 @@ def _line(rows, start):
 def run_through(runner, pieces, state, samples, limit, inertia, teeth):
     """Yield a `Stretch` after the other of a run through pieces, up to one that fails.
 
-    The state, shape (2 N,), has rates by theta and changes in place; `samples` is as of
-    `equal_steps`, `limit` the most events in one mesh period, `inertia`, shape (N,), accelerations
-    by theta for a unit of d2tau/dtheta2, and `teeth` the mesh periods of a block, of which there is
-    one summary.
+    The state, shape (2 N,), has rates by theta and changes in place; `samples` are equal steps of
+    time in each mesh period, `limit` is the most events in one, `inertia`, shape (N,), has the
+    accelerations by theta for a unit of d2tau/dtheta2, and a block, of which there is one summary,
+    has `teeth` mesh periods.
     """
     for piece in pieces:
         runner.enter(piece, inertia)
@@ -125,21 +125,6 @@ def run_through(runner, pieces, state, samples, limit, inertia, teeth):
             yield done
             if done.status != OK:
                 return
-
-
-def equal_steps(count):
-    """Return what samples are so many equal steps of time in each interval.
-
-    A function of a piece, a `Cut` and theta of its segments: theta of the samples in their
-    intervals, and with which of them intervals begin, shape (k + 1,).
-    """
-
-    def wanted(piece, cut, length):
-        whole = cut.within(length)[1][cut.first[1:] - 1]
-        steps = whole[:, None] * np.arange(count) / max(count, 1)
-        return steps.ravel(), count * np.arange(len(cut.block) + 1)
-
-    return wanted
 
 
 class Cut(NamedTuple):
@@ -326,18 +311,19 @@ class _Course:
     def through(self, piece, state, cut, samples, limit):
         """Run through the intervals of a `Cut` from a state, changed in place; a `Stretch`."""
         length, count = cut.lengths(piece), len(cut.block)
-        wanted, taken = samples(piece, cut, length)
-        self._set(cut, length, taken)
+        whole = cut.within(length)[1][cut.first[1:] - 1]
+        wanted = (whole[:, None] * np.arange(samples) / max(samples, 1)).ravel()
+        self._set(cut, length, samples * np.arange(count + 1))
         bounds, system, half = cut.bounds(piece, length), self.system, state.size // 2
         m = len(system.near)
         raw = self.raw(len(wanted))
         raw[:, -1] = wanted
         summary = np.empty(((self.grid.block[-1] + 1) * m, SUMMARY_COLUMNS))
         events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
-        whole = np.append(state, self._between(piece, cut, bounds[0]))
-        self.scale = np.ones(whole.size)
-        _, events, found, code, _ = self.run_system(whole, raw, events, limit, summary, spans)
-        state[:] = whole[: state.size]
+        full = np.append(state, self._between(piece, cut, bounds[0]))
+        self.scale = np.ones(full.size)
+        _, events, found, code, _ = self.run_system(full, raw, events, limit, summary, spans)
+        state[:] = full[: state.size]
         events, columns = events[: found if code == OK else 0], np.zeros((len(raw), m, 6))
         if code == OK:
             self.fill_meshes(raw, columns, system)
