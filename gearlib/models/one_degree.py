@@ -12,14 +12,14 @@ The equation is written in static deflections d_s = F / C_s and 1 / Omega_s of t
 phase its damping is d1 = 2 beta / nu, d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.oscillator import Equation
+from gearlib.models.oscillator import linear_equation
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Fourier, Rectangular, Tabulated
 from gearlib.parameters import Instance, Number, documented, named
@@ -81,26 +81,16 @@ class OneDegreePair(WithPair):
         quadratic = deflection / mass
         cubic = deflection**2 * pair.mean_eigenfrequency / mass
         scales = np.array([1.0, quadratic, cubic])
-        material = 2.0 * pair.damping_ratio, self.quadratic_damping, self.cubic_damping
-        oil = (
-            2.0 * pair.backlash_damping_ratio,
-            self.backlash_quadratic_damping,
-            self.backlash_cubic_damping,
-        )
-        pieces = self.profile.pieces(pair)
-        powers = [self.quadratic_stiffness * deflection, self.cubic_stiffness * deflection**2]
-        return Equation(
-            upper=0.0,
-            lower=-pair.backlash_ratio,
-            near=pieces,
-            far=pieces,
-            damping=np.array([material, oil, material]) * scales,
-            powers=np.array(powers),
-            ground=0.0,
-            load=1.0,
+        material = 0.0, self.quadratic_damping, self.cubic_damping
+        oil = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
+        linear = linear_equation(pair, self.profile.pieces(pair))
+        return replace(
+            linear,
+            damping=linear.damping + np.array([material, oil, material]) * scales,
+            powers=np.array([self.quadratic_stiffness, self.cubic_stiffness])
+            * [deflection, deflection**2],
             force=self.excitation.table(1.0 / pair.load),
             deviation=self.deviation.table(1.0 / deflection),
-            natural=1.0,
         )
 
     def as_dict(self):

@@ -115,3 +115,22 @@ class Equation:
             return self.near, self.far
         breaks = np.union1d(self.near.breaks, self.far.breaks)
         return self.near.at(breaks), self.far.at(breaks)
+
+
+def linear_equation(pair, pieces: Pieces) -> Equation:
+    """Return the `Equation` of a pair in static deflections and 1 / Omega_s of time."""
+    material = 2.0 * pair.damping_ratio, 0.0, 0.0
+    oil = 2.0 * pair.backlash_damping_ratio, 0.0, 0.0
+    return Equation(
+        upper=0.0,
+        lower=-pair.backlash_ratio,
+        near=pieces,
+        far=pieces,
+        damping=np.array([material, oil, material]),
+        powers=np.zeros(2),
+        ground=0.0,
+        load=1.0,
+        force=np.empty((0, 3)),
+        deviation=np.empty((0, 3)),
+        natural=1.0,
+    )

@@ -139,9 +139,11 @@ class GearPair(PairParameters, Model):
     @cached_property
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
-        from gearlib.models.one_degree import OneDegreePair
+        # Here: a start of the workflow reads what is declared, and does not pay for numbers.
+        from gearlib.models.oscillator import linear_equation
+        from gearlib.models.profiles import Rectangular
 
-        return OneDegreePair(pair=self).equation
+        return linear_equation(self, Rectangular().pieces(self))
 
     @property
     def propagators(self):
