@@ -11,8 +11,7 @@ from gearlib.engines.codes import OK
 from gearlib.integrators.method import STEPS_PER_PERIOD, Integrator, Option
 from gearlib.integrators.recording import RANGE, TURN, Run
 from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps
-from gearlib.integrators.steps.train_steps import take_runge_kutta_steps
+from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps, take_train_steps
 
 #: Steps that are taken and recorded at a time.
 _STEPS = 8_192
@@ -153,7 +152,7 @@ class _OneMesh(_Steps):
 class _Trains(_Steps):
     def take(self, period, states):
         system, closing = self.problem.system, self.problem.closing
-        code, taken = take_runge_kutta_steps(system, closing, period, self.steps, states, RANGE)
+        code, taken = take_train_steps(system, closing, period, self.steps, states, RANGE)
         self.evaluations += 4 * taken
         return code
 

@@ -37,7 +37,7 @@ from gearlib.engines.linear.grid import work_of
 from gearlib.engines.linear.train_run import set_contacts
 from gearlib.engines.linear.train_system import matrix_of, set_harmonics
 from gearlib.engines.pair.motion import contact_between
-from gearlib.integrators.steps import equation_of_motion, train_steps
+from gearlib.integrators.steps import equation_of_motion
 from gearlib.integrators.steps.equation_of_motion import SIDE
 
 #: Flank lines of a mesh.
@@ -181,13 +181,13 @@ class Linear(_Problem):
         self.unit = np.ones(len(system.free))
         if not self._train:
             self.unit[:size] = self.propagator.scale
-        self._lines = self.unit * np.stack([system.near, system.far])
-        self._columns = np.moveaxis(self._lines, 2, 1).copy()
+        self.distances = self.unit * np.stack([system.near, system.far])
+        self._columns = np.moveaxis(self.distances, 2, 1).copy()
         self._rates = self.unit * np.stack([self._grid.rate, self._grid.far_rate]) / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.near))
         # Moves of the coordinates that change the distance of one mesh only.
-        self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self._lines]
+        self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self.distances]
 
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
@@ -195,7 +195,7 @@ class Linear(_Problem):
             whole = np.empty((len(t), self.unit.size))
             # Of one layout, since kernels are compiled for each.
             states = np.ascontiguousarray(z)
-            train_steps.set_states(self.system.harmonics, t, states, whole)
+            equation_of_motion.set_states(self.system.harmonics, t, states, whole)
             return whole
         whole = np.empty(self.unit.size)
         whole[: self.size] = z
@@ -231,38 +231,47 @@ class Linear(_Problem):
     def observe(self, t, z):
         """Return (displacements, velocities) of the meshes."""
         full = self.full(t, z)
-        return full @ self._lines[NEAR].T, full @ self._rates[NEAR].T
+        return full @ self.distances[NEAR].T, full @ self._rates[NEAR].T
 
     def put(self, t, z, mesh, line, distance):
         """Move z to a distance from a line."""
-        distance = distance - float(self._lines[line, mesh] @ self.full(t, z))
+        distance = distance - float(self.distances[line, mesh] @ self.full(t, z))
         z[: self.size // 2] += self._apart[line][:, mesh] * distance
 
     def jammed(self, t, z):
         """Return whether both flanks touch at once in a mesh."""
-        return train_steps.jammed(self.system, self.closing, t, z * self.unit[: self.size])
+        return equation_of_motion.jammed(self.system, self.closing, t, z * self.unit[: self.size])
 
-    def rate(self, t, z, segment, codes):
-        """Return z' on a branch."""
+    def couplings(self):
+        """Return which entries of `matrix` differ from zero on any branch, bool."""
+        push, grip = self.system.push[..., : self.size, None], self.system.grip[..., None, :]
+        return (self.system.free[: self.size] != 0.0) | (push * grip != 0.0).any(axis=(0, 1, 2))
+
+    def matrix(self, segment, codes):
+        """Return the matrix of a branch, from z, the constant and the harmonics to z'."""
         key = segment, codes.tobytes()
         if key not in self._matrices:
             whole = np.empty_like(self.system.free)
             matrix_of(self.system, self.system.effect[codes + 1, segment, self._meshes], whole)
             rows = whole[: self.size] / self.unit[: self.size, None]
             self._matrices[key] = rows * self.unit / self.tuning
-        return self._matrices[key] @ self.full(t, z)
+        return self._matrices[key]
+
+    def rate(self, t, z, segment, codes):
+        """Return z' on a branch."""
+        return self.matrix(segment, codes) @ self.full(t, z)
 
     def field(self, t, z):
         """Return z' on the branch of a state."""
         unit = self.unit[: self.size]
-        return train_steps.rate(self.system, t, z * unit) / unit
+        return equation_of_motion.train_rate(self.system, t, z * unit) / unit
 
     def forces(self, t, z, segments, codes):
         """Return (elastic forces of the meshes, their rates by phase)."""
         full = self.full(t, z)
         c = self.system.stiffness[codes + 1, segments[:, None], self._meshes] * (codes != BACKLASH)
         near, far = (
-            np.stack([full @ rows[line].T for rows in (self._lines, self._rates)])
+            np.stack([full @ rows[line].T for rows in (self.distances, self._rates)])
             for line in (NEAR, FAR)
         )
         # Nothing is far behind a flank that is not there.
