@@ -40,7 +40,7 @@ class Heyoka(Integrator):
     def solver(self, model, tuning, span, tol):
         """Return the run of a tuning; see `Integrator.solver`."""
         kind = _Meshes if model.equation is None else _OneDegree
-        return kind(problem_of(model, tuning), tol)
+        return kind(problem_of(model, tuning), tol=tol)
 
 
 @lru_cache(maxsize=64)
@@ -62,17 +62,15 @@ def _compiled(thread, equations, events, tol):
 class _Run(Split):
     """A run by compiled integrators, restarted for each phase."""
 
-    def __init__(self, problem, tol):
-        super().__init__(problem)
-        self.tol = tol
-
     def branch(self, turn, start, z, segment, codes, exits):
         """Return (integrator, views of its state and parameters, their values, lines met)."""
         raise NotImplementedError
 
     def compiled(self, equations, events):
         """Return (integrator, views of its state and parameters) of this thread."""
-        return _compiled(threading.get_ident(), tuple(equations), tuple(events), self.tol)
+        return _compiled(
+            threading.get_ident(), tuple(equations), tuple(events), self.settings["tol"]
+        )
 
     def solve(self, turn, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
@@ -123,7 +121,7 @@ class _OneDegree(_Run):
     OFF = 1e-15
 
     def __init__(self, problem, tol):
-        super().__init__(problem, tol)
+        super().__init__(problem, tol=tol)
         self._branches: dict = {}
 
     def branch(self, turn, start, z, segment, codes, exits):
@@ -183,7 +181,7 @@ class _Meshes(_Run):
     def __init__(self, problem, tol):
         import heyoka as hy
 
-        super().__init__(problem, tol)
+        super().__init__(problem, tol=tol)
         finite = np.isfinite(problem.gaps)
         self._flanks = [(j, line) for j in self.meshes for line in range(1 + finite[j])]
         distances = np.array([problem.distances[line, j] for j, line in self._flanks])

@@ -2,30 +2,14 @@
 
 A branch of a model is one segment of constant stiffness with one contact code for each of its m
 meshes. Where t is an array, shape (k,), states have a row for each, shape (k, size), and so has
-what a problem returns. Both classes offer
+what a problem returns. Both classes have the attributes
 
 ``starts, first, low``
     phases that bound the segments, where the mesh periods begin among them, and which segments lie
     below the mean: by contact code + 1, segment and mesh;
 ``repeats, gaps, closing``
     mesh periods after which the excitation repeats; of each mesh its backlash in static
-    deflections, and whether both flanks might touch at once;
-``start(state)``
-    (z, contact codes) at phase 0, ``ends(t, z)`` what a run returns of a state;
-``rate(t, z, segment, codes)``
-    z' on a branch, ``field(t, z)`` the same on that of the state;
-``lines(t, z)``
-    distances from near and far flanks, (2, m), ``speeds(t, z)`` their rates by phase;
-``observe(t, z)``
-    (displacements, velocities) of the meshes;
-``forces(t, z, segments, codes)``
-    elastic forces of the meshes and their rates by phase;
-``put(t, z, mesh, line, distance)``
-    move z to a distance from a line;
-``jammed(t, z)``
-    whether both flanks touch at once;
-``fill(samples, t, z, segments, codes)``
-    the sample table of states on branches.
+    deflections, and whether both flanks might touch at once.
 """
 
 from typing import Any
@@ -56,7 +40,7 @@ def codes_of(lines):
 
 
 class _Problem:
-    """What both have in common."""
+    """Segments and contact of a right-hand side."""
 
     starts: Any
     lines: Any
@@ -107,15 +91,15 @@ class OneDegree(_Problem):
         return float(z[0]), float(z[1])
 
     def lines(self, t, z):
-        """Return the distances from near and far flank."""
+        """Return the distances from near and far flanks, shape (2, m)."""
         return (z[..., :1] - self._edges)[..., None]
 
     def speeds(self, t, z):
-        """Return their rates."""
+        """Return the rates of `lines` by phase, the same on every branch."""
         return np.full((2, 1), z[1])
 
     def observe(self, t, z):
-        """Return (displacement, velocity)."""
+        """Return (displacements, velocities) of the meshes."""
         return z[..., :1], z[..., 1:]
 
     def put(self, t, z, mesh, line, distance):
@@ -123,7 +107,7 @@ class OneDegree(_Problem):
         z[0] += distance - (z[0] - self._edges[line])
 
     def jammed(self, t, z):
-        """Return whether both flanks touch at once: edges stand still."""
+        """Return whether both flanks touch at once: those of one mesh stand still."""
         return False
 
     def rate(self, t, z, segment, codes):
@@ -144,19 +128,18 @@ class OneDegree(_Problem):
     def rates_of_steps(self, start, z, end, new):
         """Return z' at the starts and ends of steps, each with the stiffness inside the step."""
         first, last = self.segment(start), self.segment(end - 2.0 * SIDE)
-        return [
-            np.stack([y[:, 1], self._on_branches(t, y, p, self.codes(t, y))[2]], axis=1)
-            for t, y, p in ((start, z, first), (end, new, last))
-        ]
+        ends = (start, z, first), (end, new, last)
+        accelerations = [self._on_branches(t, y, p, self.codes(t, y))[2] for t, y, p in ends]
+        return np.stack([[z[:, 1], new[:, 1]], accelerations], axis=-1)
 
     def forces(self, t, z, segments, codes):
-        """Return (force, 0): nobody asks one mesh for its mean force."""
+        """Return (elastic force, 0): nobody asks one mesh for its mean force."""
         c, g, _ = self._on_branches(t, z, segments, codes)
         forces = (self.tuning**2 * c * g)[:, None]
         return forces, np.zeros_like(forces)
 
     def fill(self, samples, t, z, segments, codes):
-        """Fill samples, shape (k, 6)."""
+        """Fill the sample table, shape (k, 6), with states on branches."""
         c, g, a = self._on_branches(t, z, segments, codes)
         c = self.tuning**2 * c
         samples[:] = np.stack([z[:, 0], z[:, 1], a, codes[:, 0], c, c * g], axis=1)
@@ -191,15 +174,10 @@ class Linear(_Problem):
 
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
-        if isinstance(t, np.ndarray):
-            whole = np.empty((len(t), self.unit.size))
-            # Of one layout, since kernels are compiled for each.
-            states = np.ascontiguousarray(z)
-            equation_of_motion.set_states(self.system.harmonics, t, states, whole)
-            return whole
-        whole = np.empty(self.unit.size)
-        whole[: self.size] = z
-        set_harmonics(self.system.harmonics, whole, t)
+        whole = np.empty((*np.shape(t), self.unit.size))
+        whole[..., : self.size] = z
+        fill = set_harmonics if whole.ndim == 1 else equation_of_motion.set_harmonics_of_rows
+        fill(self.system.harmonics, whole, t)
         return whole
 
     def start(self, state):
@@ -225,7 +203,7 @@ class Linear(_Problem):
         return np.moveaxis(lines, 0, 1) if isinstance(t, np.ndarray) else lines
 
     def speeds(self, t, z):
-        """Return their rates by phase, the same on every branch."""
+        """Return the rates of `lines` by phase, the same on every branch."""
         return self._rates @ self.full(t, z)
 
     def observe(self, t, z):
@@ -265,6 +243,10 @@ class Linear(_Problem):
         """Return z' on the branch of a state."""
         unit = self.unit[: self.size]
         return equation_of_motion.train_rate(self.system, t, z * unit) / unit
+
+    def rates_of_steps(self, start, z, end, new):
+        """Return the slope of the straight line, for the starts and ends of steps."""
+        return np.stack(2 * [(new - z) / (end - start)[:, None]])
 
     def forces(self, t, z, segments, codes):
         """Return (elastic forces of the meshes, their rates by phase)."""

@@ -234,8 +234,7 @@ def jammed(system, closing, t, z):
 
 
 @kernel
-def set_states(frequencies, phases, states, full):
-    """Fill rows of `full`, shape (k, n), with states, shape (k, size), constant and harmonics."""
+def set_harmonics_of_rows(frequencies, states, phases):
+    """Set the constant and the harmonics of rows of states, shape (k, n), at phases."""
     for i in range(phases.shape[0]):
-        full[i, : states.shape[1]] = states[i]
-        set_harmonics(frequencies, full[i], phases[i])
+        set_harmonics(frequencies, states[i], phases[i])

@@ -171,7 +171,7 @@ def take_steps(m, scheme, tables, a, states):
 def take_train_steps(system, closing, period, steps, states, largest):
     """Fill states, shape (k + 1, size), from the first, at the start of a mesh period.
 
-    Returns (status, steps taken): the run ends where a state leaves `largest`, or is NaN, and
+    Returns (status, evaluations): the run ends where a state leaves `largest`, or is NaN, and
     where flanks are `jammed`.
     """
     h = 2.0 * math.pi / steps
@@ -183,7 +183,7 @@ def take_train_steps(system, closing, period, steps, states, largest):
         k4 = train_rate(system, t + h, z + h * k3)
         states[i + 1] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         if jammed(system, closing, t + h, states[i + 1]):
-            return JAMMED, i + 1
+            return JAMMED, 4 * (i + 1)
         if not np.abs(states[i + 1]).max() < largest:
-            return OVERFLOW, i + 1
-    return OK, states.shape[0] - 1
+            return OVERFLOW, 4 * (i + 1)
+    return OK, 4 * (states.shape[0] - 1)
