@@ -1,21 +1,7 @@
 """Methods behind the one ``method=`` name: each says which models it takes, and runs them.
 
-====================  ==========================================================================
-module                responsibility
-====================  ==========================================================================
-``method``            what all methods share: description, options, packages, sweeps
-``propagators``       "exact", closed forms between events, and "taylor", Taylor steps to events
-``fixed_steps``       for comparison: "rk4", "newmark", "generalised_alpha"
-``embedded_pair``     for comparison: "rk45", as ode45, and "smoothed", contact smoothed by tanh
-``scipy_ivp``         for comparison: "scipy", its solvers as they come or split at events
-``heyoka``            for comparison: "heyoka", Taylor steps compiled for each model structure
-``right_hand_sides``  models as right-hand sides, any number of meshes
-``recording``         a run of these methods, and its record
-``split``             runs split at switches of stiffness and at contact
-====================  ==========================================================================
-
-A method is a `method.Integrator` in the table ``METHODS`` of its module; a solver from a package of
-others names it as ``PACKAGE`` and imports it where it runs.
+A method is a `method.Integrator` in the table ``METHODS`` of its module. A solver from another
+package names that as ``PACKAGE`` and imports it where it runs.
 """
 
 from collections import UserDict
@@ -39,17 +25,15 @@ class _Methods(UserDict):
 
 
 METHODS = _Methods(
-    {
-        "exact": "propagators",
-        "taylor": "propagators",
-        "rk4": "fixed_steps",
-        "rk45": "embedded_pair",
-        "newmark": "fixed_steps",
-        "generalised_alpha": "fixed_steps",
-        "scipy": "scipy_ivp",
-        "smoothed": "embedded_pair",
-        "heyoka": "heyoka",
-    }
+    exact="propagators",
+    taylor="propagators",
+    rk4="fixed_steps",
+    rk45="embedded_pair",
+    newmark="fixed_steps",
+    generalised_alpha="fixed_steps",
+    scipy="scipy_ivp",
+    smoothed="embedded_pair",
+    heyoka="heyoka",
 )
 
 #: Methods that are chosen where none is named; the others are for comparison.
@@ -77,10 +61,9 @@ def about(name):
     """Return the `Method` of a name; no other is loaded."""
     method = METHODS[name]
     options = {key: (option.default, option.meaning) for key, option in method.OPTIONS.items()}
-    description = Method(name, method.ORDER, method.EVENTS, method.MODELS, options)
-    if method.PACKAGE is None:
-        return description
-    return description._replace(available=method.PACKAGE.available(), note=method.PACKAGE.note())
+    package = method.PACKAGE
+    requirement = () if package is None else (package.available(), package.note())
+    return Method(name, method.ORDER, method.EVENTS, method.MODELS, options, *requirement)
 
 
 def _takers(model):
@@ -89,13 +72,10 @@ def _takers(model):
 
 def refusal(model, name):
     """Return why a method does not take a model, a clause; empty where it does."""
-    method = METHODS[name]
+    method, kind = METHODS[name], type(model).__name__
     if method.takes(model):
         return ""
-    return (
-        f"method = {name!r} is not allowed for this {type(model).__name__}: it takes "
-        f"{method.MODELS}"
-    )
+    return f"method = {name!r} is not allowed for this {kind}: it takes {method.MODELS}"
 
 
 def choose(model, name, options):

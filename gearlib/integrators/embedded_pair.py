@@ -35,7 +35,7 @@ class EmbeddedPair(Integrator):
     def solver(self, model, tuning, span, rtol, atol, max_step):
         """Return the run of a tuning; see `Integrator.solver`."""
         control = Control(rtol, atol, max_step or 0.1 * TURN * span.periods)
-        return _Run(OneDegree(model, tuning), control)
+        return _Run(OneDegree(model, tuning), control=control)
 
 
 class Smoothed(Integrator):
@@ -63,27 +63,20 @@ class Smoothed(Integrator):
     def solver(self, model, tuning, span, sharpness, rtol):
         """Return the run of a tuning; see `Integrator.solver`."""
         control = Control(rtol, rtol, 0.1 * TURN * span.periods)
-        return _Run(OneDegree(model, tuning, sharpness), control)
+        return _Run(OneDegree(model, tuning, sharpness), control=control)
 
 
 class _Run(Run):
     """A run under step control."""
 
-    def __init__(self, problem, control):
-        super().__init__(problem)
-        self.control = control
-
     def go(self, z, codes):
         """Go through the run; return (z, status)."""
         problem, end, place = self.problem, TURN * self.periods, np.zeros(3)
-        t, states, stages = (
-            np.zeros(_STEPS + 1),
-            np.empty((_STEPS + 1, 2)),
-            np.empty((_STEPS, 7, 2)),
-        )
+        t, states = np.zeros(_STEPS + 1), np.empty((_STEPS + 1, 2))
+        stages = np.empty((_STEPS, 7, 2))
         states[0], wanted = z, TURN * min(self.first, self.strobe)
         while t[0] < end:
-            law = problem.law, problem.contact, self.control
+            law = problem.law, problem.contact, self.settings["control"]
             count, code, evaluations = take_embedded_steps(
                 *law, wanted, end, self.limit, place, t, states, stages
             )

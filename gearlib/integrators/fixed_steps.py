@@ -8,11 +8,10 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import OK
-from gearlib.integrators.method import STEPS_PER_PERIOD, Integrator, Option
+from gearlib.integrators.method import Integrator, Option
 from gearlib.integrators.recording import RANGE, TURN, Run
-from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps
-from gearlib.integrators.steps.train_steps import take_runge_kutta_steps
+from gearlib.integrators.right_hand_sides import OneDegree, problem_of
+from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps, take_train_steps
 
 #: Steps that are taken and recorded at a time.
 _STEPS = 8_192
@@ -22,14 +21,17 @@ class FixedSteps(Integrator):
     """A method in fixed steps; a subclass gives its `Scheme`."""
 
     EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
-
+    OPTIONS = {
+        "steps_per_period": Option(
+            200, partial(checks.integer, low=1), "equal steps of one mesh period"
+        )
+    }
     #: ``scheme(**options)`` returns the `Scheme` of the options besides the steps.
     scheme: Any
 
     def solver(self, model, tuning, span, steps_per_period, **options):
         """Return the run of a tuning; see `Integrator.solver`."""
-        kind = _Trains if model.mesh_names else _OneMesh
-        return kind(problem_of(model, tuning), steps_per_period, self.scheme(**options))
+        return _Run(problem_of(model, tuning), steps_per_period, self.scheme(**options))
 
 
 class RungeKutta(FixedSteps):
@@ -37,7 +39,6 @@ class RungeKutta(FixedSteps):
 
     ORDER = 4
     MODELS = f"{Integrator.MODELS}, or gear trains"
-    OPTIONS = {"steps_per_period": STEPS_PER_PERIOD}
 
     def takes(self, model):
         """Return whether the model is one mesh with one degree of freedom, or a gear train."""
@@ -53,7 +54,7 @@ class Newmark(FixedSteps):
 
     ORDER = 2
     OPTIONS = {
-        "steps_per_period": STEPS_PER_PERIOD,
+        **FixedSteps.OPTIONS,
         "contact": Option(
             "iterated",
             partial(checks.one_of, choices=("frozen", "iterated")),
@@ -92,20 +93,38 @@ class GeneralisedAlpha(FixedSteps):
         return Scheme(False, contact == "iterated", alpha_m, alpha_f, beta, gamma)
 
 
-class _Steps(Run):
-    """A run in equal steps of a mesh period; a subclass takes them."""
+class _Run(Run):
+    """A run in equal steps of a mesh period."""
 
     def __init__(self, problem, steps, scheme):
         super().__init__(problem)
         self.steps, self.scheme = steps, scheme
+        if isinstance(problem, OneDegree):
+            share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
+            self.nodes, self.acceleration = nodes(problem.law, steps, share), math.nan
 
     def take(self, period, states):
         """Fill states, shape (k + 1, size), from the first, at a period; return the status."""
-        raise NotImplementedError
+        problem = self.problem
+        if isinstance(problem, OneDegree):
+            code, evaluations, self.acceleration = take_steps(
+                problem.contact, self.scheme, self.nodes, self.acceleration, states
+            )
+        else:
+            code, evaluations = take_train_steps(
+                problem.system, problem.closing, period, self.steps, states, RANGE
+            )
+        self.evaluations += evaluations
+        return code
 
     def between(self, t, z, phases):
-        """Return the states at phases between the step ends (t, z)."""
-        raise NotImplementedError
+        """Return states at phases: cubics through step ends (t, z) and the rates there."""
+        i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
+        h = (t[i + 1] - t[i])[:, None]
+        share, rise = (phases - t[i])[:, None] / h, z[i + 1] - z[i]
+        first, last = h * self.problem.rates_of_steps(t[i], z[i], t[i + 1], z[i + 1])
+        bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+        return z[i] + share * (first + share * (bend + share * twist))
 
     def go(self, z, codes):
         """Go through the run; return (z, status)."""
@@ -126,47 +145,6 @@ class _Steps(Run):
                 self.record(n, phases, states, partial(self.between, phases, states))
             z, n = states[-1].copy(), n + count
         return z, OK
-
-
-class _OneMesh(_Steps):
-    def __init__(self, problem, steps, scheme):
-        super().__init__(problem, steps, scheme)
-        share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
-        self.nodes, self.acceleration = nodes(problem.law, steps, share), math.nan
-
-    def take(self, period, states):
-        contact, a = self.problem.contact, self.acceleration
-        code, evaluations, a = take_steps(contact, self.scheme, self.nodes, a, states)
-        self.evaluations, self.acceleration = self.evaluations + evaluations, a
-        return code
-
-    def between(self, t, z, phases):
-        """Return the cubics through displacements and velocities, and their rates, at step ends."""
-        i, share = _step_of(t, phases)
-        h = (t[i + 1] - t[i])[:, None]
-        first, last = self.problem.rates_of_steps(t[i], z[i], t[i + 1], z[i + 1])
-        rise, first, last = z[i + 1] - z[i], h * first, h * last
-        bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
-        return z[i] + share * (first + share * (bend + share * twist))
-
-
-class _Trains(_Steps):
-    def take(self, period, states):
-        system, closing = self.problem.system, self.problem.closing
-        code, taken = take_runge_kutta_steps(system, closing, period, self.steps, states, RANGE)
-        self.evaluations += 4 * taken
-        return code
-
-    def between(self, t, z, phases):
-        """Return the straight lines between step ends."""
-        i, share = _step_of(t, phases)
-        return z[i] + share * (z[i + 1] - z[i])
-
-
-def _step_of(t, phases):
-    """Return which steps between t, shape (k + 1,), phases lie in, and at which share of them."""
-    i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
-    return i, ((phases - t[i]) / (t[i + 1] - t[i]))[:, None]
 
 
 METHODS = {

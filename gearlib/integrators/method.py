@@ -1,7 +1,6 @@
 """What all methods share: their description, options, needed package, and sweeps as a loop."""
 
 from collections.abc import Callable
-from functools import partial
 from importlib.util import find_spec
 from typing import Any, ClassVar, NamedTuple
 
@@ -37,7 +36,6 @@ class Package(NamedTuple):
 
 
 #: Options of several methods.
-STEPS_PER_PERIOD = Option(200, partial(checks.integer, low=1), "equal steps of one mesh period")
 RELATIVE = Option(1e-3, checks.finite_positive, "relative tolerance of a step")
 ABSOLUTE = Option(
     1e-6, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"

@@ -18,11 +18,7 @@ RANGE = 1e150
 #: Rounding of the phase of a long run: a period that starts so close to a step begins with it.
 SAME_PHASE = 1e-9
 #: Column of a summary that holds the time at each contact code.
-_TIMES = {
-    NORMAL: orbit.TIME_NORMAL,
-    BACKLASH: orbit.TIME_BACKLASH,
-    INVERSE: orbit.TIME_INVERSE,
-}
+_TIMES = {NORMAL: orbit.TIME_NORMAL, BACKLASH: orbit.TIME_BACKLASH, INVERSE: orbit.TIME_INVERSE}
 
 
 def within_range(z):
@@ -41,8 +37,8 @@ class Run:
     Phases are counted from the start of a mesh period n, so that rounding does not grow with it.
     """
 
-    def __init__(self, problem):
-        self.problem, self.evaluations = problem, 0
+    def __init__(self, problem, **settings):
+        self.problem, self.settings, self.evaluations = problem, settings, 0
         self.meshes = range(len(problem.gaps))
         # Time below the mean since phase 0, by contact code + 1 and mesh.
         spans = np.diff(problem.starts)[:, None] * problem.low

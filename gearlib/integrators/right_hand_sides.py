@@ -2,30 +2,14 @@
 
 A branch of a model is one segment of constant stiffness with one contact code for each of its m
 meshes. Where t is an array, shape (k,), states have a row for each, shape (k, size), and so has
-what a problem returns. Both classes offer
+what a problem returns. Both classes have the attributes
 
 ``starts, first, low``
     phases that bound the segments, where the mesh periods begin among them, and which segments lie
     below the mean: by contact code + 1, segment and mesh;
 ``repeats, gaps, closing``
     mesh periods after which the excitation repeats; of each mesh its backlash in static
-    deflections, and whether both flanks might touch at once;
-``start(state)``
-    (z, contact codes) at phase 0, ``ends(t, z)`` what a run returns of a state;
-``rate(t, z, segment, codes)``
-    z' on a branch, ``field(t, z)`` the same on that of the state;
-``lines(t, z)``
-    distances from near and far flanks, (2, m), ``speeds(t, z)`` their rates by phase;
-``observe(t, z)``
-    (displacements, velocities) of the meshes;
-``forces(t, z, segments, codes)``
-    elastic forces of the meshes and their rates by phase;
-``put(t, z, mesh, line, distance)``
-    move z to a distance from a line;
-``jammed(t, z)``
-    whether both flanks touch at once;
-``fill(samples, t, z, segments, codes)``
-    the sample table of states on branches.
+    deflections, and whether both flanks might touch at once.
 """
 
 from typing import Any
@@ -37,7 +21,7 @@ from gearlib.engines.linear.grid import work_of
 from gearlib.engines.linear.train_run import set_contacts
 from gearlib.engines.linear.train_system import matrix_of, set_harmonics
 from gearlib.engines.pair.motion import contact_between
-from gearlib.integrators.steps import equation_of_motion, train_steps
+from gearlib.integrators.steps import equation_of_motion
 from gearlib.integrators.steps.equation_of_motion import SIDE
 
 #: Flank lines of a mesh.
@@ -56,7 +40,7 @@ def codes_of(lines):
 
 
 class _Problem:
-    """What both have in common."""
+    """Segments and contact of a right-hand side."""
 
     starts: Any
     lines: Any
@@ -107,15 +91,15 @@ class OneDegree(_Problem):
         return float(z[0]), float(z[1])
 
     def lines(self, t, z):
-        """Return the distances from near and far flank."""
+        """Return the distances from near and far flanks, shape (2, m)."""
         return (z[..., :1] - self._edges)[..., None]
 
     def speeds(self, t, z):
-        """Return their rates."""
+        """Return the rates of `lines` by phase, the same on every branch."""
         return np.full((2, 1), z[1])
 
     def observe(self, t, z):
-        """Return (displacement, velocity)."""
+        """Return (displacements, velocities) of the meshes."""
         return z[..., :1], z[..., 1:]
 
     def put(self, t, z, mesh, line, distance):
@@ -123,7 +107,7 @@ class OneDegree(_Problem):
         z[0] += distance - (z[0] - self._edges[line])
 
     def jammed(self, t, z):
-        """Return whether both flanks touch at once: edges stand still."""
+        """Return whether both flanks touch at once: those of one mesh stand still."""
         return False
 
     def rate(self, t, z, segment, codes):
@@ -144,19 +128,18 @@ class OneDegree(_Problem):
     def rates_of_steps(self, start, z, end, new):
         """Return z' at the starts and ends of steps, each with the stiffness inside the step."""
         first, last = self.segment(start), self.segment(end - 2.0 * SIDE)
-        return [
-            np.stack([y[:, 1], self._on_branches(t, y, p, self.codes(t, y))[2]], axis=1)
-            for t, y, p in ((start, z, first), (end, new, last))
-        ]
+        ends = (start, z, first), (end, new, last)
+        accelerations = [self._on_branches(t, y, p, self.codes(t, y))[2] for t, y, p in ends]
+        return np.stack([[z[:, 1], new[:, 1]], accelerations], axis=-1)
 
     def forces(self, t, z, segments, codes):
-        """Return (force, 0): nobody asks one mesh for its mean force."""
+        """Return (elastic force, 0): nobody asks one mesh for its mean force."""
         c, g, _ = self._on_branches(t, z, segments, codes)
         forces = (self.tuning**2 * c * g)[:, None]
         return forces, np.zeros_like(forces)
 
     def fill(self, samples, t, z, segments, codes):
-        """Fill samples, shape (k, 6)."""
+        """Fill the sample table, shape (k, 6), with states on branches."""
         c, g, a = self._on_branches(t, z, segments, codes)
         c = self.tuning**2 * c
         samples[:] = np.stack([z[:, 0], z[:, 1], a, codes[:, 0], c, c * g], axis=1)
@@ -181,25 +164,20 @@ class Linear(_Problem):
         self.unit = np.ones(len(system.free))
         if not self._train:
             self.unit[:size] = self.propagator.scale
-        self._lines = self.unit * np.stack([system.near, system.far])
-        self._columns = np.moveaxis(self._lines, 2, 1).copy()
+        self.distances = self.unit * np.stack([system.near, system.far])
+        self._columns = np.moveaxis(self.distances, 2, 1).copy()
         self._rates = self.unit * np.stack([self._grid.rate, self._grid.far_rate]) / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.near))
         # Moves of the coordinates that change the distance of one mesh only.
-        self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self._lines]
+        self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self.distances]
 
     def full(self, t, z):
         """Return z with the constant and the harmonics at a phase."""
-        if isinstance(t, np.ndarray):
-            whole = np.empty((len(t), self.unit.size))
-            # Of one layout, since kernels are compiled for each.
-            states = np.ascontiguousarray(z)
-            train_steps.set_states(self.system.harmonics, t, states, whole)
-            return whole
-        whole = np.empty(self.unit.size)
-        whole[: self.size] = z
-        set_harmonics(self.system.harmonics, whole, t)
+        whole = np.empty((*np.shape(t), self.unit.size))
+        whole[..., : self.size] = z
+        fill = set_harmonics if whole.ndim == 1 else equation_of_motion.set_harmonics_of_rows
+        fill(self.system.harmonics, whole, t)
         return whole
 
     def start(self, state):
@@ -225,44 +203,57 @@ class Linear(_Problem):
         return np.moveaxis(lines, 0, 1) if isinstance(t, np.ndarray) else lines
 
     def speeds(self, t, z):
-        """Return their rates by phase, the same on every branch."""
+        """Return the rates of `lines` by phase, the same on every branch."""
         return self._rates @ self.full(t, z)
 
     def observe(self, t, z):
         """Return (displacements, velocities) of the meshes."""
         full = self.full(t, z)
-        return full @ self._lines[NEAR].T, full @ self._rates[NEAR].T
+        return full @ self.distances[NEAR].T, full @ self._rates[NEAR].T
 
     def put(self, t, z, mesh, line, distance):
         """Move z to a distance from a line."""
-        distance = distance - float(self._lines[line, mesh] @ self.full(t, z))
+        distance = distance - float(self.distances[line, mesh] @ self.full(t, z))
         z[: self.size // 2] += self._apart[line][:, mesh] * distance
 
     def jammed(self, t, z):
         """Return whether both flanks touch at once in a mesh."""
-        return train_steps.jammed(self.system, self.closing, t, z * self.unit[: self.size])
+        return equation_of_motion.jammed(self.system, self.closing, t, z * self.unit[: self.size])
 
-    def rate(self, t, z, segment, codes):
-        """Return z' on a branch."""
+    def couplings(self):
+        """Return which entries of `matrix` differ from zero on any branch, bool."""
+        push, grip = self.system.push[..., : self.size, None], self.system.grip[..., None, :]
+        return (self.system.free[: self.size] != 0.0) | (push * grip != 0.0).any(axis=(0, 1, 2))
+
+    def matrix(self, segment, codes):
+        """Return the matrix of a branch, from z, the constant and the harmonics to z'."""
         key = segment, codes.tobytes()
         if key not in self._matrices:
             whole = np.empty_like(self.system.free)
             matrix_of(self.system, self.system.effect[codes + 1, segment, self._meshes], whole)
             rows = whole[: self.size] / self.unit[: self.size, None]
             self._matrices[key] = rows * self.unit / self.tuning
-        return self._matrices[key] @ self.full(t, z)
+        return self._matrices[key]
+
+    def rate(self, t, z, segment, codes):
+        """Return z' on a branch."""
+        return self.matrix(segment, codes) @ self.full(t, z)
 
     def field(self, t, z):
         """Return z' on the branch of a state."""
         unit = self.unit[: self.size]
-        return train_steps.rate(self.system, t, z * unit) / unit
+        return equation_of_motion.train_rate(self.system, t, z * unit) / unit
+
+    def rates_of_steps(self, start, z, end, new):
+        """Return the slope of the straight line, for the starts and ends of steps."""
+        return np.stack(2 * [(new - z) / (end - start)[:, None]])
 
     def forces(self, t, z, segments, codes):
         """Return (elastic forces of the meshes, their rates by phase)."""
         full = self.full(t, z)
         c = self.system.stiffness[codes + 1, segments[:, None], self._meshes] * (codes != BACKLASH)
         near, far = (
-            np.stack([full @ rows[line].T for rows in (self._lines, self._rates)])
+            np.stack([full @ rows[line].T for rows in (self.distances, self._rates)])
             for line in (NEAR, FAR)
         )
         # Nothing is far behind a flank that is not there.

@@ -45,27 +45,23 @@ class Scipy(Integrator):
     def solver(self, model, tuning, span, solver, rtol, atol, events):
         """Return the run of a tuning; see `Integrator.solver`."""
         kind = _Split if events else _Whole
-        return kind(problem_of(model, tuning), solver, rtol, atol)
+        return kind(problem_of(model, tuning), method=solver, rtol=rtol, atol=atol)
 
 
 class _Whole(Run):
     """One run over the whole span."""
 
-    def __init__(self, problem, solver, rtol, atol):
-        super().__init__(problem)
-        self.solver, self.rtol, self.atol = solver, rtol, atol
-
-    def _rate(self, t, z):
-        """Return dz/dtau."""
-        self.evaluations += 1
-        return self.problem.field(t, z)
-
     def go(self, z, codes):
         """Go through the run; return (z, status)."""
         from scipy import integrate
 
-        kind, end = getattr(integrate, self.solver), TURN * self.periods
-        solver = kind(self._rate, 0.0, z, end, rtol=self.rtol, atol=self.atol)
+        def rate(t, z):
+            self.evaluations += 1
+            return self.problem.field(t, z)
+
+        tolerances = dict(self.settings)
+        kind = getattr(integrate, tolerances.pop("method"))
+        solver = kind(rate, 0.0, z, TURN * self.periods, **tolerances)
         counted, period, steps = 0, 0, []
         if self.strobe == 0:
             self.add_strobes(np.array([0]), z[None])
@@ -107,19 +103,9 @@ class _Whole(Run):
 class _Split(Split):
     """Runs of `solve_ivp` with terminal events."""
 
-    def __init__(self, problem, solver, rtol, atol):
-        super().__init__(problem)
-        self.solver, self.rtol, self.atol = solver, rtol, atol
-
-    def _crossing(self, turn, leave):
-        """Return the event function of an exit in a mesh period that starts at a phase."""
-
-        def function(t, z):
-            return self.problem.lines(turn + t, z)[leave.line][leave.mesh]
-
-        function.terminal = True  # type: ignore[attr-defined]
-        function.direction = leave.direction  # type: ignore[attr-defined]
-        return function
+    def _distance(self, turn, leave, t, z):
+        """Return the distance from the line of an exit, in the mesh period from `turn` on."""
+        return self.problem.lines(turn + t, z)[leave.line][leave.mesh]
 
     def solve(self, turn, start, end, z, segment, codes, exits):
         """Take one phase; see `Split`."""
@@ -129,21 +115,20 @@ class _Split(Split):
             self.evaluations += 1
             return self.problem.rate(turn + t, z, segment, codes)
 
+        events = [partial(self._distance, turn, leave) for leave in exits]
+        for event, leave in zip(events, exits, strict=True):
+            vars(event).update(terminal=True, direction=leave.direction)
         done = solve_ivp(
             rate,
             (start, end),
             z,
-            method=self.solver,
-            rtol=self.rtol,
-            atol=self.atol,
             dense_output=self.keep and self.taken < len(self.samples),
-            events=[self._crossing(turn, leave) for leave in exits],
+            events=events,
+            **self.settings,
         )
         if done.status < 0:
             raise Stall
-        hit = None
-        if done.status == 1:
-            hit = next(i for i, times in enumerate(done.t_events) if times.size)
+        hit = next((i for i, times in enumerate(done.t_events) if times.size), None)
         dense = (lambda times: done.sol(times).T) if done.sol is not None else None
         return Phase(done.t, done.y.T, hit, dense)
 

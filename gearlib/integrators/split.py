@@ -48,8 +48,8 @@ class Split(Run):
     #: function that is zero there is found at once, or hides its next zero.
     OFF = 1e-14
 
-    def __init__(self, problem):
-        super().__init__(problem)
+    def __init__(self, problem, **settings):
+        super().__init__(problem, **settings)
         starts, first = problem.starts, problem.first.tolist()
         #: Of each mesh period: rows (segment, its start, its end).
         self._pieces = []

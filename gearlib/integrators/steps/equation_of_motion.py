@@ -1,6 +1,6 @@
-"""The equation of motion of one degree of freedom at one phase and state, for methods with steps.
+"""Equations of motion at one phase and state, for methods with steps.
 
-In static deflections and mesh phase
+That of one degree of freedom is, in static deflections and mesh phase,
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.linear.train_system import behind, dot, set_harmonics
 
 #: Phases this close to a switch of stiffness count as the switch: far above the rounding of a
 #: phase, far below any step.
@@ -187,3 +188,53 @@ def on_branches(m, law, phases, pieces, codes, states):
         g, a = on_branch(m, code, c, f, states[i, 0], states[i, 1])
         table[i, 0], table[i, 1], table[i, 2] = c, g, a
     return table
+
+
+@kernel
+def train_rate(system, t, z):
+    """Return dz/dtau of a `TrainSystem` at a phase, z of shape (2 N,); contact is that of z."""
+    size = z.shape[0]
+    full, out = np.empty(system.free.shape[0]), np.empty(size)
+    for i in range(size):
+        full[i] = z[i]
+    set_harmonics(system.harmonics, full, t)
+    place, segment = (t + SIDE) % system.starts[-1], 0
+    while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= place:
+        segment += 1
+    for r in range(size):
+        out[r] = dot(system.free[r], full)
+    for j in range(system.near.shape[0]):
+        code = BACKLASH
+        if dot(system.near[j], full) >= 0.0:
+            code = NORMAL
+        elif dot(system.far[j], full) <= 0.0:
+            code = INVERSE
+        effect = system.effect[code + 1, segment, j]
+        for k in range(2):
+            force = dot(system.grip[j, effect, k], full)
+            for r in range(size):
+                out[r] += system.push[j, effect, k, r] * force
+    for r in range(size):
+        out[r] /= system.tuning
+    return out
+
+
+@kernel
+def jammed(system, closing, t, z):
+    """Return whether both flanks touch at once in one of the meshes in which they might."""
+    if not closing.any():
+        return False
+    full = np.empty(system.free.shape[0])
+    full[: z.shape[0]] = z
+    set_harmonics(system.harmonics, full, t)
+    for j in range(closing.shape[0]):
+        if closing[j] and dot(system.near[j], full) >= 0.0 and behind(system.far[j], full):
+            return True
+    return False
+
+
+@kernel
+def set_harmonics_of_rows(frequencies, states, phases):
+    """Set the constant and the harmonics of rows of states, shape (k, n), at phases."""
+    for i in range(phases.shape[0]):
+        set_harmonics(frequencies, states[i], phases[i])

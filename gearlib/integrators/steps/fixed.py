@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import NOT_CONVERGED, OK, OVERFLOW
+from gearlib.engines.codes import JAMMED, NOT_CONVERGED, OK, OVERFLOW
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.integrators.steps.equation_of_motion import (
@@ -20,8 +20,10 @@ from gearlib.integrators.steps.equation_of_motion import (
     branch_of,
     damping_force,
     forces_at,
+    jammed,
     side_of,
     stiffness_at,
+    train_rate,
     waves_at,
 )
 
@@ -50,16 +52,14 @@ def nodes(law, steps, share):
     start of the step.
     """
     c, f = np.empty((steps, 3)), np.empty((steps, 3))
-    jumps = np.zeros(steps, dtype=np.bool_)
     for k in range(steps):
         for j, part in enumerate((0.0, share, 1.0)):
             phase = 2.0 * math.pi * ((k + part) / steps)
             side = -SIDE if part == 1.0 else SIDE
             c[k, j] = stiffness_at(law.breaks, law.pieces, law.stiffness, phase, side)
             f[k, j] = waves_at(law.force, phase)
-    for k in range(steps):
-        # Index -1 is the last step: the profile is periodic.
-        jumps[k] = abs(c[k, 0] - c[k - 1, 2]) > 1e-9 * c[k, 0]
+    # The profile is periodic.
+    jumps = np.abs(c[:, 0] - np.roll(c[:, 2], 1)) > 1e-9 * c[:, 0]
     return c, f, jumps
 
 
@@ -165,3 +165,25 @@ def take_steps(m, scheme, tables, a, states):
         if not converged:
             return NOT_CONVERGED, evaluations, a
     return OK, evaluations, a
+
+
+@kernel
+def take_train_steps(system, closing, period, steps, states, largest):
+    """Fill states, shape (k + 1, size), from the first, at the start of a mesh period.
+
+    Returns (status, evaluations): the run ends where a state leaves `largest`, or is NaN, and
+    where flanks are `jammed`.
+    """
+    h = 2.0 * math.pi / steps
+    for i in range(states.shape[0] - 1):
+        t, z = 2.0 * math.pi * (period + i // steps) + (i % steps) * h, states[i]
+        k1 = train_rate(system, t, z)
+        k2 = train_rate(system, t + h / 2.0, z + h / 2.0 * k1)
+        k3 = train_rate(system, t + h / 2.0, z + h / 2.0 * k2)
+        k4 = train_rate(system, t + h, z + h * k3)
+        states[i + 1] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        if jammed(system, closing, t + h, states[i + 1]):
+            return JAMMED, 4 * (i + 1)
+        if not np.abs(states[i + 1]).max() < largest:
+            return OVERFLOW, 4 * (i + 1)
+    return OK, 4 * (states.shape[0] - 1)
