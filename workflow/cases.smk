@@ -1,7 +1,7 @@
 """Several cases of the configuration side by side: the whole workflow once for each."""
 
 from gearlib import config as configuration
-from gearlib.config.studies import STUDIES
+from gearlib.config.configuration import TARGETS
 from workflow.refusal import refuse
 
 try:
@@ -36,13 +36,13 @@ rule all:
         of_all_cases("all"),
 
 
-for study in STUDIES:
+for target in TARGETS:
 
     rule:
         name:
-            study
+            target
         input:
-            of_all_cases(study),
+            of_all_cases(target),
 
 
 rule paper:

@@ -18,8 +18,6 @@ from gearlib.config.validation import as_typed, sentences, show, unknown_key
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
-#: Targets that are about the section `train`, whatever it is.
-OF_ANY_TRAIN = ("train_sweep", "campbell")
 
 
 class ConfigError(ValueError):
@@ -124,6 +122,7 @@ def chosen(merged, given):
     other one.
     """
     from gearlib.config.laying import laid_over
+    from gearlib.config.targets import OF_ANY_TRAIN
 
     named = given.get("cases")
     parts = [given, *(named.values() if isinstance(named, dict) else ())]

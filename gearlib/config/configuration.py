@@ -1,35 +1,64 @@
 """The whole configuration: its sections, and what must agree between them."""
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal, get_args
 
-from pydantic import Field, create_model, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from gearlib.config import measured_description
 from gearlib.config.agreement import MAX_JOBS, check_different, check_most
-from gearlib.config.experiments import Figures
+from gearlib.config.experiments import (
+    AnalyticMethod,
+    Branches,
+    Certificates,
+    Figures,
+    Jump,
+    Labels,
+    NonlinearDamping,
+    ParametricResonance,
+    PhaseLag,
+    PhasePlanes,
+    Resonance,
+    RunUps,
+)
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears
+from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
 from gearlib.config.measured_description import MeasuredPath
-from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Scene
-from gearlib.config.studies import STUDIES
-from gearlib.config.studies.of_trains import has_own_train, undamped
-from gearlib.config.studies.study import default, for_targets
-from gearlib.config.train_section import OF_PAIRS, Train
+from gearlib.config.reducer_section import Campbell, Reducer
+from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Models, Scene
+from gearlib.config.stiffness_section import HarrisMap, MeshStiffness
+from gearlib.config.targets import (
+    OF_ANY_TRAIN,
+    ONLY_IF_NAMED,
+    for_targets,
+    has_own_train,
+    refusal,
+    undamped,
+)
+from gearlib.config.tolerances_section import Tolerances
+from gearlib.config.train_section import OF_PAIRS, Train, TrainSweep
+from gearlib.config.trials import Failures, StabilityChart, WorkPrecision
 from gearlib.config.types import Name, ProjectName, Section, entry, listing
+from gearlib.models.pair_parameters import RATIOS, PairParameters
 
 #: Limits that catch a mistyped step or window before it fills a disk.
 MAX_TUNINGS = 10_000_000
 MAX_SAMPLES = 40_000_000
 
-Target = Literal[tuple(STUDIES)]
+Target = Literal[
+    *("phase_lag", "resonance", "run_ups", "phase_planes", "scenes", "claims", "jump", "labels"),
+    *("branches", "certificates", "nonlinear_damping", "models", "parametric_resonance"),
+    *("basins", "bifurcation", "poincare", "analytic_method", "stability_chart", "failures"),
+    *("work_precision", "reducer", "campbell", "train_sweep", "mesh_stiffness", "harris_map"),
+    *("measured", "tolerances"),
+]
+TARGETS = get_args(Target)
 
 #: Folders of results, whose names a project cannot have.
-_FOLDERS = {"figures", "tables", "logs", "benchmarks", "report"} | {
-    file.split("/")[0]
-    for study in STUDIES.values()
-    for job in study.jobs
-    for file in job.files
-    if "/" in file
+FOLDERS = {
+    *("figures", "tables", "logs", "benchmarks", "report", "resonance", "phase_planes", "scenes"),
+    *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
+    *("measured", "tolerances"),
 }
 
 #: Sections that name one of the dampings.
@@ -44,15 +73,15 @@ _OF_ONE_DAMPING = (
 )
 
 
-class _Common(Section):
-    """What the studies share, and what must agree between their sections."""
+class Config(Section):
+    """The configuration of the workflow."""
 
     # Each section is described by its own docstring.
     targets: listing(
         Target,
         "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
         "tongues where labels, branches and parametric_resonance are among them.",
-    ) = [name for name, study in STUDIES.items() if study.unasked]
+    ) = [name for name in TARGETS if name not in ONLY_IF_NAMED]
     project: ProjectName = entry(
         "Names the folder of its results, results/<project>/; the paper's have none. Default: "
         "the name of the file given by --configfile, if its gears are others.",
@@ -77,10 +106,30 @@ class _Common(Section):
     train: Train = Train.unchecked()
     scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
     figures: Figures
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...
+    phase_lag: PhaseLag
+    resonance: Resonance = Resonance.unchecked()
+    run_ups: RunUps
+    phase_planes: PhasePlanes = PhasePlanes.unchecked()
+    jump: Jump
+    labels: Labels = Labels.unchecked()
+    branches: Branches
+    certificates: Certificates = Certificates.unchecked()
+    nonlinear_damping: NonlinearDamping
+    models: Models = Models.unchecked()
+    parametric_resonance: ParametricResonance = ParametricResonance.unchecked()
+    basins: Basins
+    bifurcation: Bifurcation
+    poincare: Poincare
+    analytic_method: AnalyticMethod
+    stability_chart: StabilityChart
+    failures: Failures = Failures.unchecked()
+    work_precision: WorkPrecision
+    reducer: Reducer
+    campbell: Campbell = Campbell.unchecked()
+    train_sweep: TrainSweep
+    mesh_stiffness: MeshStiffness = MeshStiffness.unchecked()
+    harris_map: HarrisMap = HarrisMap.unchecked()
+    tolerances: Tolerances
 
     @field_validator("targets", mode="before")
     @classmethod
@@ -109,7 +158,7 @@ class _Common(Section):
         return self
 
     def _check_project(self):
-        if self.project in _FOLDERS:
+        if self.project in FOLDERS:
             raise ValueError(
                 f"project = {self.project!r} is not allowed: it must be another name, the paper's "
                 f"results have a folder results/{self.project}/"
@@ -125,12 +174,12 @@ class _Common(Section):
         found = {}
         asked = self.targets if "targets" in self.model_fields_set else self._said()
         for name in asked:
-            found.setdefault(STUDIES[name].refusal(self), []).append(name)
+            found.setdefault(refusal(name, self), []).append(name)
         return [for_targets(words, *names) for words, names in found.items() if words]
 
     def without_damping(self):
         """Return a sentence, or none, that asks for the damping of a train that targets move."""
-        moved = [name for name in self.wanted() if name in ("train_sweep", "campbell")]
+        moved = [name for name in self.wanted() if name in OF_ANY_TRAIN]
         words = undamped(self)
         return [for_targets(words, *moved)] if words and moved else []
 
@@ -148,7 +197,7 @@ class _Common(Section):
         if self.measured:
             asked.append("measured")
         asked = dict.fromkeys(asked)
-        return [name for name in asked if not STUDIES[name].refusal(self)]
+        return [name for name in asked if not refusal(name, self)]
 
     def _check_scene(self, key, scene):
         check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)
@@ -273,15 +322,19 @@ class _Common(Section):
         """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
         return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
 
+    def tolerance_laws(self):
+        """Return the laws of what scatters, arguments of `gearlib.scatter`.
 
-#: With the sections of all studies.
-Config = create_model(
-    "Config",
-    __base__=_Common,
-    __doc__="The configuration of the workflow.",
-    **{
-        name: (study.section, default(study.section))
-        for name, study in STUDIES.items()
-        if study.section
-    },
-)
+        ValueError where the gears cannot have them.
+        """
+        pair = self.pair_parameters(self.tolerances.damping)
+        scales = PairParameters(**pair)
+        values = pair | {name: getattr(scales, name) for name in RATIOS}
+        if self.tolerances.of_drawing():
+            gears = self.gears
+            values |= {"centre_distance": gears.centre_distance, "backlash": gears.backlash}
+            values["torque"] = gears.driving_torque()
+            for part in ("pinion", "wheel"):
+                drawing = getattr(gears, part).model_dump()
+                values |= {f"{part}.{name}": value for name, value in drawing.items()}
+        return self.tolerances.laws(values)

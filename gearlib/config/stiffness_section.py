@@ -68,3 +68,37 @@ class HarrisMap(Section):
                         "map is that of spur gears without errors, which get their reliefs by it"
                     )
         gears.check(place, self.stiffness)
+
+
+#: Section -> its key of drawn gears.
+_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
+
+
+def takes_configured_gears(c, section):
+    """Return whether a section names no gears, so that it is about those of the configuration."""
+    return c.gears is not None and _KEYS[section] not in getattr(c, section).model_fields_set
+
+
+def drawn_pairs(c, section):
+    """Return name -> `PublishedPair` of a section: its gears, else those of the configuration."""
+    if not takes_configured_gears(c, section):
+        pairs = getattr(getattr(c, section), _KEYS[section])
+        return pairs if section == "mesh_stiffness" else {section: pairs}
+    gears = {"pinion": c.gears.pinion, "wheel": c.gears.wheel}
+    name = f"z{gears['pinion'].teeth}-{gears['wheel'].teeth}"
+    if section == "harris_map":
+        # The map is that of the reliefs it finds.
+        gears = {key: gear.model_copy(update={"tip_relief": None}) for key, gear in gears.items()}
+    more = {key: getattr(c.gears, key) for key in ("centre_distance", "backlash")}
+    return {name: PublishedPair.unchecked(**gears, **more, torque=c.gears.driving_torque())}
+
+
+def refusal(c, section):
+    """Return why a section cannot take the gears of the configuration, or ""."""
+    if takes_configured_gears(c, section):
+        try:
+            (pair,) = drawn_pairs(c, section).values()
+            getattr(c, section).check_gears("gears", pair)
+        except ValueError as error:
+            return str(error)
+    return ""

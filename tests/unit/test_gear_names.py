@@ -7,10 +7,9 @@ import yaml
 from click.testing import CliRunner
 
 from gearlib.cli import main
-from gearlib.config import OF_ANY_TRAIN, ConfigError, chosen, gear_names, load
+from gearlib.config import ConfigError, chosen, gear_names, load
 from gearlib.config.laying import laid_over
-from gearlib.config.studies import STUDIES
-from gearlib.config.studies.study import text_of
+from gearlib.config.targets import OF_ANY_TRAIN
 from tests.workflow.project import ROOT
 
 OWN = yaml.safe_load("""
@@ -34,33 +33,10 @@ train:
 """)
 
 
-def jobs_of(c, name):
-    """Return what the jobs of a study get, as one text."""
-    return repr([job.params(c) for job in STUDIES[name].jobs])
-
-
-@pytest.mark.parametrize("name", ["mesh_stiffness", "harris_map"])
-def test_own_gears_reach_the_studies_of_drawings(name):
-    quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
-    quality["wheel"] = {"teeth": 61, "quality": 6}
-    c = load(OWN | {"gears": OWN["gears"] | quality, "targets": [name]})
-    assert "'teeth': 23" in jobs_of(c, name) and "'torque': 85.0" in jobs_of(c, name)
-    assert "'teeth': 16" not in jobs_of(c, name) and STUDIES[name].gears(c) == NAME
-    # Those that a section draws itself stay, and are named.
-    paper = load(yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8")))
-    assert "'teeth': 16" in jobs_of(paper, name) and "FZG type C" in STUDIES[name].gears(paper)
-
-
-def test_every_study_names_its_gears_and_has_captions():
-    c = load(OWN)
-    for study in STUDIES.values():
-        assert study.gears(c)
-        for one in [*study.tables, *study.drawings]:
-            assert text_of(one.caption, c)
-    assert STUDIES["resonance"].gears(c) == NAME and NAME in STUDIES["reducer"].gears(c)
-    # A helical pair is no spur pair of the same teeth.
+def test_a_helical_pair_is_no_spur_pair_of_the_same_teeth():
     helical = load(laid_over(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}}))
-    assert STUDIES["resonance"].gears(helical) == f"{NAME}, β 15°"
+    assert gear_names.of_pair(load(OWN)) == NAME
+    assert gear_names.of_pair(helical) == f"{NAME}, β 15°"
 
 
 @pytest.mark.parametrize(
@@ -92,30 +68,23 @@ def test_trains_take_own_teeth_or_are_left_out():
     c = load(chosen(laid_over(paper, both), both))
     assert {*OF_ANY_TRAIN, "resonance"} <= {*c.wanted()}
     assert "reducer" not in c.wanted()
-    for name in OF_ANY_TRAIN:
-        assert STUDIES[name].gears(c) == "planetary set z 27/36/99, m 2 mm"
-        assert "'teeth': 99" in jobs_of(c, name) and "[24, 36, 24, 36]" not in jobs_of(c, name)
-    assert "planetary set" in text_of(STUDIES["campbell"].drawings[0].caption, c)
+    assert gear_names.of_train(c) == "planetary set z 27/36/99, m 2 mm"
     # Chosen by name it is refused.
     (words,) = load(paper | PLANETS | {"targets": ["reducer", "campbell"]}).refused()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
 
     teeth = {"reducer": {"teeth": [23, 61, 23, 61]}}
-    own = {"train": {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}}
-    for name, given, words in [
-        ("reducer", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
-        ("campbell", teeth, f"reducer z 23/61/23/61, every mesh: {NAME}"),
-        ("train_sweep", own, f"idler train z 23/61/40, both meshes: {NAME}"),
-        ("campbell", own, f"idler train z 23/61/40, both meshes: {NAME}"),
-        (
-            "train_sweep",
-            {"train": {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}},
-            "planetary set of own numbers",
-        ),
+    reducer = gear_names.of_reducer(load(OWN | teeth | {"targets": ["reducer"]}))
+    assert reducer == f"reducer z 23/61/23/61, every mesh: {NAME}"
+    idler = {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}
+    planetary = {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}
+    for train, words in [
+        (idler, f"idler train z 23/61/40, both meshes: {NAME}"),
+        (planetary, "planetary set of own numbers"),
     ]:
-        c = load(OWN | given | {"targets": [name]})
-        assert STUDIES[name].gears(c) == words
+        c = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
+        assert gear_names.of_train(c) == words
 
 
 @pytest.mark.parametrize(
@@ -157,9 +126,4 @@ def test_targets_take_the_rectangle_of_relieved_gears_and_say_so():
     c, bare = load(relieved()), load(OWN)
     assert set(c.wanted()) == set(bare.wanted()) >= {"resonance", "basins", "tolerances"}
     assert c.pair_parameters("light") == bare.pair_parameters("light")
-    assert STUDIES["resonance"].gears(c) == f"{NAME}, tip relief"
-    for name in ("resonance", "run_ups", "tolerances"):
-        caption = text_of(STUDIES[name].drawings[0].caption, c)
-        assert f"jumps by 1/kappa = {1.0 / c.gear_pair.stiffness_ratio:.4g}" in caption
-        assert "not a K_v" in caption
-    assert "without tip relief" in text_of(STUDIES["mesh_stiffness"].drawings[0].caption, c)
+    assert gear_names.of_pair(c) == f"{NAME}, tip relief"

@@ -5,7 +5,7 @@ A new experiment is one row in `EXPERIMENTS`.
 
 from dataclasses import dataclass, field
 
-from gearlib.config.studies import STUDIES
+from gearlib.config.configuration import TARGETS
 
 DAMPINGS = 4
 SCENES = 4
@@ -135,7 +135,7 @@ EXPERIMENTS = {
 
 def rule_of(job):
     """Return the name of the rule of a job: that of a target is the target itself."""
-    return f"compute_{job}" if job in STUDIES else job
+    return f"compute_{job}" if job in TARGETS else job
 
 
 def union(tables):

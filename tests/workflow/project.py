@@ -4,11 +4,10 @@ import re
 import shutil
 import tempfile
 from pathlib import Path
-from typing import get_args
 
 import yaml
 
-from gearlib.config.configuration import Target
+from gearlib.config.configuration import TARGETS
 from tests.workflow import forked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -92,6 +91,6 @@ def small_project(folder):
     project = project_copy(folder)
     small = yaml.safe_load((ROOT / "tests/workflow/small.yaml").read_text(encoding="utf-8"))
     # Those that nobody gets unasked too.
-    small["targets"] = [name for name in get_args(Target) if name != "measured"]
+    small["targets"] = [name for name in TARGETS if name != "measured"]
     project.configure(lambda settings: merge(settings, small))
     return project

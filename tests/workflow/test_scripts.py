@@ -1,20 +1,16 @@
 """Scripts of jobs: they begin with their log, and hand what a rule says to the library."""
 
-import inspect
 import json
 import runpy
 import sys
-from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import pytest
 import xarray as xr
 
 from gearlib import GearPair, sweep
-from gearlib.config import load
-from gearlib.config.studies import STUDIES
 from gearlib.data import storage
-from tests.paper import CONFIG, PAPER
+from tests.paper import PAPER
 from tests.workflow.project import ROOT
 
 FOLDER = ROOT / "workflow/scripts"
@@ -75,7 +71,7 @@ def test_a_job_calls_its_function_and_stores_what_it_returns(job, tmp_path):
     pair, paths = PAPER.as_dict(), [tmp_path / "window.nc"]
     settings = {"periods": 6, "record_periods": 2}
     params = {"pair": pair, "window": [0.7, 0.9], "step": 0.1, "run": settings}
-    params |= {"damping": "k1", "direction": "up", "script": "compute"}
+    params |= {"damping": "k1", "direction": "up"}
     params["function"] = "gearlib.studies.resonance_windows:compute"
     given = SimpleNamespace(**params, items=params.items)
     # Of inputs that are no datasets nothing is read.
@@ -85,15 +81,3 @@ def test_a_job_calls_its_function_and_stores_what_it_returns(job, tmp_path):
     assert found.damping == "k1" and found.direction == "up"
     xr.testing.assert_equal(found.displacement_max.drop_vars(["damping", "direction"]),
                             expected.displacement_max)  # fmt: skip
-
-
-JOBS = {job.name: job for study in STUDIES.values() for job in study.jobs}
-
-
-@pytest.mark.parametrize("name", JOBS)
-def test_arguments_are_what_the_rule_calls_them(name):
-    row = JOBS[name]
-    function = row.function if "gearlib." in row.function else f"gearlib.studies.{row.function}"
-    takes = inspect.signature(resolve_name(function))
-    given = [*row.params(load(CONFIG)), *row.data]
-    takes.bind(**dict.fromkeys(given), **({"threads": 1} if "threads" in takes.parameters else {}))

@@ -1,0 +1,163 @@
+"""The targets of the workflow, and why some of them cannot be about the gears of a configuration.
+
+A refusal is a function of the checked configuration ``c``; it returns a sentence without its
+point, or "" where the target can be computed.
+"""
+
+from importlib.util import find_spec
+from typing import get_args
+
+from gearlib.config import stiffness_section
+from gearlib.config.gear_pair_section import BEARINGS
+from gearlib.config.train_section import OF_PAIRS, Train
+from gearlib.config.trials import PEERS
+
+#: Targets about the section `train`, whichever train it describes.
+OF_ANY_TRAIN = ("train_sweep", "campbell")
+#: Targets that no configuration computes unless it names them.
+ONLY_IF_NAMED = ("train_sweep", "measured")
+#: Figs. 2 to 8 and the table of statements.
+PAPER_TARGETS = ("phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims")
+
+#: Asks for a train.
+NO_TRAIN = (
+    "train is missing: it must be a section of the configuration, whose kind is one of "
+    f"{', '.join(get_args(Train.model_fields['kind'].annotation))}"
+)
+
+
+def refusal(target, c):
+    """Return why a target cannot be about the gears of a configuration, or ""."""
+    return _REFUSALS[target](c) if target in _REFUSALS else ""
+
+
+def for_targets(words, *names):
+    """Return the sentence of a refusal with the names of the targets that it is about."""
+    return f"{words}, for the target{'s' if names[1:] else ''} {', '.join(names)}"
+
+
+def installed(method):
+    """Return whether the package of a method is installed; methods of gearlib need none."""
+    return method not in PEERS or find_spec(PEERS[method]) is not None
+
+
+def has_own_train(c):
+    """Return whether the section `train` describes another train than the paper's reducer."""
+    return c.train.kind != "split_power_reducer" or bool(_keys_given(c.train.split_power_reducer))
+
+
+def undamped(c):
+    """Return the sentence that asks for the damping of a train whose gears move, or ""."""
+    train, key = c.train, ""
+    if train.kind == "planetary_set" and not _has_damping(train.planetary_set):
+        key = "planetary_set.damping_ratio"
+    for i, mesh in enumerate(train.own.meshes if train.kind == "own" else ()):
+        if not key and not _has_damping(mesh):
+            drawn = mesh.max_stiffness is None
+            key = f"own.meshes[{i}].{'damping_ratio' if drawn else 'material_damping'}"
+    return key and f"train.{key} is missing: it must be given where gears move, 0 included"
+
+
+def _has_damping(section) -> bool:
+    names = ("damping_ratio", "logarithmic_decrement", "material_damping")
+    return any(getattr(section, name) is not None for name in names)
+
+
+def _keys_given(section) -> list[str]:
+    return [key for key, value in dict(section).items() if value is not None]
+
+
+def _bearings(c) -> str:
+    """Ask for the bearings of drawn gears on six degrees of freedom."""
+    return BEARINGS if c.six_degrees.bearing_stiffness is None else ""
+
+
+def _bearings_of_scenes(c) -> str:
+    """Ask for the bearings where six degrees of freedom may carry a scene."""
+    models = {model for scene in c.scenes.values() for model in c.candidates(scene)}
+    return _bearings(c) if models - {"one_degree"} else ""
+
+
+def _bearings_of_problems(c) -> str:
+    return _bearings(c) if "six_degrees" in c.work_precision.problems else ""
+
+
+def _scenes(c) -> str:
+    if c.gears and not c.scenes:
+        return (
+            "scenes = {} is not allowed: the paper's suit its pair only, it must have at least one"
+        )
+    return _bearings_of_scenes(c)
+
+
+def _claims(c) -> str:
+    about = "its statements are about the paper's pair, it must be left out"
+    return f"gears is not allowed: {about}" if c.gears else ""
+
+
+def _failures(c) -> str:
+    about = "its problems have gears of their own, it must be left out"
+    return f"gears is not allowed: {about}" if c.gears else ""
+
+
+def _reducer(c) -> str:
+    if c.train.kind != "split_power_reducer":
+        return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
+    for key in _keys_given(c.train.split_power_reducer):
+        return (
+            f"train.split_power_reducer.{key} is not allowed: it must be left out, and what "
+            "the reducer is stand in the section reducer"
+        )
+    if c.gears and "teeth" not in c.reducer.model_fields_set:
+        return "reducer.teeth is missing: it must be given where the gears are drawn"
+    return ""
+
+
+def _train_teeth(c) -> str:
+    """Ask for the teeth of a train whose meshes are drawn gears."""
+    of_pairs = c.train.kind in OF_PAIRS
+    if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
+        return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
+    return ""
+
+
+def _train_sweep(c) -> str:
+    return _train_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
+
+
+def _campbell(c) -> str:
+    return _train_teeth(c) if has_own_train(c) else _reducer(c)
+
+
+def _measured(c) -> str:
+    return "" if c.measured else "measured = [] is not allowed: it must be a list of YAML files"
+
+
+def _tolerances(c) -> str:
+    if c.tolerances.of_drawing() and c.gears is None:
+        name = c.tolerances.parameters[0].parameter
+        return (
+            f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "
+            "of gear_pair where no gears are drawn"
+        )
+    try:
+        c.tolerance_laws()
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+_REFUSALS = {
+    "scenes": _scenes,
+    "claims": _claims,
+    "models": _bearings_of_scenes,
+    "failures": _failures,
+    "work_precision": _bearings_of_problems,
+    "reducer": _reducer,
+    "campbell": _campbell,
+    "train_sweep": _train_sweep,
+    "mesh_stiffness": lambda c: stiffness_section.refusal(c, "mesh_stiffness"),
+    "harris_map": lambda c: stiffness_section.refusal(c, "harris_map"),
+    "measured": _measured,
+    "tolerances": _tolerances,
+}

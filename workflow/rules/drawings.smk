@@ -1,0 +1,81 @@
+"""Drawn gears: their mesh stiffness by every method, and Harris maps of tip relief."""
+
+
+use rule _compute as compute_mesh_stiffness with:
+    pathvars:
+        job="mesh_stiffness",
+    input:
+        sources=sources_of("compute", "studies.mesh_stiffness"),
+    output:
+        "results/mesh_stiffness.nc",
+    params:
+        function="gearlib.studies.mesh_stiffness:compute",
+        pairs=drawings("mesh_stiffness"),
+        samples=config["mesh_stiffness"]["samples"],
+
+
+use rule _table as mesh_stiffness_table with:
+    pathvars:
+        job="mesh_stiffness_table",
+    input:
+        stiffness="results/mesh_stiffness.nc",
+        sources=sources_of("table", "studies.mesh_stiffness"),
+    output:
+        csv="results/mesh_stiffness.csv",
+        page=page_of("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
+    params:
+        function="gearlib.studies.mesh_stiffness:rows",
+        gears=names_of_drawings("mesh_stiffness"),
+
+
+use rule _draw as draw_mesh_stiffness with:
+    pathvars:
+        job="draw_mesh_stiffness",
+    input:
+        stiffness="results/mesh_stiffness.nc",
+        sources=sources_of("draw", "figures.mesh_stiffness_figure"),
+    output:
+        figure_of("mesh_stiffness", "Mesh stiffness by every method", DRAWN),
+    params:
+        draw="mesh_stiffness_figure.draw",
+        gears=names_of_drawings("mesh_stiffness"),
+
+
+rule mesh_stiffness:
+    input:
+        asked(
+            "mesh_stiffness",
+            rules.draw_mesh_stiffness.output,
+            rules.mesh_stiffness_table.output.csv,
+        ),
+
+
+use rule _compute as compute_harris_map with:
+    pathvars:
+        job="harris_map",
+    input:
+        sources=sources_of("compute", "studies.tip_relief"),
+    output:
+        "results/harris_map.nc",
+    params:
+        **only(config["harris_map"], "loads", "stiffness", "phases"),
+        function="gearlib.studies.tip_relief:harris_map",
+        gears=without(*drawings("harris_map").values(), "published"),
+
+
+use rule _draw as draw_harris_map with:
+    pathvars:
+        job="draw_harris_map",
+    input:
+        data="results/harris_map.nc",
+        sources=sources_of("draw", "figures.harris_map_figure"),
+    output:
+        figure_of("harris_map", "Tip relief: Harris maps", DRAWN),
+    params:
+        draw="harris_map_figure.draw",
+        gears=names_of_drawings("harris_map"),
+
+
+rule harris_map:
+    input:
+        asked("harris_map", rules.draw_harris_map.output),

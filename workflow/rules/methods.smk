@@ -1,0 +1,249 @@
+"""The methods: the paper's analytic one, stability of fixed steps, failures, work and precision."""
+
+
+use rule _compute as compute_analytic_method with:
+    pathvars:
+        job="analytic_method",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.analytic_method"),
+    output:
+        "results/analytic_method.nc",
+    params:
+        function="gearlib.studies.analytic_method:compute",
+        pair=pair(config["analytic_method"]["damping"]),
+        settings=config["analytic_method"],
+        run=RUN,
+        tunings=grid(config["analytic_method"]),
+
+
+use rule _draw as draw_analytic_method with:
+    pathvars:
+        job="draw_analytic_method",
+    input:
+        data="results/analytic_method.nc",
+        sources=sources_of("draw", "figures.analytic_method_figure"),
+    output:
+        figure_of("analytic_method", "The paper's analytic method", METHODS),
+        figure_of("harmonic_balance", "Harmonic balance", METHODS),
+    params:
+        draw="analytic_method_figure.draw",
+
+
+rule analytic_method:
+    input:
+        asked("analytic_method", rules.draw_analytic_method.output),
+
+
+# Numerical stability of fixed steps on the mesh without contact loss.
+
+
+use rule _compute as compute_stability_chart with:
+    pathvars:
+        job="stability_chart",
+    input:
+        kernels=KERNELS,
+        sources=sources_of(
+            "compute",
+            "studies.trials.stability_of_methods",
+            methods=[one.method for one in CONFIG.stability_chart.methods.values()],
+        ),
+    output:
+        "results/stability_chart.nc",
+    params:
+        **only(config["stability_chart"], "steps", "methods"),
+        function="gearlib.studies.trials.stability_of_methods:compute",
+        pair=pair(config["stability_chart"]["damping"]),
+        tunings=grid(config["stability_chart"]),
+        fine_tunings=grid(config["stability_chart"], "fine_step"),
+
+
+use rule _draw as draw_stability_chart with:
+    pathvars:
+        job="draw_stability_chart",
+    input:
+        chart="results/stability_chart.nc",
+        sources=sources_of("draw", "figures.stability_figure"),
+    output:
+        figure_of("stability_chart", "Numerical stability of fixed steps", METHODS),
+    params:
+        draw="stability_figure.draw",
+
+
+rule stability_chart:
+    input:
+        asked("stability_chart", rules.draw_stability_chart.output),
+
+
+# All methods on difficult problems. Methods whose packages are not installed are left out.
+
+#: Name -> a method with its options.
+TRIALS = {trial["name"]: trial for trial in config["failures"]["trials"]}
+TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures")
+
+
+use rule _compute as trial with:
+    pathvars:
+        job="failures/{trial}",
+    input:
+        kernels=KERNELS,
+        larger_kernels=LARGER_KERNELS,
+        sources=lambda wildcards: TRIAL_SOURCES[TRIALS[wildcards.trial]["method"]],
+    output:
+        "results/failures/{trial}.nc",
+    priority: LONG
+    params:
+        function="gearlib.studies.trials.failures:compute",
+        name="{trial}",
+        method=lambda wildcards: TRIALS[wildcards.trial]["method"],
+        options=lambda wildcards: TRIALS[wildcards.trial]["options"],
+
+
+use rule _compute as gather_failures with:
+    pathvars:
+        job="gather_failures",
+    input:
+        columns=[
+            f"results/failures/{name}.nc"
+            for name, trial in TRIALS.items()
+            if targets.installed(trial["method"])
+        ],
+        sources=sources_of("compute", "data.gathering"),
+    output:
+        "results/failures.nc",
+    params:
+        function="gearlib.data.gathering:gather_failures",
+
+
+use rule _draw as draw_failures with:
+    pathvars:
+        job="draw_failures",
+    input:
+        matrix="results/failures.nc",
+        sources=sources_of("draw", "figures.failures_figure"),
+    output:
+        figure_of("failures", "Failures: difficult problems against methods", METHODS),
+    params:
+        draw="failures_figure.draw",
+        gears="paper's pair and others, in problems of its own",
+        absent=missing(trial["method"] for trial in TRIALS.values()),
+
+
+rule failures:
+    input:
+        asked("failures", rules.draw_failures.output),
+
+
+# Errors of the methods on test problems, against evaluations and wall time.
+
+PROBLEMS = {
+    "pair": config["gear_pair"],
+    "six_degrees": SIX_DEGREES,
+    "settings": without(config["work_precision"], "methods", "problems", "repeats"),
+}
+INSTALLED = [*filter(targets.installed, config["work_precision"]["methods"])]
+WORK_PRECISION_SOURCES = sources_by_method("compute", "studies.trials.work_precision")
+TIMES_SOURCES = sources_by_method("compute_alone", "studies.trials.work_precision")
+
+
+# The kernels are those of long runs, which say where Newton's method starts.
+use rule _compute as work_precision_references with:
+    pathvars:
+        job="work_precision_references",
+    input:
+        kernels=KERNELS,
+        larger_kernels=LARGER_KERNELS,
+        sources=sources_of("compute", "studies.trials.references"),
+    output:
+        "results/work_precision/references.nc",
+    priority: LONG
+    params:
+        **PROBLEMS,
+        function="gearlib.studies.trials.references:compute",
+        names=config["work_precision"]["problems"],
+
+
+use rule _compute as work_precision_errors with:
+    pathvars:
+        job="work_precision/errors_{method}",
+    input:
+        known="results/work_precision/references.nc",
+        kernels=KERNELS,
+        sources=lambda wildcards: WORK_PRECISION_SOURCES[wildcards.method],
+    output:
+        "results/work_precision/errors_{method}.nc",
+    priority: LONG
+    params:
+        **PROBLEMS,
+        function="gearlib.studies.trials.work_precision:errors",
+        method="{method}",
+
+
+# Wall times: no two runs give the same, so nothing but the figure and the table of times may
+# depend on this dataset, and no job runs beside, whose load would be measured along.
+use rule _compute_alone as work_precision_times with:
+    pathvars:
+        job="work_precision/times_{method}",
+    input:
+        known="results/work_precision/references.nc",
+        kernels=KERNELS,
+        sources=lambda wildcards: TIMES_SOURCES[wildcards.method],
+    output:
+        "results/work_precision/times_{method}.nc",
+    params:
+        **PROBLEMS,
+        function="gearlib.studies.trials.work_precision:times",
+        method="{method}",
+        repeats=config["work_precision"]["repeats"],
+
+
+use rule _table as work_precision_table with:
+    pathvars:
+        job="work_precision_table",
+    input:
+        errors=expand(rules.work_precision_errors.output, method=INSTALLED),
+        times=expand(rules.work_precision_times.output, method=INSTALLED),
+        sources=sources_of("table", "studies.trials.fastest"),
+    output:
+        csv="results/work_precision.csv",
+        page=page_of("work_precision", "Work and precision: table of the fastest", METHODS),
+    params:
+        function="gearlib.studies.trials.fastest:rows",
+
+
+use rule _draw as draw_work_precision with:
+    pathvars:
+        job="draw_work_precision",
+    input:
+        errors=rules.work_precision_table.input.errors,
+        sources=sources_of("draw", "figures.work_precision_figure"),
+    output:
+        figure_of("work_precision_evaluations", "Work and precision: evaluations", METHODS),
+        figure_of("work_precision_measures", "Work and precision: events, multipliers", METHODS),
+    params:
+        draw="work_precision_figure.draw",
+        absent=missing(config["work_precision"]["methods"]),
+
+
+use rule _draw as draw_work_precision_time with:
+    pathvars:
+        job="draw_work_precision_time",
+    input:
+        errors=rules.work_precision_table.input.errors,
+        times=rules.work_precision_table.input.times,
+        sources=sources_of("draw", "figures.work_precision_figure"),
+    output:
+        figure_of("work_precision_time", "Work and precision: wall time", METHODS),
+    params:
+        draw="work_precision_figure.draw_time",
+        absent=missing(config["work_precision"]["methods"]),
+
+
+rule work_precision:
+    input:
+        asked(
+            "work_precision",
+            rules.draw_work_precision.output,
+            rules.draw_work_precision_time.output,
+            rules.work_precision_table.output.csv,
+        ),

@@ -1,0 +1,501 @@
+"""What explains the paper's figures: jumps, orbits, proofs, tongues, basins, models, run-ups."""
+
+# Run-ups beside Fig. 3, and their orders.
+
+
+use rule _compute as compute_run_ups with:
+    pathvars:
+        job="run_ups",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.run_ups"),
+    output:
+        "results/run_ups.nc",
+    params:
+        **only(config["run_ups"], "start", "stop", "damping", "revolutions"),
+        function="gearlib.studies.run_ups:compute",
+        pair=pair(config["run_ups"]["damping"]),
+        mesh_orders=config["run_ups"]["orders"],
+
+
+use rule _draw as draw_run_ups with:
+    pathvars:
+        job="draw_run_ups",
+    input:
+        run_ups="results/run_ups.nc",
+        resonance=beside("resonance", "results/resonance.nc"),
+        branches=beside("branches", f"results/branches/{config['run_ups']['damping']}.nc"),
+        sources=sources_of("draw", "figures.run_ups_figure"),
+    output:
+        figure_of("run_ups", "Beside Fig. 3: run-ups, and their orders", EXPLANATIONS),
+    params:
+        draw="run_ups_figure.draw",
+
+
+rule run_ups:
+    input:
+        asked("run_ups", rules.draw_run_ups.output),
+
+
+# Where the motion from rest jumps, beside Fig. 6.
+
+
+use rule _compute as compute_jump with:
+    pathvars:
+        job="jump",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.jump"),
+    output:
+        "results/jump.nc",
+    params:
+        function="gearlib.studies.jump:compute",
+        pair=pair(config["jump"]["damping"]),
+        settings=without(config["jump"], "marked"),
+        run=RUN,
+        tunings=grid(config["jump"]),
+
+
+use rule _draw as draw_jump with:
+    pathvars:
+        job="draw_jump",
+    input:
+        jumps="results/jump.nc",
+        sources=sources_of("draw", "figures.jump_figure"),
+    output:
+        figure_of("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
+    params:
+        draw="jump_figure.draw",
+        settings=only(config["jump"], "marked"),
+
+
+rule jump:
+    input:
+        asked("jump", rules.draw_jump.output),
+
+
+# Whether motions are periodic, quasi-periodic or chaotic: the strip of Fig. 3.
+
+
+use rule _compute as label with:
+    pathvars:
+        job="labels/{damping}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.trust_labels"),
+    output:
+        "results/labels/{damping}.nc",
+    params:
+        function="gearlib.studies.trust_labels:compute",
+        pair=pair_of_job,
+        tunings=grid(config["labels"]),
+        settings=without(config["labels"], *GRID),
+        damping="{damping}",
+
+
+rule labels:
+    input:
+        asked("labels", of_dampings(rules.label.output)),
+
+
+# Periodic orbits, stable and unstable, their folds and grazings.
+
+
+use rule _compute as compute_branches with:
+    pathvars:
+        job="branches/{damping}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.resonance_branches"),
+    output:
+        "results/branches/{damping}.nc",
+    params:
+        function="gearlib.studies.resonance_branches:of_damping",
+        damping="{damping}",
+        pair=pair_of_job,
+        settings=without(config["branches"], "loci"),
+
+
+use rule _compute as loci with:
+    pathvars:
+        job="loci",
+    input:
+        branches=f"results/branches/{CONFIG.branches.loci.damping}.nc",
+        sources=sources_of("compute", "studies.resonance_branches"),
+    output:
+        "results/loci.nc",
+    params:
+        **only(config["branches"], "start", "stop"),
+        **only(config["branches"]["loci"], "lowest", "highest"),
+        function="gearlib.studies.resonance_branches:loci_of",
+        pair=pair(CONFIG.branches.loci.damping),
+
+
+use rule _draw as draw_branches with:
+    pathvars:
+        job="draw_branches",
+    input:
+        branches=rules.loci.input.branches,
+        loci="results/loci.nc",
+        sources=sources_of("draw", "figures.branches_figure"),
+    output:
+        figure_of(
+            "branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS
+        ),
+    params:
+        draw="branches_figure.draw",
+
+
+rule branches:
+    input:
+        asked("branches", rules.draw_branches.output),
+
+
+# What is proven of the orbits, as a file that a second program can check and as a table.
+
+
+rule compute_certificates:
+    input:
+        kernels=KERNELS,
+        branches=of_dampings(rules.compute_branches.output),
+        sources=sources_of("certificates"),
+    output:
+        json="results/certificates.json",
+        csv="results/certificates.csv",
+        page=page_of("certificates", "What is proven of the orbits: table", EXPLANATIONS),
+    params:
+        gears=GEAR_PAIR,
+        # Without python-flint nothing is proven, and the file is an empty list.
+        flint=find_spec("flint") is not None,
+        pairs=PAIRS,
+        tunings=config["phase_planes"]["tunings"],
+        whole=config["certificates"]["all_points"],
+    log:
+        "results/logs/certificates.log",
+    benchmark:
+        "results/benchmarks/certificates.tsv"
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/certificates.py"
+
+
+rule certificates:
+    input:
+        asked(
+            "certificates",
+            rules.compute_certificates.output.csv,
+            rules.compute_certificates.output.json,
+        ),
+
+
+# Linear, quadratic and cubic damping of equal work: the paper's title.
+
+
+use rule _compute as compute_nonlinear_damping with:
+    pathvars:
+        job="nonlinear_damping/{place}_{power}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.nonlinear_damping"),
+    output:
+        "results/nonlinear_damping/{place}_{power}.nc",
+    params:
+        function="gearlib.studies.nonlinear_damping:compute",
+        pair=config["gear_pair"],
+        settings=config["nonlinear_damping"],
+        run=RUN,
+        samples_per_period=config["run"]["samples_per_period"],
+        tunings=grid(config["nonlinear_damping"]),
+        place="{place}",
+        power="{power}",
+
+
+PLACES_AND_POWERS = expand(
+    rules.compute_nonlinear_damping.output,
+    place=["material", "oil"],
+    power=["linear", "quadratic", "cubic"],
+)
+
+
+use rule _table as nonlinear_damping_table with:
+    pathvars:
+        job="nonlinear_damping_table",
+    input:
+        studies=PLACES_AND_POWERS,
+        sources=sources_of("table", "studies.nonlinear_damping"),
+    output:
+        csv="results/nonlinear_damping.csv",
+        page=page_of("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
+    params:
+        function="gearlib.studies.nonlinear_damping:rows",
+
+
+use rule _draw as draw_nonlinear_damping with:
+    pathvars:
+        job="draw_nonlinear_damping",
+    input:
+        studies=PLACES_AND_POWERS,
+        sources=sources_of("draw", "figures.nonlinear_damping_figure"),
+    output:
+        figure_of("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
+    params:
+        draw="nonlinear_damping_figure.draw",
+
+
+rule nonlinear_damping:
+    input:
+        asked(
+            "nonlinear_damping",
+            rules.draw_nonlinear_damping.output,
+            rules.nonlinear_damping_table.output.csv,
+        ),
+
+
+# What more than the smallest model would change in a scene.
+
+
+use rule _compute as compare_models with:
+    pathvars:
+        job="models/{scene}",
+    input:
+        kernels=KERNELS,
+        larger_kernels=LARGER_KERNELS,
+        sources=sources_of("compute", "studies.model_comparison"),
+    output:
+        "results/models/{scene}.nc",
+    params:
+        function="gearlib.studies.model_comparison:compute",
+        cases=cases_of_scene,
+        question=question_of_scene,
+        six_degrees=SIX_DEGREES,
+        harmonics=config["models"]["harmonics"],
+        run=RUN,
+        starts=only(config["models"], *STARTS),
+
+
+use rule _table as model_table with:
+    pathvars:
+        job="model_table",
+    input:
+        comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
+        sources=sources_of("table", "studies.model_comparison"),
+    output:
+        csv="results/models.csv",
+        page=page_of("models", "Models: table", EXPLANATIONS),
+    params:
+        function="gearlib.studies.model_comparison:rows",
+        settings={"scenes": list(CONFIG.scenes)},
+
+
+use rule _draw as draw_models with:
+    pathvars:
+        job="draw_models",
+    input:
+        comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
+        sources=sources_of("draw", "figures.models_figure"),
+    output:
+        figure_of("models", "Models: what larger ones would change", EXPLANATIONS),
+    params:
+        draw="models_figure.draw",
+        settings={"scenes": list(CONFIG.scenes)},
+
+
+rule models:
+    input:
+        # Without scenes there is nothing to compare.
+        asked(
+            "models",
+            *[rules.draw_models.output, rules.model_table.output.csv] * bool(CONFIG.scenes),
+        ),
+
+
+# Tongues: where the motion without contact loss is unstable.
+
+
+use rule _compute as compute_parametric_resonance with:
+    pathvars:
+        job="parametric_resonance",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.tongue_chart"),
+    output:
+        "results/parametric_resonance.nc",
+    params:
+        function="gearlib.studies.tongue_chart:compute",
+        pair=config["gear_pair"],
+        settings=without(config["parametric_resonance"], "asked", *GRID),
+        tunings=grid(config["parametric_resonance"]),
+
+
+use rule _compute as tongues with:
+    pathvars:
+        job="tongues",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.contact_loss"),
+    output:
+        "results/tongues.nc",
+    params:
+        **only(config["parametric_resonance"], "start", "stop"),
+        function="gearlib.studies.contact_loss:compute",
+        pairs=PAIRS,
+        tuning=config["parametric_resonance"]["asked"],
+        run=only(RUN, "periods", "initial_state"),
+
+
+use rule _table as parametric_resonance_table with:
+    pathvars:
+        job="parametric_resonance_table",
+    input:
+        tongues="results/tongues.nc",
+        sources=sources_of("table", "studies.contact_loss"),
+    output:
+        csv="results/parametric_resonance.csv",
+        page=page_of(
+            "parametric_resonance", "Parametric resonance: the tuning in question", EXPLANATIONS
+        ),
+    params:
+        function="gearlib.studies.contact_loss:rows",
+
+
+use rule _draw as draw_parametric_resonance with:
+    pathvars:
+        job="draw_parametric_resonance",
+    input:
+        chart="results/parametric_resonance.nc",
+        facts="results/tongues.nc",
+        sources=sources_of("draw", "figures.parametric_resonance_figure"),
+    output:
+        figure_of("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
+    params:
+        draw="parametric_resonance_figure.draw",
+
+
+rule parametric_resonance:
+    input:
+        asked(
+            "parametric_resonance",
+            rules.draw_parametric_resonance.output,
+            rules.parametric_resonance_table.output.csv,
+        ),
+
+
+# The global picture: basins of attraction, the bifurcation diagram, Poincare sections.
+
+
+use rule _compute as compute_basins with:
+    pathvars:
+        job="basins",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.global_picture"),
+    output:
+        "results/basins.nc",
+    priority: LONG
+    params:
+        function="gearlib.studies.global_picture:basin_cases",
+        cases=global_cases(CONFIG.basins),
+        settings=without(config["basins"], "cases"),
+
+
+use rule _draw as draw_basins with:
+    pathvars:
+        job="draw_basins",
+    input:
+        data="results/basins.nc",
+        sources=sources_of("draw", "figures.basins_figure"),
+    output:
+        figure_of("basins", "Basins of attraction", EXPLANATIONS),
+    params:
+        draw="basins_figure.draw",
+
+
+rule basins:
+    input:
+        asked("basins", rules.draw_basins.output),
+
+
+use rule _compute as compute_bifurcation with:
+    pathvars:
+        job="bifurcation",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.global_picture"),
+    output:
+        diagram="results/bifurcation.nc",
+        shares="results/basin_stability.nc",
+    priority: LONG
+    params:
+        function="gearlib.studies.global_picture:bifurcation",
+        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        tunings=grid(config["bifurcation"]),
+        coarse=grid(config["bifurcation"], "share_step"),
+        settings=without(config["bifurcation"], "damping"),
+
+
+use rule _compute as bifurcation_branches with:
+    pathvars:
+        job="bifurcation_branches",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.resonance_branches"),
+    output:
+        "results/bifurcation_branches.nc",
+    params:
+        function="gearlib.studies.resonance_branches:of_damping",
+        damping="of the bifurcation diagram",
+        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        settings=without(config["branches"], "loci") | only(config["bifurcation"], "start", "stop"),
+
+
+use rule _draw as draw_bifurcation with:
+    pathvars:
+        job="draw_bifurcation",
+    input:
+        diagram=rules.compute_bifurcation.output.diagram,
+        shares=rules.compute_bifurcation.output.shares,
+        branches="results/bifurcation_branches.nc",
+        sources=sources_of("draw", "figures.bifurcation_figure"),
+    output:
+        figure_of(
+            "bifurcation", "Bifurcation diagram, exponents, shares of the basins", EXPLANATIONS
+        ),
+    params:
+        draw="bifurcation_figure.draw",
+
+
+rule bifurcation:
+    input:
+        asked("bifurcation", rules.draw_bifurcation.output),
+
+
+use rule _compute as compute_poincare with:
+    pathvars:
+        job="poincare",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.global_picture"),
+    output:
+        "results/poincare.nc",
+    params:
+        function="gearlib.studies.global_picture:sections",
+        cases=global_cases(CONFIG.poincare),
+        settings=without(config["poincare"], "cases"),
+
+
+use rule _draw as draw_poincare with:
+    pathvars:
+        job="draw_poincare",
+    input:
+        data="results/poincare.nc",
+        sources=sources_of("draw", "figures.poincare_figure"),
+    output:
+        figure_of("poincare", "Poincaré sections", EXPLANATIONS),
+    params:
+        draw="poincare_figure.draw",
+
+
+rule poincare:
+    input:
+        asked("poincare", rules.draw_poincare.output),

@@ -1,0 +1,233 @@
+"""The paper's figures and statements."""
+
+# Fig. 2: how far the motion lags behind the stiffness.
+
+
+use rule _compute as compute_phase_lag with:
+    pathvars:
+        job="phase_lag",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.phase_lag"),
+    output:
+        "results/phase_lag.nc",
+    params:
+        **only(config["phase_lag"], "tuning", "harmonics", "periods"),
+        function="gearlib.studies.phase_lag:compute",
+        pair=config["gear_pair"],
+        dampings=config["phase_lag"]["material_dampings"],
+        tunings=grid(config["phase_lag"]),
+        samples_per_period=config["run"]["samples_per_period"],
+
+
+use rule _draw as draw_phase_lag with:
+    pathvars:
+        job="draw_phase_lag",
+    input:
+        lags="results/phase_lag.nc",
+        sources=sources_of("draw", "figures.phase_shift_figure"),
+    output:
+        figure_of("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
+    params:
+        draw="phase_shift_figure.draw",
+
+
+rule phase_lag:
+    input:
+        asked("phase_lag", rules.draw_phase_lag.output),
+
+
+# Fig. 3: resonance characteristics, in windows of tunings.
+
+
+use rule _compute as sweep_window with:
+    pathvars:
+        job="resonance/{damping}/{direction}/{window}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.resonance_windows"),
+    output:
+        "results/resonance/{damping}/{direction}/{window}.nc",
+    params:
+        **only(config["resonance"], "step", "lowest"),
+        function="gearlib.studies.resonance_windows:compute",
+        pair=pair_of_job,
+        window=lambda wildcards: tunings.values_of(wildcards.window),
+        run=RUN,
+        damping="{damping}",
+        direction="{direction}",
+
+
+use rule _compute as gather_resonance with:
+    pathvars:
+        job="gather_resonance",
+    input:
+        shards=[
+            f"results/resonance/{damping}/{direction}/{tunings.name_of(*window)}.nc"
+            for damping in CONFIG.dampings
+            for direction in CONFIG.resonance.directions
+            for window in CONFIG.resonance.windows(direction)
+        ],
+        sources=sources_of("compute", "data.gathering"),
+    output:
+        "results/resonance.nc",
+    params:
+        function="gearlib.data.gathering:gather_resonance",
+
+
+use rule _draw as draw_resonance with:
+    pathvars:
+        job="draw_resonance",
+    input:
+        resonance="results/resonance.nc",
+        labels=beside("labels", of_dampings("results/labels/{damping}.nc")),
+        branches=beside("branches", of_dampings("results/branches/{damping}.nc")),
+        tongues=beside("parametric_resonance", "results/tongues.nc"),
+        measured=expand("results/measured/{measured}.nc", measured=MEASURED_SETS),
+        sources=sources_of("draw", "figures.resonance_figure"),
+    output:
+        figure_of("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
+    params:
+        draw="resonance_figure.draw",
+        # The paper's picture has no forces.
+        settings=COLOURS | ({} if gear_names.is_paper(CONFIG) else {"forces": True}),
+
+
+rule resonance:
+    input:
+        asked("resonance", rules.draw_resonance.output),
+
+
+# Fig. 5: phase planes of several tunings.
+
+
+use rule _compute as phase_plane with:
+    pathvars:
+        job="phase_planes/{damping}/{tuning}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.recorded_planes"),
+    output:
+        "results/phase_planes/{damping}/{tuning}.nc",
+    params:
+        function="gearlib.studies.recorded_planes:compute",
+        pair=pair_of_job,
+        tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
+        run=SAMPLED_RUN,
+        damping="{damping}",
+
+
+use rule _compute as gather_phase_planes with:
+    pathvars:
+        job="gather_phase_planes",
+    input:
+        shards=expand(
+            "results/phase_planes/{damping}/{tuning}.nc",
+            damping=CONFIG.dampings,
+            tuning=[tunings.name_of(tuning) for tuning in CONFIG.phase_planes.tunings],
+        ),
+        sources=sources_of("compute", "data.gathering"),
+    output:
+        "results/phase_planes.nc",
+    params:
+        function="gearlib.data.gathering:gather_phase_planes",
+
+
+use rule _draw as draw_phase_planes with:
+    pathvars:
+        job="draw_phase_planes",
+    input:
+        phase_planes="results/phase_planes.nc",
+        sources=sources_of("draw", "figures.phase_planes_figure"),
+    output:
+        figure_of("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
+    params:
+        draw="phase_planes_figure.draw",
+        settings=COLOURS,
+
+
+rule phase_planes:
+    input:
+        asked("phase_planes", rules.draw_phase_planes.output),
+
+
+# Figs. 4, 6, 7, 8: time courses of the scenes, by the smallest model that carries them.
+
+
+use rule _compute as scene with:
+    pathvars:
+        job="scenes/{scene}",
+    input:
+        comparison="results/models/{scene}.nc",
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.scenes"),
+    output:
+        "results/scenes/{scene}.nc",
+    params:
+        function="gearlib.studies.scenes:of_comparison",
+        cases=cases_of_scene,
+        six_degrees=SIX_DEGREES,
+        run=SAMPLED_RUN,
+        starts=only(config["models"], *STARTS),
+
+
+use rule _draw as draw_scene with:
+    pathvars:
+        job="draw_scene/{scene}",
+    input:
+        scene="results/scenes/{scene}.nc",
+        sources=sources_of("draw", "figures.time_courses_figure"),
+    output:
+        figure_of("{scene}", label_of_scene, PAPER, caption="scene"),
+    params:
+        draw="time_courses_figure.draw",
+        settings=lambda wildcards: only(
+            config["scenes"][wildcards.scene], "courses", "periods_shown"
+        ),
+
+
+rule scenes:
+    input:
+        asked("scenes", expand(rules.draw_scene.output, scene=CONFIG.scenes)),
+
+
+# The statements, and the numbers of the reasons that the documentation gives for the verdicts.
+
+
+rule compute_claims:
+    input:
+        resonance="results/resonance.nc",
+        phase_planes="results/phase_planes.nc",
+        phase_lag="results/phase_lag.nc",
+        jump="results/jump.nc",
+        scenes=expand(rules.scene.output, scene=CONFIG.scenes),
+        sources=sources_of("claims"),
+    output:
+        csv="results/claims.csv",
+        page=page_of("claims", "Statements, computed numbers, verdicts", CLAIMS),
+        markdown="results/claims.md",
+    params:
+        gears=GEAR_PAIR,
+        pair=config["gear_pair"],
+        dampings=config["dampings"],
+    log:
+        "results/logs/claims.log",
+    benchmark:
+        "results/benchmarks/claims.tsv"
+    conda:
+        "../envs/gearlib.yaml"
+    script:
+        "../scripts/claims.py"
+
+
+rule claims:
+    input:
+        asked(
+            "claims",
+            rules.compute_claims.output.csv,
+            rules.compute_claims.output.markdown,
+            "results/parametric_resonance.csv",
+            "results/certificates.csv",
+            of_dampings("results/branches/{damping}.nc"),
+            of_dampings("results/labels/{damping}.nc"),
+        ),

@@ -1,0 +1,148 @@
+"""Gear trains: the paper's reducer, a train of the configuration over speed, Campbell diagrams."""
+
+# Every mesh of the reducer over speed: branches alike, a displaced pin, unequal backlash.
+
+REDUCER = gear_names.of_reducer(CONFIG)
+
+
+use rule _compute as compute_reducer with:
+    pathvars:
+        job="reducer",
+    input:
+        train_kernels=TRAIN_KERNELS,
+        sources=sources_of("compute", "studies.trains.reducer"),
+    output:
+        "results/reducer.nc",
+    params:
+        function="gearlib.studies.trains.reducer:compute",
+        pair=pair(config["reducer"]["damping"]),
+        tunings=grid(config["reducer"]),
+        settings=without(config["reducer"], "damping", *GRID),
+
+
+use rule _table as reducer_table with:
+    pathvars:
+        job="reducer_table",
+    input:
+        characteristics="results/reducer.nc",
+        sources=sources_of("table", "studies.trains.reducer"),
+    output:
+        csv="results/reducer.csv",
+        page=page_of("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
+    params:
+        function="gearlib.studies.trains.reducer:rows",
+        gears=REDUCER,
+
+
+use rule _draw as draw_reducer with:
+    pathvars:
+        job="draw_reducer",
+    input:
+        characteristics="results/reducer.nc",
+        sources=sources_of("draw", "figures.reducer_figure"),
+    output:
+        figure_of("reducer", "Fig. 1: all meshes of the reducer over speed", EXPLANATIONS),
+    params:
+        draw="reducer_figure.draw",
+        gears=REDUCER,
+
+
+rule reducer:
+    input:
+        asked("reducer", rules.draw_reducer.output, rules.reducer_table.output.csv),
+
+
+# Every mesh of the train of the configuration over speed.
+
+TRAIN = gear_names.of_train(CONFIG)
+
+
+use rule _compute as compute_train_sweep with:
+    pathvars:
+        job="train_sweep",
+    input:
+        train_kernels=TRAIN_KERNELS,
+        sources=sources_of("compute", "studies.trains.over_speed"),
+    output:
+        "results/train_sweep.nc",
+    params:
+        function="gearlib.studies.trains.over_speed:compute",
+        train=canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping)),
+        tunings=grid(config["train_sweep"]),
+        settings=without(config["train_sweep"], "damping", *GRID),
+
+
+use rule _draw as draw_train_sweep with:
+    pathvars:
+        job="draw_train_sweep",
+    input:
+        curves="results/train_sweep.nc",
+        sources=sources_of("draw", "figures.train_sweep_figure"),
+    output:
+        figure_of("train_sweep", "The train of the configuration over speed", TRAINS),
+    params:
+        draw="train_sweep_figure.draw",
+        gears=TRAIN,
+
+
+rule train_sweep:
+    input:
+        asked("train_sweep", rules.draw_train_sweep.output),
+
+
+# Natural frequencies against mesh frequencies, of that train, else of the reducer.
+
+HAS_OWN_TRAIN = targets.has_own_train(CONFIG)
+
+
+use rule _compute as compute_campbell with:
+    pathvars:
+        job="campbell",
+    input:
+        characteristics=f"results/{'train_sweep' if HAS_OWN_TRAIN else 'reducer'}.nc",
+        sources=sources_of("compute", "studies.trains.campbell"),
+    output:
+        "results/campbell.nc",
+    params:
+        **(
+            {"train": canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))}
+            if HAS_OWN_TRAIN
+            else {
+                "pair": pair(config["reducer"]["damping"]),
+                "settings": without(config["reducer"], "damping", *GRID, *STARTS),
+            }
+        ),
+        function="gearlib.studies.trains.campbell:compute",
+        orders=config["campbell"]["orders"],
+
+
+use rule _table as campbell_table with:
+    pathvars:
+        job="campbell_table",
+    input:
+        diagram="results/campbell.nc",
+        sources=sources_of("table", "studies.trains.campbell"),
+    output:
+        csv="results/campbell.csv",
+        page=page_of("campbell", "Campbell diagram, table", EXPLANATIONS),
+    params:
+        function="gearlib.studies.trains.campbell:rows",
+        gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
+
+
+use rule _draw as draw_campbell with:
+    pathvars:
+        job="draw_campbell",
+    input:
+        diagram="results/campbell.nc",
+        sources=sources_of("draw", "figures.campbell_figure"),
+    output:
+        figure_of("campbell", "Campbell diagram", EXPLANATIONS),
+    params:
+        draw="campbell_figure.draw",
+        gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
+
+
+rule campbell:
+    input:
+        asked("campbell", rules.draw_campbell.output, rules.campbell_table.output.csv),

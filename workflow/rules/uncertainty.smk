@@ -1,0 +1,185 @@
+"""Measured sets beside the computed curves, and how jumps and peaks scatter with tolerances."""
+
+
+use rule _compute as measured_curve with:
+    pathvars:
+        job="measured/{measured}",
+    input:
+        measured=files_of_set,
+        resonance="results/resonance.nc",
+        sources=sources_of("compute", "studies.measured_comparison"),
+    output:
+        "results/measured/{measured}.nc",
+    params:
+        function="gearlib.studies.measured_comparison:curve",
+        path=path_of_set,
+
+
+use rule _compute as measured_course with:
+    pathvars:
+        job="measured/courses/{measured}",
+    input:
+        measured=files_of_set,
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.measured_comparison"),
+    output:
+        "results/measured/courses/{measured}.nc",
+    params:
+        function="gearlib.studies.measured_comparison:courses",
+        path=path_of_set,
+        pairs=PAIRS,
+        run=SAMPLED_RUN,
+
+
+use rule _compute as measured_orders with:
+    pathvars:
+        job="measured/orders/{measured}",
+    input:
+        measured=files_of_set,
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.measured_comparison"),
+    output:
+        "results/measured/orders/{measured}.nc",
+    params:
+        function="gearlib.studies.measured_comparison:orders",
+        path=path_of_set,
+        pairs=PAIRS,
+
+
+MEASURED_COURSES = [name for name, (_, one) in MEASURED_SETS.items() if one.has_courses()]
+MEASURED_RUN_UPS = [name for name, (_, one) in MEASURED_SETS.items() if one.has_run_ups()]
+
+
+use rule _table as measured_table with:
+    pathvars:
+        job="measured_table",
+    input:
+        curves=expand(rules.measured_curve.output, measured=MEASURED_SETS),
+        courses=expand(rules.measured_course.output, measured=MEASURED_COURSES),
+        orders=expand(rules.measured_orders.output, measured=MEASURED_RUN_UPS),
+        resonance="results/resonance.nc",
+        sources=sources_of("table", "studies.measured_scores"),
+    output:
+        csv="results/measured.csv",
+        page=page_of("measured", "Measured and computed, in numbers", MEASURED),
+    params:
+        function="gearlib.studies.measured_scores:rows",
+
+
+use rule _draw as draw_measured_courses with:
+    pathvars:
+        job="draw_measured_courses",
+    input:
+        courses=rules.measured_table.input.courses,
+        sources=sources_of("draw", "figures.measured_courses_figure"),
+    output:
+        figure_of("measured_courses", "Measured time courses", MEASURED),
+    params:
+        draw="measured_courses_figure.draw",
+        settings=COLOURS,
+
+
+use rule _draw as draw_measured_orders with:
+    pathvars:
+        job="draw_measured_orders",
+    input:
+        orders=rules.measured_table.input.orders,
+        sources=sources_of("draw", "figures.measured_orders_figure"),
+    output:
+        figure_of("measured_orders", "Mesh orders of measured run-ups", MEASURED),
+    params:
+        draw="measured_orders_figure.draw",
+        settings=COLOURS,
+
+
+rule measured:
+    input:
+        asked(
+            "measured",
+            rules.measured_table.output.csv,
+            rules.draw_measured_courses.output if MEASURED_COURSES else [],
+            rules.draw_measured_orders.output if MEASURED_RUN_UPS else [],
+        ),
+
+
+# Designs in shards of a Sobol' sequence.
+
+
+use rule _compute as tolerance_shard with:
+    pathvars:
+        job="tolerances/{samples}",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.tolerance_study"),
+    output:
+        "results/tolerances/{samples}.nc",
+    params:
+        **DESIGNS,
+        **only(config["tolerances"], "samples", "directions", "periods", "record_periods"),
+        function="gearlib.studies.tolerance_study:compute",
+        tunings=grid(config["tolerances"]),
+        box=[[-end, end] for end in config["tolerances"]["box"]],
+        shard="{samples}",
+
+
+use rule _compute as gather_tolerances with:
+    pathvars:
+        job="gather_tolerances",
+    input:
+        shards=expand(rules.tolerance_shard.output, samples=CONFIG.tolerances.shards()),
+        sources=sources_of("compute", "uncertainty.scatter"),
+    output:
+        "results/tolerances.nc",
+    params:
+        function="gearlib.uncertainty.scatter:gather",
+
+
+use rule _compute as tolerance_indices with:
+    pathvars:
+        job="tolerance_indices",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.tolerance_study"),
+    output:
+        "results/tolerance_indices.nc",
+    params:
+        **DESIGNS,
+        function="gearlib.studies.tolerance_study:indices",
+        samples=config["tolerances"]["index_samples"],
+
+
+use rule _table as tolerance_table with:
+    pathvars:
+        job="tolerance_table",
+    input:
+        scattered="results/tolerances.nc",
+        sources=sources_of("table", "studies.tolerance_study"),
+    output:
+        csv="results/tolerances.csv",
+        page=page_of("tolerances", "Tolerances: table", TOLERANCES),
+    params:
+        function="gearlib.studies.tolerance_study:rows",
+
+
+use rule _draw as draw_tolerances with:
+    pathvars:
+        job="draw_tolerances",
+    input:
+        scattered="results/tolerances.nc",
+        # Correlated parameters have no indices.
+        indices=[] if config["tolerances"]["correlations"] else "results/tolerance_indices.nc",
+        sources=sources_of("draw", "figures.scatter_figure"),
+    output:
+        figure_of(
+            "tolerance_bands", "Bands over speed, and the probability of contact loss", TOLERANCES
+        ),
+        figure_of(
+            "tolerance_quantities", "Jumps and peaks: how they scatter, and by what", TOLERANCES
+        ),
+    params:
+        draw="scatter_figure.draw",
+
+
+rule tolerances:
+    input:
+        asked("tolerances", rules.draw_tolerances.output, rules.tolerance_table.output.csv),
