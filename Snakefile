@@ -44,7 +44,7 @@ ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summar
 # Of an installed package, unless this folder has one of its own.
 OF_PAPER = "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
 try:
-    BASE = yaml_keys.read(OF_PAPER)[0] or {}
+    BASE = yaml_keys.read(OF_PAPER)[0]
 except ValueError as error:
     refuse(error)
 

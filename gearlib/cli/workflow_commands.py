@@ -47,28 +47,32 @@ def paper(folder, jobs, everything):
 def workflow(arguments):
     """Run the workflow here: snakemake with the rules of this package.
 
-    ARGUMENTS are those of snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`.
+    ARGUMENTS are those of snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`; --config
+    mine.yaml is the same, as in all other commands.
     """
-    _check_files(arguments)
-    _run(Path(), arguments or ["-j2"])
+    _run(Path(), list(_checked(arguments)) or ["-j2"])
 
 
-def _check_files(arguments):
-    """Refuse what Snakemake, which reads them itself, would not name: no YAML, no file."""
+def _checked(arguments):
+    """Yield the arguments; refuse files that Snakemake would read without naming their faults."""
     given = False
-    for argument in arguments:
-        option, _, value = argument.partition("=")
+    for argument, following in zip(arguments, (*arguments[1:], ""), strict=True):
+        option, equal, value = argument.partition("=")
+        # Snakemake's own --config takes pairs KEY=VALUE.
+        if option == "--config" and "=" not in (value or following):
+            option = "--configfile"
+            argument = option + equal + value
         named = option in ("--configfile", "--configfiles")
         path = value if named else argument
         given = named or given and not argument.startswith("-")
-        if not given or not path:
-            continue
-        if not Path(path).is_file():
-            raise click.UsageError(
-                f"--configfile {path} is not allowed: it must be a file; targets come before the "
-                "option"
-            )
-        yaml_keys.read(path)
+        if given and path:
+            if not Path(path).is_file():
+                raise click.UsageError(
+                    f"--configfile {path} is not allowed: it must be a file; targets come before "
+                    "the option"
+                )
+            yaml_keys.read(path)
+        yield argument
 
 
 def files():

@@ -33,6 +33,8 @@ def read(path):
         content = loader.get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_fault(error)}") from None
+    if content is None:
+        raise ValueError(f"{path} is empty: it must be a mapping of keys to values")
     return content, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
 
 

@@ -10,6 +10,7 @@ import pytest
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair
 from gearlib.studies.trials import high_precision, problems, references
 from tests.independent.systems import describe, move
+from gearlib.config import load
 from tests.paper import CONFIG
 from tests.references import of_pair
 
@@ -116,7 +117,7 @@ def test_the_first_zero_of_a_series():
 
 def test_digits_are_added_until_they_are_enough(monkeypatch):
     # Twenty periods without damping lose some twenty digits.
-    settings = CONFIG["work_precision"] | {"conservative_periods": 20}
+    settings = load(CONFIG).model_dump()["work_precision"] | {"conservative_periods": 20}
     problem = problems.build("conservative", CONFIG["gear_pair"], {}, settings)
     expected = references.reference(problem)
     monkeypatch.setattr(references, "DIGITS", (12, 24, 48, 96))

@@ -41,8 +41,23 @@ from tests.unit.test_drawn_gears import FZG
 from tests.unit.test_drawn_trains import OWN, SET
 
 FOUR = {"teeth": 20, "module": "4 mm", "width": "20 mm"}
+PAIRS = {
+    "z20-20": {
+        "pinion": {"teeth": 20, "module": "10 mm", "width": "30 mm"},
+        "wheel": {"teeth": 20},
+        "backlash": "50 um",
+        "torque": "500 N m",
+    },
+    "FZG-C": FZG["gears"],
+}
 BASES = {
-    "paper": CONFIG,
+    "paper": CONFIG
+    | {
+        "mesh_stiffness": {"pairs": PAIRS},
+        "harris_map": {"gears": FZG["gears"]},
+        "failures": {"trials": [{"name": name, "method": "rk4"} for name in ("rk4-64", "rk4-200")]},
+        "labels": {"start": 0.5, "stop": 1.4, "step": 0.01},
+    },
     "fzg": FZG,
     "twenty": FZG | {"gears": {"pinion": FOUR, "wheel": {"teeth": 40}, "torque": 100.0}},
     "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
@@ -67,7 +82,7 @@ def changed(settings, path, value):
     found = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
     *parts, key = [int(n) if n else name for name, n in found] or [path]
     for part in parts:
-        settings = settings[part]
+        settings = settings[part] if isinstance(part, int) else settings.setdefault(part, {})
     if value is None:
         del settings[key]
     else:

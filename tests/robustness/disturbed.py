@@ -24,7 +24,7 @@ def tiny_project(folder):
             for name in named.keys() - {"k1", "k1m"}:
                 del named[name]
         settings["figures"]["formats"] = ["png", "pdf"]
-        settings["stability_chart"]["damping"] = "k1"
+        settings["stability_chart"] = {"damping": "k1"}
         settings["scenes"] = {}
         settings["targets"] = ["phase_planes", "phase_lag"]
 

@@ -26,7 +26,7 @@ def only_a_few_jobs(settings):
     settings["dampings"] = {"k1": settings["dampings"]["k1"]}
     settings["figures"]["colours"] = {"k1": "#000000"}
     settings["resonance"] |= {"directions": ["cold", "up"]}
-    settings["stability_chart"]["damping"] = "k1"
+    settings["stability_chart"] = {"damping": "k1"}
     settings["scenes"] = {}
     settings["targets"] = ["phase_lag", "resonance"]
 

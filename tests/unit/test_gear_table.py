@@ -114,7 +114,7 @@ def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
         (["--config", "fzg.yaml", "--damping", "k9"], "damping = 'k9' is not allowed"),
         (["--teeth", "20", "20", "--width", "1 cm"], "gears.pinion.module is missing"),
         (["--config", "pair.yaml"], "pair.yaml has no gears by their drawing"),
-        (["--config", "empty.yaml"], "the configuration = null (empty) is not allowed"),
+        (["--config", "empty.yaml"], "empty.yaml is empty: it must be a mapping"),
         ([*ISO_EXAMPLE, "--damping", "k1"], "damping = 'k1' needs a configuration"),
     ],
 )

@@ -69,7 +69,7 @@ def merge(base, changes):
     """Lay one configuration over another, in place, as Snakemake does."""
     for key, value in changes.items():
         if isinstance(value, dict):
-            merge(base[key], value)
+            merge(base.setdefault(key, {}), value)
         else:
             base[key] = value
 
