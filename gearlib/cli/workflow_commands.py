@@ -1,6 +1,7 @@
 """The workflow from the shell: of an installed package too, which holds its rules."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,10 +34,12 @@ _jobs = click.option(
 def paper(folder, jobs, everything):
     """Reproduce the paper in FOLDER, by default ./paper: figures, and a table of its statements.
 
-    FOLDER gets results/. A configuration that is there, config.yaml, is used.
+    FOLDER gets results/ and the config.yaml that is used; one that is there stays.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / "config.yaml").exists():
+            shutil.copyfile(files() / "config.yaml", folder / "config.yaml")
     except OSError as error:
         output.fail(f"{folder} cannot be made: {error.strerror}")
     _run(folder, [f"-j{jobs}", "all" if everything else "paper"])

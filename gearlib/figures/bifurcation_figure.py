@@ -87,7 +87,7 @@ def _draw_shares(axes, shares):
     height = np.nan_to_num((shares.displacement_max - shares.displacement_min).values.T)
     names = []
     for i, row in enumerate(share):
-        name = f"{periods[i]} ({height[i, row.argmax()]:.1f})"
+        name = f"period {periods[i]}, height {height[i, row.argmax()]:.1f}"
         names.append("" if row.max() < _NAMED else name if kinds[i] == 0 else _KINDS[kinds[i]])
     layers = axes.stackplot(
         shares.tuning.values, share, colors=[colour for colour, _ in chosen], step="mid"
@@ -100,8 +100,8 @@ def _draw_shares(axes, shares):
         *zip(*handles, strict=True),
         loc="upper center",
         bbox_to_anchor=(0.5, -0.28),
-        ncols=8,
-        title="period in mesh periods (height in static deflections)",
+        ncols=4,
+        title="orbits: period in mesh periods, height in static deflections",
         title_fontsize=7.5,
         frameon=False,
         columnspacing=1.0,

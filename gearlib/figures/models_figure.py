@@ -14,8 +14,6 @@ _WORDS = {
 #: Changes below the one or above the other are drawn as these.
 _LEAST, _MOST = 1e-6, 100.0
 _OUTSIDE = 1e5
-#: In place of a number that rounding decides.
-_DIFFERS = "~"
 
 
 @style.styled()
@@ -41,12 +39,14 @@ def draw(comparisons, scenes):
                 ends = [min(float(data[f"change_{end}"][i]), _OUTSIDE) for end in ("low", "high")]
                 axes.plot(ends, [i, i], color=style.PALETTE[4], linewidth=2.0)
                 width = max(width, ends[1])
-            words = f"{change:.2g}" if free else _DIFFERS
+            words = (
+                f"{change:.2g}" if free else "depends on rounding, median and range of all starts"
+            )
             words = "the largest model" if np.isnan(change) else words
-            words += " (carries the scene)" if chosen else ""
+            words += ", suffices" if chosen else ""
+            words += f", cost {float(data.cost[i]):.3g}" if free else ""
             # Beside the bar, or within it where the words would leave the panel.
             inside = width > _MOST / (100.0 if free else 10.0)
-            words += f"; cost {f'{float(data.cost[i]):.3g}' if free else _DIFFERS}"
             away, side = ((-4, 0), "right center") if inside else ((4, 0), "left center")
             # The dashed line would run through the words.
             style.note(axes, words, (min(width, _MOST), i), away, side, white=(0.1,))

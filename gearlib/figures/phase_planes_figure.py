@@ -20,24 +20,23 @@ def draw(phase_planes, *, colours=None):
     """Draw a grid of phase planes {y'; y}, with colours by the name of the damping, if given.
 
     `phase_planes` are gathered: displacement and velocity over (damping, tuning, phase), period
-    and followed over (damping, tuning), the scalar backlash_ratio. Axes are common to a row. Each
-    cell has its `motion_words.steadiness`. A run that could not go on (NaN) says so.
+    and followed over (damping, tuning), the scalar backlash_ratio. Each cell has its own scales,
+    since undamped motions are many times larger, and above it its `motion_words.steadiness`. A run
+    that could not go on (NaN) says so.
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
     figure = style.page(_HEAD + _CELL_HEIGHT * tunings.size)
-    grid = figure.subplots(tunings.size, len(looks), squeeze=False, sharex="row", sharey="row")
-    for axes, name in zip(grid[0], looks, strict=True):
-        axes.set_title(style.damping_label(name))
+    grid = figure.subplots(tunings.size, len(looks), squeeze=False)
     for axes in grid[-1]:
         axes.set_xlabel(style.SHORT_DISPLACEMENT)
     for row, tuning in zip(grid, tunings, strict=True):
         runs = phase_planes.sel(tuning=tuning)
-        row[0].set_xlim(*_limits(runs.displacement.values))
-        row[0].set_ylim(*_limits(runs.velocity.values))
         row[0].set_ylabel(f"$\\nu_s$ = {tuning:.2f}\n$dy/d\\tau$")
         for axes, (name, look) in zip(row, looks.items(), strict=True):
-            _draw_cell(axes, runs.sel(damping=name), look.colour)
+            words = _draw_cell(axes, runs.sel(damping=name), look.colour)
+            head = f"{style.damping_label(name)}\n" if axes in grid[0] else ""
+            axes.set_title(f"{head}{words}", fontsize=6)
     return figure
 
 
@@ -67,11 +66,11 @@ def orbit_of(run):
 
 
 def _draw_cell(axes, run, colour):
-    """Draw one phase plane with its areas and its label."""
-    style.shade_areas(axes, float(run.backlash_ratio), "x")
+    """Draw one phase plane with its areas; return what is said of its motion."""
     x, v = orbit_of(run)
-    label = motion_words.steadiness(run) if np.isfinite(x).all() else "no result"
-    label = "\n".join(textwrap.wrap(label, 23))
+    axes.set(xlim=_limits(x), ylim=_limits(v))
+    style.shade_areas(axes, float(run.backlash_ratio), "x")
     axes.plot(x, v, color=colour, linewidth=0.8 if int(run.period) else 0.3)
-    at, of = (0.03, 0.97), "axes fraction"
-    style.note(axes, label, at, side="left top", of=of, white=(0.15, 0.8))
+    axes.tick_params(labelsize=5.5)
+    words = motion_words.steadiness(run) if np.isfinite(x).all() else "no result"
+    return "\n".join(textwrap.wrap(words, 30))

@@ -23,6 +23,8 @@ _SEEN = 0.01
 _STRIPS = {"lost_alone_share": 0.03, "struck_alone_share": 0.08}
 _SYMBOLS = {"lost_alone_share": "s", "struck_alone_share": "x"}
 _WIDTHS = (2.2, 1.4, 0.8)
+#: Of branches that all move alike, which are one line.
+_ALIKE = "0.25"
 
 
 @style.styled()
@@ -66,11 +68,14 @@ def draw(characteristics):
 
 
 def _draw_branches(axes, data, name, stage):
-    """Draw one variable of the meshes of a stage, a colour for each branch."""
+    """Draw one variable of the meshes of a stage, a colour for each branch that differs."""
     tuning = data.tuning.values
-    for j in np.flatnonzero(data.mesh_stage.values == stage):
+    meshes = np.flatnonzero(data.mesh_stage.values == stage)
+    every = data[name].isel(mesh=meshes)
+    alike = not (np.ptp(every, every.dims.index("mesh")) > _SEEN * np.abs(every).max("mesh")).any()
+    for j in meshes[:1] if alike else meshes:
         branch = int(data.mesh_branch[j])
-        colour = style.PALETTE[branch - 1]
+        colour = _ALIKE if alike else style.PALETTE[branch - 1]
         values = data[name].isel(mesh=j)
         rest = values.sel(direction="cold").values
         draw_range(axes, tuning, data.sel(direction="cold").isel(mesh=j), name, colour)
@@ -109,6 +114,7 @@ def _legend(data):
         style.entry(f"branch {n}, from rest", style.PALETTE[n - 1], linewidth=_width(n))
         for n in branches
     ]
+    handles.append(style.entry("all branches alike", _ALIKE, linewidth=_width(1)))
     point = {"line": "none", "markersize": 3}
     for direction, marker in _MARKS.items():
         words = f"speed {direction}, where it differs"

@@ -207,6 +207,8 @@ def _draw_all(axes, curves, looks, handles):
         label = style.damping_label(name)
         entry = style.entry(label, look.colour, look.line, look.marker, markersize=4)
         handles.insert(number, entry)
+    if (curves.period.values == 0).any():
+        handles.append(style.entry("not settled", "0.3", "none", ".", markersize=3))
     axes.legend(handles=handles, loc="upper right", ncols=2)
 
 

@@ -7,19 +7,19 @@ from gearlib.figures import style
 
 _PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6
 
-#: What stands at the vertical axes, in static deflections, loads and mean stiffness.
+#: What stands at the vertical axes, with the unit of lengths; forces are over the load.
 _SYMBOLS = {
-    "displacement": "$y$",
-    "velocity": "$dy/d\\tau$",
-    "acceleration": "$d^2y/d\\tau^2$",
+    "displacement": "$y$\n(static defl.)",
+    "velocity": "$dy/d\\tau$\n(static defl./rad)",
+    "acceleration": "$d^2y/d\\tau^2$\n(static defl./rad²)",
     "stiffness": "$C/C_s$",
     "modified_stiffness": "$C(H_1+H_2)/C_s$",
     "dynamic_force": "$F_\\mathrm{dyn}/F$",
     "friction_force": "$F_T/F$",
-    "bearing_y3": "$y_3$",
-    "bearing_z3": "$z_3$",
-    "bearing_y2": "$y_2$",
-    "bearing_z2": "$z_2$",
+    "bearing_y3": "$y_3$\n(static defl.)",
+    "bearing_z3": "$z_3$\n(static defl.)",
+    "bearing_y2": "$y_2$\n(static defl.)",
+    "bearing_z2": "$z_2$\n(static defl.)",
 }
 _MODELS = {
     "one_degree": "1 degree of freedom, rectangular stiffness",
@@ -51,7 +51,9 @@ def draw(scene, *, courses, periods_shown):
         axes.sharex(grid[0, 0])
     for column, title in enumerate(titles):
         run = shown.isel(case=column)
-        _draw_plane(grid[0, column], run, title)
+        tuning = float(run.tuning)
+        words = title if f"{tuning:g}" in title else f"{title}\n$\\nu_s$ = {tuning:g}"
+        _draw_plane(grid[0, column], run, words)
         for name, axes in zip(courses, grid[1:, column], strict=True):
             _draw_course(axes, run, name)
         grid[-1, column].set_xlabel("mesh periods")

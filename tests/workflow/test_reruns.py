@@ -280,7 +280,7 @@ def test_other_gears_have_a_folder_of_their_own(tmp_path):
     arguments = ("--configfile", "mine.yaml")
     # Every name of `targets` is a target.
     project.snakemake("-j2", "phase_lag", *arguments)
-    assert (project / "results/mine/figures/fig2_phase_shift.png").exists()
+    assert (project / "results/mine/figures/phase_shift.png").exists()
     assert [path.name for path in (project / "results").iterdir()] == ["mine"]
     assert project.planned(*arguments) == {}
     # Another load is no other machine, another stiffness is.

@@ -178,13 +178,18 @@ def of_dampings(pattern):
 def figure_of(name, label, part, caption=None):
     """Return the files of a figure, one for each format, of which the report shows one.
 
-    Its caption is the file of the same name in `workflow/report`.
+    Its caption is the file of the same name in `workflow/report`. Figures of other gears than the
+    paper's do without the numbers of its figures.
     """
+    caption = caption or name
+    if not gear_names.is_paper(CONFIG):
+        name = re.sub(r"^fig\d+_", "", name)
+        label = label if callable(label) else re.sub(r"^(Beside )?Fig. \d+: ", "", label)
     shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
     labels = {"figure": label}
     if callable(label):
         labels = lambda wildcards: {"figure": label(wildcards)}
-    in_report = dict(caption=f"../report/{caption or name}.rst", category=part, labels=labels)
+    in_report = dict(caption=f"../report/{caption}.rst", category=part, labels=labels)
     files = [f"results/figures/{name}.{form}" for form in CONFIG.figures.formats]
     return [report(path, **in_report) if path.endswith(shown) else path for path in files]
 
