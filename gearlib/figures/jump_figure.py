@@ -103,5 +103,6 @@ def _draw_kind(axes, rows, base, marked, label, logarithmic):
     none = value[np.isnan(rows.jump.values)]
     if none.size:
         # Above the frame, where no point can lie.
-        words = f"no jump in the scan where {label.split(' (')[0]} = {', '.join(f'{v:g}' for v in none)}"
+        values = ", ".join(f"{v:g}" for v in none)
+        words = f"no jump in the scan where {label.split(' (')[0]} = {values}"
         axes.set_title(textwrap.fill(words, _LINE), fontsize=6, loc="left", pad=2.0)

@@ -40,10 +40,10 @@ def draw(comparisons, scenes):
                 axes.plot(ends, [i, i], color=style.PALETTE[4], linewidth=2.0)
                 width = max(width, ends[1])
             words = (
-                f"{change:.2g}" if free else "depends on rounding, median and range of all starts"
+                f"{change:.2g}" if free else "rounding decides"
             )
             words = "the largest model" if np.isnan(change) else words
-            words += ", suffices" if chosen else ""
+            words += ", used for the scene" if chosen else ""
             words += f", cost {float(data.cost[i]):.3g}" if free else ""
             # Beside the bar, or within it where the words would leave the panel.
             inside = width > _MOST / (100.0 if free else 10.0)

@@ -68,18 +68,24 @@ def draw(characteristics):
 
 
 def _draw_branches(axes, data, name, stage):
-    """Draw one variable of the meshes of a stage, a colour for each branch that differs."""
+    """Draw one variable of the meshes of a stage: a line for each branch, one where all agree."""
     tuning = data.tuning.values
     meshes = np.flatnonzero(data.mesh_stage.values == stage)
     every = data[name].isel(mesh=meshes)
-    alike = not (np.ptp(every, every.dims.index("mesh")) > _SEEN * np.abs(every).max("mesh")).any()
-    for j in meshes[:1] if alike else meshes:
+    rests = every.sel(direction="cold").transpose("tuning", "mesh").values
+    alike = np.ptp(rests, axis=1) <= _SEEN * np.abs(rests).max(axis=1)
+    # Lines of branches begin at the last tuning at which all agree.
+    inside = np.pad(alike, 1, constant_values=True)
+    alone = alike & inside[:-2] & inside[2:]
+    axes.plot(tuning, np.where(alike, rests[:, 0], np.nan), color=_ALIKE, linewidth=_width(1))
+    for j in meshes:
         branch = int(data.mesh_branch[j])
-        colour = _ALIKE if alike else style.PALETTE[branch - 1]
+        colour = style.PALETTE[branch - 1]
         values = data[name].isel(mesh=j)
         rest = values.sel(direction="cold").values
         draw_range(axes, tuning, data.sel(direction="cold").isel(mesh=j), name, colour)
-        axes.plot(tuning, rest, color=colour, linewidth=_width(branch))
+        shown = np.where(alone, np.nan, rest)
+        axes.plot(tuning, shown, color=colour, linewidth=_width(branch))
         for direction, marker in _MARKS.items():
             carried = values.sel(direction=direction).values
             # Nor in the range of all starts.
@@ -114,7 +120,7 @@ def _legend(data):
         style.entry(f"branch {n}, from rest", style.PALETTE[n - 1], linewidth=_width(n))
         for n in branches
     ]
-    handles.append(style.entry("all branches alike", _ALIKE, linewidth=_width(1)))
+    handles.append(style.entry("all branches", _ALIKE, linewidth=_width(1)))
     point = {"line": "none", "markersize": 3}
     for direction, marker in _MARKS.items():
         words = f"speed {direction}, where it differs"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gearlib import Fourier, GearPair, Harmonics, OneDegreePair
+from gearlib.config import load
 from gearlib.studies.trials import high_precision, problems, references
 from tests.independent.systems import describe, move
-from gearlib.config import load
 from tests.paper import CONFIG
 from tests.references import of_pair
 
