@@ -39,9 +39,7 @@ def draw(comparisons, scenes):
                 ends = [min(float(data[f"change_{end}"][i]), _OUTSIDE) for end in ("low", "high")]
                 axes.plot(ends, [i, i], color=style.PALETTE[4], linewidth=2.0)
                 width = max(width, ends[1])
-            words = (
-                f"{change:.2g}" if free else "rounding decides"
-            )
+            words = f"{change:.2g}" if free else "rounding decides"
             words = "the largest model" if np.isnan(change) else words
             words += ", used for the scene" if chosen else ""
             words += f", cost {float(data.cost[i]):.3g}" if free else ""

@@ -152,7 +152,10 @@ def test_variations_without_a_jump_are_named_above_the_panel():
     for name in ("jump", "shift", "shift_low", "shift_high"):
         data[name][-1] = np.nan
     _, damping, backlash = jump_figure.draw(data).axes
-    assert words_of(damping) == "no jump in the scan where factor on the damping = 2" and words_of(backlash) == ""
+    assert (
+        words_of(damping) == "no jump in the scan where factor on the damping = 2"
+        and words_of(backlash) == ""
+    )
     # No line leads from a value to another: the jump in between is not known.
     long = [line for line in damping.lines if len(line.get_xdata()) > 2]
     assert all(line.get_linestyle() == "None" for line in long)
