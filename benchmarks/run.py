@@ -26,7 +26,7 @@ from gearlib.engines.orbit import Span
 from gearlib.engines.polynomial import bernstein_matrix
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import run_nonlinear
-from gearlib.pages.explorer.view import look
+from gearlib.explorer.view import look
 
 REPEATS = repeats(7)
 DAMPED = GearPair.from_ratios(
@@ -164,15 +164,17 @@ def proofs():
 
 def explorer():
     """Return rows with the time of one update of the explorer at 500 tunings."""
-    grid = np.linspace(0.5, 1.4, 500)
-    chaotic = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)
+    pair = DAMPED.as_dict() | {"teeth": 24}
+    damping = {name: pair.pop(name) for name in ("material_damping", "backlash_damping")}
+    dampings = {"damped": damping, "conservative": dict.fromkeys(damping, 0.0)}
+    mapping = {"gear_pair": pair, "dampings": dampings, "phase_planes": {"tunings": [0.9]}}
     return [
         (
             f"explorer, one update at 500 tunings, {name}",
-            seconds(lambda p=p: look(p, 0.9, grid)),
+            seconds(lambda name=name: look(mapping, name)),
             "s",
         )
-        for name, p in (("damped", DAMPED), ("conservative", chaotic))
+        for name in dampings
     ]
 
 

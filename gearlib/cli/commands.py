@@ -419,10 +419,10 @@ def init(path, force):
 def explore(mapping, damping, port, show):
     """Explore the gear mesh with sliders, in the browser."""
     try:
-        from gearlib.pages.explorer import serving
+        from gearlib.explorer import page
     except ModuleNotFoundError as error:
         output.fail(f"{error.name} is missing: install gearlib[explore]")
-    serving.serve(mapping, damping, port, show)
+    page.serve(mapping, damping, port, show)
 
 
 for one in (

@@ -7,14 +7,12 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 
 from gearlib import GearPair
 from gearlib.config import cases, chosen, drawing, load
 from gearlib.config import gears_section as sections
 from gearlib.config.defaults import laid_over
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
-from gearlib.pages.explorer.one_pair import Pair
 from tests.geometry.drawings import fzg_c, iso_example, ring
 from tests.paper import CONFIG
 
@@ -187,13 +185,6 @@ def test_dampings_by_ratio_decrement_and_coefficient():
     assert settings.damped_parameters(settings.bifurcation.damping) == expected
     for section in (settings.basins, settings.poincare):
         assert settings.global_parameters(section.cases[0]) == expected
-
-
-def test_the_explorer_takes_drawn_gears():
-    settings = load(FZG)
-    explored = Pair(FZG, "k")
-    saved = load(yaml.safe_load(explored.configuration(explored.start)))
-    assert saved.gear_pair == settings.gear_pair
 
 
 def test_speeds_count_with_the_drawn_pair():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gearlib.pages import tables
+from gearlib.data import tables
 
 
 @pytest.mark.parametrize("cell", ["a, b", "x < 1 & y", "line\nbreak"])

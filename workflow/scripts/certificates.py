@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from gearlib.data import storage
+from gearlib.data import storage, tables
 from gearlib.data.files import write_table
-from gearlib.pages import tables
 from gearlib.studies import certificate_table, certificates
 from joblog import redirect_output
 

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from gearlib.data import storage
+from gearlib.data import storage, tables
 from gearlib.data.files import write_table
 from gearlib.models.pair import GearPair
-from gearlib.pages import tables
 from gearlib.studies import claims
 from joblog import redirect_output
 

@@ -2,8 +2,8 @@
 
 from pkgutil import resolve_name
 
+from gearlib.data import tables
 from gearlib.data.files import write_table
-from gearlib.pages import tables
 from inputs import datasets
 from joblog import redirect_output
 

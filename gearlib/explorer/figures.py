@@ -1,0 +1,191 @@
+"""Figures of a view of the gears, whose lines are sources by name."""
+
+import math
+
+import numpy as np
+import panel as pn
+from bokeh.models import ColumnDataSource, Span
+from bokeh.plotting import figure
+
+from gearlib.explorer.view import LOADS, SAMPLES, SHOWN, View
+from gearlib.figures.style import PALETTE
+
+#: Share of the window's height and least height (px) of the characteristic, of other figures.
+_LARGE, _SMALL = (0.55, 300), (0.45, 250)
+#: Width from which a row of figures is filled, and of ticks and words of an ordinate, px.
+_BASIS, _ORDINATE = 260, 65
+#: Of the window: heading and note, px.
+_HEAD = 200
+#: Of the mean force: amplitudes below are not drawn.
+_FLOOR = 1e-6
+_SWEEPS = ("up", "up_min", "down", "down_min")
+
+
+class Figures:
+    """The figures of a pair, over its tuning, or of drawn gears, over the speed of the pinion."""
+
+    def __init__(self, drawn: bool):
+        self.drawn = drawn
+        self.harris = [*(f"{load:g}" for load in LOADS), "chosen"]
+        names = [*_SWEEPS, "plane", "course", "force", "roots", "orders", *self.harris, "share"]
+        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in names}
+        self.table = pn.pane.Markdown("", width=290)
+        self.resonance, self.marker = self._characteristic()
+        self.teeth_panes = [pane(plot) for plot in self._of_teeth()] if drawn else []
+
+    def rows(self) -> list:
+        """Return the panes of the figures, one row after the other."""
+        first = [beside(self.table, *self.teeth_panes)] if self.drawn else []
+        return [*first, beside(pane(self.resonance, _LARGE)), beside(*map(pane, self._motion()))]
+
+    def draw(self, seen: View) -> str:
+        """Show a view, and return it in words."""
+        rpm, tuning = float(seen.pair.speed(1.0)), float(seen.run.tuning)
+        for name, curve in (("up", seen.up), ("down", seen.down)):
+            x = curve.tuning.values * (rpm if self.drawn else 1.0)
+            self._show(name, x, curve.displacement_max.values)
+            self._show(f"{name}_min", x, curve.displacement_min.values)
+        course = seen.run.isel(phase=slice(-SHOWN * SAMPLES, None))
+        phase, displacement = course.phase.values, course.displacement.values
+        self._show("plane", displacement, course.velocity.values)
+        self._show("course", phase - phase[0], displacement)
+        self._show("force", phase - phase[0], course.dynamic_force.values)
+        self._show("roots", seen.multipliers.real, seen.multipliers.imag)
+        if seen.orders is not None:
+            self._show("orders", *_stems(seen.orders))
+        self.marker.location = float(seen.run.speed) if self.drawn else tuning
+        if self.drawn:
+            self._draw_teeth(seen)
+        return seen.message if self.drawn else f"{rpm * tuning:.0f} rpm. {seen.message}"
+
+    def _draw_teeth(self, seen: View) -> None:
+        lines = [f"| {name} | {value} |" for name, value in derived(seen)]
+        self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
+        for one in self.teeth_panes:
+            one.visible = seen.error is not None
+        if seen.error is None:
+            return
+        # After the last mesh period it closes where it began; several, if there are pitch errors.
+        count = len(seen.mesh.pitch_errors)
+        phase = np.append(seen.error.phase.values / math.tau, count)
+        for name, curve in zip(self.harris, seen.error.transmission_error.values, strict=True):
+            self._show(name, phase, 1e6 * np.append(curve, curve[0]))
+        period = seen.error.isel(torque=-1, phase=slice(0, seen.error.phase.size // count))
+        position, share = 1e3 * period.path_position.values, period.load_share.values
+        inside = np.isfinite(position)
+        order = np.argsort(position[inside])
+        self._show("share", position[inside][order], share[inside][order])
+
+    def _show(self, name: str, x, y) -> None:
+        self.sources[name].data = {"x": x, "y": y}
+
+    def _plot(self, title: str, x: str, y: str, *lines, **options):
+        """Return a figure of lines, each a name, a number of a colour and options of the line."""
+        # Room for ticks and words of the ordinate, which are not known when it is laid out.
+        look = {
+            "sizing_mode": "stretch_both",
+            "min_border_left": _ORDINATE,
+            "toolbar_location": None,
+        }
+        plot = figure(title=title, x_axis_label=x, y_axis_label=y, **look | options)
+        for name, number, more in lines:
+            plot.line("x", "y", source=self.sources[name], color=PALETTE[number], **more)
+        return plot
+
+    def _characteristic(self):
+        """Return the figure of the resonance characteristic and the marker of the setting."""
+        lines = [
+            (name, 0 if "up" in name else 4, {"legend_label": f"sweep {name.split('_')[0]}"})
+            for name in _SWEEPS
+        ]
+        x = "speed of the pinion, rpm" if self.drawn else "tuning ν"
+        title, y = "Resonance characteristic: extrema", "displacement, static deflections"
+        plot = self._plot(title, x, y, *lines, toolbar_location="right")
+        plot.legend.click_policy = "hide"
+        marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
+        plot.add_layout(marker)
+        return plot, marker
+
+    def _motion(self) -> list:
+        """Return phase plane, time course, multipliers and order spectrum."""
+        plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", ("plane", 0, {}))
+        course = self._plot(
+            f"Time course, {SHOWN} mesh periods",
+            "mesh phase τ, rad",
+            "",
+            ("course", 0, {"legend_label": "displacement"}),
+            ("force", 4, {"legend_label": "dynamic force / load"}),
+        )
+        course.add_layout(course.legend[0], "below")
+        course.legend.orientation = "horizontal"
+        roots = self._plot("Floquet multipliers", "real part", "imaginary part")
+        roots.match_aspect = True
+        angle = np.linspace(0.0, math.tau, 200)
+        roots.line(np.cos(angle), np.sin(angle), color="#999999")
+        roots.scatter("x", "y", source=self.sources["roots"], size=10, color=PALETTE[0])
+        y, line = "mesh force, N, peak", ("orders", 0, {"line_width": 3})
+        spectrum = self._plot("Order spectrum", "mesh order", y, line, y_axis_type="log")
+        return [plane, course, roots, spectrum]
+
+    def _of_teeth(self) -> list:
+        """Return the Harris map and the load share of a pair of teeth."""
+        lines = [(name, 3, {"legend_label": f"{name} × torque"}) for name in self.harris[:-1]]
+        lines.append(("chosen", 0, {"line_width": 3, "legend_label": "chosen torque"}))
+        title = "Harris map: static transmission error"
+        harris = self._plot(title, "mesh phase / 2π", "µm", *lines)
+        harris.add_layout(harris.legend[0], "right")
+        title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
+        return [harris, self._plot(title, x, "", ("share", 0, {}))]
+
+
+def _stems(spectrum):
+    """Return the force amplitudes of an order spectrum as stems over the mesh order."""
+    amplitude = spectrum.force_amplitude.values
+    seen = amplitude > _FLOOR * amplitude[0]
+    # Order 0 is the mean.
+    seen[0] = False
+    ground = np.full(seen.sum(), _FLOOR * amplitude[0])
+    ends = np.column_stack([ground, amplitude[seen], np.full(seen.sum(), np.nan)])
+    return np.repeat(spectrum.mesh_order.values[seen], 3), ends.ravel()
+
+
+def derived(seen: View) -> list[tuple[str, str]]:
+    """Return what the drawing comes to, as pairs of texts."""
+    mesh, pair = seen.mesh, seen.pair
+    found = [
+        ("contact ratio", f"{mesh.contact_ratio:.4f}"),
+        ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
+        ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
+        ("backlash", f"{1e6 * mesh.backlash:.0f} µm"),
+        ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.0f} µm"),
+        ("C_max", f"{1e-6 * pair.max_stiffness:.1f} N/µm"),
+        ("κ", f"{pair.stiffness_ratio:.4f}"),
+        ("ε", f"{pair.contact_ratio:.4f}"),
+        ("static deflection", f"{1e6 * pair.static_deflection:.2f} µm"),
+        ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
+        ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
+    ]
+    if seen.error is not None:
+        static = seen.error.isel(torque=-1)
+        found += [
+            ("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm"),
+            ("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}"),
+        ]
+    return found
+
+
+def pane(plot, room=_SMALL):
+    """Return the pane of a figure, which grows with the window."""
+    share, least = room
+    styles = {
+        "height": f"calc({share} * (100vh - {_HEAD}px))",
+        "min-height": f"{least}px",
+        "flex": f"1 1 {_BASIS}px",
+        "min-width": "0",
+    }
+    return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)
+
+
+def beside(*panes):
+    """Return panes beside each other; those for which the window is too narrow come below."""
+    return pn.FlexBox(*panes, sizing_mode="stretch_width")

@@ -1,0 +1,212 @@
+"""Sliders of the gears of a configuration, and the configuration that they make.
+
+A slider sets keys of the configuration. Its words and unit are those that the field of the key
+declares. So the page shows what the workflow computes from the file that it saves.
+"""
+
+import copy
+import math
+from typing import NamedTuple
+
+from gearlib import config
+from gearlib.config import units
+from gearlib.config.gears_section import Gears
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.pair import GearPair
+from gearlib.parameters import declared, named
+
+#: Steps of a slider, at least.
+_STEPS = 200
+#: What rounding leaves of a whole number of steps.
+_EXACT = 1e-9
+_SYMBOLS = {"um": "µm", "deg": "°"}
+_GREEK = {"kappa": "κ", "epsilon": "ε", "beta": "β"}
+#: Sliders that change the centre distance.
+_SHAPE = {"pinion_teeth", "wheel_teeth", "module", "helix_angle", "pinion_shift", "wheel_shift"}
+
+
+class Slider(NamedTuple):
+    """A slider, in its unit; `start` is the value of the configuration, in SI."""
+
+    label: str
+    start: float
+    low: float
+    high: float
+    step: float
+    unit: float = 1.0  #: in SI
+
+
+def slider(label: str, start: float, low: float, high: float, unit: float = 1.0) -> Slider:
+    """Return a slider in round steps whose ends, in SI, hold the value at the start."""
+    low, high, first = low / unit, high / unit, start / unit
+    rough = (high - low) / _STEPS
+    power = 10.0 ** math.floor(math.log10(rough) + _EXACT)
+    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1.0 + _EXACT))
+    low = min(math.floor(low / step + _EXACT) * step, first)
+    high = max(math.ceil(high / step - _EXACT) * step, first)
+    rounded = (float(f"{value:.12g}") for value in (low, high, step))
+    return Slider(label, start, *rounded, unit)
+
+
+def of_field(thing, name: str, start: float, low: float, high: float) -> Slider:
+    """Return the slider of a parameter that a class declares, in the unit of its example."""
+    kind, (_, words) = declared(thing)[name].kind, named(thing)[name]
+    written = getattr(kind, "example", "").partition(" ")[2]
+    # Forces are written in N.
+    written = kind.unit if written.startswith("k") else written
+    unit = units.read(f"1 {written}", kind.unit) if written else 1.0
+    for letter, greek in _GREEK.items():
+        words = words.replace(letter, greek)
+    label = f"{words}, {_SYMBOLS.get(written, written)}" if written else words
+    return slider(label, start, low, high, unit)
+
+
+class Sliders:
+    """The sliders of a configuration with one of its dampings.
+
+    Drawn gears have those of their drawing and speed, others those of the pair and its tuning.
+    `abscissa` names the slider over which the resonance characteristic goes.
+    """
+
+    def __init__(self, mapping: dict, damping: str):
+        self.mapping, self.damping = mapping, damping
+        settings = config.load(mapping)
+        self.drawn = settings.gears is not None
+        self.pair = GearPair(**settings.pair_parameters(damping))
+        # Made of the coefficients: what was given comes back to 12 digits.
+        ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
+        self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
+        self.sliders = self._of_drawing(settings) if self.drawn else self._of_pair(settings)
+        for name, words, ratio in zip(
+            ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
+        ):
+            self.sliders[name] = slider(f"damping ratio {words}", ratio, 0.0, max(0.3, 2 * ratio))
+        self.abscissa = "speed" if self.drawn else "tuning"
+
+    def _of_pair(self, settings) -> dict[str, Slider]:
+        pair, grid = self.pair, settings.resonance
+        # Without a far flank: four static deflections.
+        gap = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
+        self.heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
+        first = settings.phase_planes.tunings[0]
+        return {
+            "tuning": slider("tuning ν", first, grid.start, grid.stop),
+            "stiffness_ratio": of_field(
+                GearPair, "stiffness_ratio", pair.stiffness_ratio, 0.05, 1.0
+            ),
+            "contact_ratio": of_field(GearPair, "contact_ratio", pair.contact_ratio, 1.0, 2.0),
+            "backlash": of_field(GearPair, "backlash", gap, 0.0, max(200e-6, 3.0 * gap)),
+            "load": of_field(GearPair, "load", pair.load, 0.05 * pair.load, 5.0 * pair.load),
+        }
+
+    def _of_drawing(self, settings) -> dict[str, Slider]:
+        mesh, torque = settings.gears.mesh(), settings.gears.driving_torque()
+        pinion, wheel = mesh.pinion, mesh.wheel
+        reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
+        self.heading = (
+            f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m. The motion at the speed is that of "
+            "pairs of teeth, the characteristic that of the rectangular stiffness."
+        )
+        resonance = float(self.pair.speed(1.0))
+        speed = settings.gears.speed or float(round(0.9 * resonance))
+        amount, module, angle = max(reliefs, default=0.0), pinion.module, math.radians(35.0)
+        return {
+            **{
+                f"{whose}_teeth": Slider(f"teeth of the {whose}", z, max(5, z // 2), 2 * z, 1)
+                for whose, z in (("pinion", pinion.teeth), ("wheel", wheel.teeth))
+            },
+            "module": of_field(SpurGear, "module", module, 0.5 * module, 2.0 * module),
+            "width": of_field(
+                SpurGear, "width", pinion.width, 0.5 * pinion.width, 2.0 * pinion.width
+            ),
+            "helix_angle": of_field(SpurGear, "helix_angle", pinion.helix_angle, 0.0, angle),
+            "pinion_shift": slider("profile shift of the pinion", pinion.shift, -1.0, 1.5),
+            "wheel_shift": slider("profile shift of the wheel", wheel.shift, -1.0, 1.5),
+            "tip_relief": slider(
+                "largest tip relief, µm" if reliefs else "tip relief of both gears, µm",
+                *(amount, 0.0, max(50e-6, 2.0 * amount), 1e-6),
+            ),
+            "backlash": of_field(
+                Mesh, "backlash", mesh.backlash, 0.0, max(400e-6, 3.0 * mesh.backlash)
+            ),
+            "torque": slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque),
+            "speed": slider(
+                "speed of the pinion, rpm",
+                speed,
+                min(0.2 * resonance, speed),
+                max(2.2 * resonance, speed),
+            ),
+        }
+
+    def configuration(self, values: dict[str, float]) -> dict:
+        """Return the configuration of the sliders' values, SI.
+
+        What was not moved stays as it is given. ValueError if there cannot be such gears.
+        """
+        moved = {name for name, one in self.sliders.items() if values[name] != one.start}
+        whole = copy.deepcopy(self.mapping)
+        if moved - {"tuning", "speed"}:
+            ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
+            whole["dampings"][self.damping] = ratios
+        if self.drawn:
+            # What else the configuration has suits the gears at the start.
+            whole = {"gears": whole["gears"], "dampings": whole["dampings"]}
+            self._draw(whole["gears"], values, moved)
+            settings = config.load(whole)
+            pair = GearPair(**settings.pair_parameters(self.damping))
+            tuning = float(pair.tuning_at(values["speed"]))
+        else:
+            for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:
+                whole["gear_pair"][name] = values[name]
+            tuning = values["tuning"]
+        whole["phase_planes"] = {**whole.get("phase_planes", {}), "tunings": [tuning]}
+        return whole
+
+    def _draw(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
+        """Change the drawing: tips stay as high above the shift, in modules."""
+        before = Gears.model_validate(gears).mesh()
+        for name in moved & {"module", "width", "helix_angle"}:
+            gears["pinion"][name] = values[name]
+            gears["wheel"].pop(name, None)
+        for gear in ("pinion", "wheel"):
+            drawing, old = gears[gear], getattr(before, gear)
+            for name in ("teeth", "shift"):
+                if f"{gear}_{name}" in moved:
+                    drawing[name] = values[f"{gear}_{name}"]
+            if "tip_diameter" in drawing and moved & _SHAPE:
+                height = old.sign * (old.tip_diameter - old.reference_diameter) / 2.0 / old.module
+                module, angle = values["module"], values["helix_angle"]
+                reference = drawing["teeth"] * module / math.cos(angle)
+                height += values[f"{gear}_shift"] - old.shift
+                diameter = reference + 2.0 * old.sign * module * height
+                drawing["tip_diameter"] = float(f"{diameter:.12g}")
+            if "module" in moved and drawing.get("tip_relief"):
+                length = old.tip_relief.length * values["module"] / old.module
+                drawing["tip_relief"] = drawing["tip_relief"] | {"length": length}
+            if drawing.get("pitch_errors") and f"{gear}_teeth" in moved:
+                del drawing["pitch_errors"]
+        if moved & _SHAPE:
+            gears.pop("centre_distance", None)
+        if "backlash" in moved:
+            gears["backlash"] = values["backlash"]
+        # With power, another speed would be another torque.
+        if "torque" in moved or ("speed" in moved and "power" in gears):
+            gears.pop("power", None)
+            gears["torque"] = values["torque"]
+        if "speed" in moved:
+            gears["speed"] = values["speed"]
+        if "tip_relief" in moved:
+            self._relieve(gears, values["tip_relief"], before)
+
+    def _relieve(self, gears: dict, amount: float, before: Mesh) -> None:
+        """Change the reliefs of the drawing in proportion; else give both gears the longest one."""
+        largest = self.sliders["tip_relief"].start
+        if not largest:
+            length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")
+            for gear in ("pinion", "wheel"):
+                gears[gear]["tip_relief"] = {"amount": amount, "length": length}
+        for gear in ("pinion", "wheel") if largest else ():
+            if relief := getattr(before, gear).tip_relief:
+                gears[gear]["tip_relief"]["amount"] = relief.amount / largest * amount
