@@ -12,7 +12,7 @@ room             responsibility
 ``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
 ``uncertainty``  measured sets, fits, tolerances: `read_measured`, `fit`, `scatter`
 ``figures``      one file per figure, functions that return a `Figure`
-``pages``        tables as pages, the explorer with its sliders
+``explorer``     the page with sliders
 ``cli``          the command ``gearlib``
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================

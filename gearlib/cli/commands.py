@@ -169,7 +169,8 @@ def sweep(model, start, stop, speed, points, save, **asked):
     if model.mesh_names:
         heights = heights.max("mesh")
     top = curve.isel(tuning=int(heights.argmax("tuning")))
-    click.echo(f"{points} tunings, {failed} of them could not go on; the highest displacement:")
+    stopped = f", of which {failed} stopped early" if failed else ""
+    click.echo(f"{points} tunings{stopped}; the highest displacement:")
     if model.mesh_names:
         output.table(top, ["tuning", "speed"])
         output.columns(top, "mesh", _MESHES)

@@ -71,7 +71,7 @@ def show(rows, form):
                 [
                     row.name,
                     *(f"{value:.6g}" for value in row.values.values()),
-                    row.unit,
+                    "" if row.unit == "1" else row.unit,
                     row.meaning,
                 ]
                 for row in block

@@ -135,13 +135,18 @@ def name_gears(name, shown=True):
     click.get_current_context().meta[GEARS] = name
 
 
+def printed_unit(variable):
+    """Return the unit of a variable as people write it: rpm, and nothing for "1"."""
+    unit = variable.attrs.get("units", "1")
+    return {"1": "", "min-1": "rpm"}.get(unit, unit)
+
+
 def table(dataset, names):
     """Print variables with their values, units and long names."""
     cells = []
     for name in names:
         variable = dataset[name]
-        unit = variable.attrs.get("units", "1")
-        value = f"{variable.item():.10g}" + ("" if unit == "1" else f" {unit}")
+        value = f"{variable.item():.10g} {printed_unit(variable)}".rstrip()
         cells.append([f"{name:20}", f"{value:17}", variable.attrs.get("long_name", "")])
     rows([""] * 3, cells)
 
@@ -160,10 +165,7 @@ def machine(run, model):
 
 def columns(dataset, dim, names):
     """Print variables over one dimension side by side, a row for each of its entries."""
-    heads = []
-    for name in names:
-        unit = dataset[name].attrs.get("units", "1")
-        heads.append(name if unit == "1" else f"{name} {unit}")
+    heads = [f"{name} {printed_unit(dataset[name])}".rstrip() for name in names]
     rows(
         [dim, *heads],
         [

@@ -147,7 +147,8 @@ def scatter(model, mapping, drawn, tolerances, quantities, points, save, **asked
     for name in asked["quantities"]:
         there = int((found[f"{name}_status"] == 0).sum())
         told = [f"{float(found.get(f'{name}_{end}', np.nan)):.6g}" for end in _TOLD]
-        cells.append([f"{name} {found[name].attrs['units']}", *told, f"{there} of {n}"])
+        label = f"{name} {output.printed_unit(found[name])}".rstrip()
+        cells.append([label, *told, f"{there} of {n}"])
     if cells:
         output.rows(["quantity", *(name.replace("_", " ") for name in _TOLD), "found"], cells)
     if points:
