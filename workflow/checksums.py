@@ -27,19 +27,7 @@ _LINE = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
 
 
 def record(log, outputs):
-    """Return the lines that say what the outputs of a job hold now, and record them.
-
-    Parameters
-    ----------
-    log : str or os.PathLike
-        The job's log, seen from the working folder; the lines should be its last.
-    outputs : iterable of pathlib.Path
-        Those that are no files are left out.
-
-    Returns
-    -------
-    str
-    """
+    """Return the lines that say what the outputs of a job hold now, and record them."""
     lines = "".join(
         f"wrote sha256 {_digest(path)} at {path.stat().st_mtime_ns} ns: {path}\n"
         for path in outputs
@@ -53,13 +41,7 @@ def record(log, outputs):
 
 
 def foreign(results):
-    """Return the data files whose jobs did not run in this folder, sorted.
-
-    Parameters
-    ----------
-    results : pathlib.Path
-        As of `replaced`, seen from the working folder.
-    """
+    """Return the data files whose jobs did not run in this folder, sorted."""
     found = set()
     for log in results.rglob("logs/**/*.log"):
         kept = RECORDS / log
@@ -69,19 +51,7 @@ def foreign(results):
 
 
 def replaced(results):
-    """Return the data files that somebody changed after their jobs had written them.
-
-    Parameters
-    ----------
-    results : pathlib.Path
-        The folder of the results, with the logs of the jobs somewhere below; the paths in the logs
-        are seen from the working folder.
-
-    Returns
-    -------
-    list of pathlib.Path
-        Sorted. Files that are gone do not count: Snakemake makes them anew.
-    """
+    """Return the data files that somebody changed after their jobs had written them."""
     found = set()
     for log in results.rglob("logs/**/*.log"):
         for digest, time, path in _checksums(log):

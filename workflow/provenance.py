@@ -29,15 +29,7 @@ PACKAGES = [
 
 
 def write(results, root):
-    """Write the file if any job is newer than it; return whether it was written.
-
-    Parameters
-    ----------
-    results : pathlib.Path
-        The folder of the results; its ``benchmarks`` hold the times of the jobs.
-    root : pathlib.Path
-        The checkout.
-    """
+    """Write the file if any job is newer than it; return whether it was written."""
     target = results / "provenance.json"
     jobs = sorted((results / "benchmarks").rglob("*.tsv"))
     newest = max((path.stat().st_mtime for path in jobs), default=0.0)

@@ -36,20 +36,6 @@ def sources(script, root, loaded=()):
     ``gearlib/__init__.py`` does not count: it is a table of lazy names. Scripts and modules
     therefore import submodules, by their full names.
 
-    Parameters
-    ----------
-    script : pathlib.Path
-        A Python file; modules beside it (not in the package) are followed as well.
-    root : pathlib.Path
-        The folder that holds the package.
-    loaded : iterable of str
-        Full names of modules that the script loads because it is told to.
-
-    Returns
-    -------
-    list of pathlib.Path
-        Sorted.
-
     Raises
     ------
     ImportError
