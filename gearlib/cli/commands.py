@@ -343,7 +343,7 @@ def phasing(train, count, save):
 @click.option("--plot", type=output.FILE, help=f"Their mesh stiffness, {output.ENDINGS}.")
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 def gear_table(drawing, damping, mapping, form, save, plot, force):
-    """What a drawing of two gears comes to: geometry, stiffness by each method, resonance."""
+    """Print geometry, mesh stiffness by each method and resonance of two drawn gears."""
     output.check("--save", save, force, (".yaml", ".yml"))
     output.check("--plot", plot, force, output.PICTURES)
     if save is not None:

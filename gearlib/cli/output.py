@@ -1,4 +1,4 @@
-"""What a command prints and writes, and how it ends."""
+"""Output of the commands: tables, files, exit codes."""
 
 import functools
 import tempfile

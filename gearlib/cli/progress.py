@@ -1,4 +1,4 @@
-"""What moves on a terminal while a computation lasts, and vanishes elsewhere.
+"""Progress on a terminal while a computation lasts; elsewhere nothing is shown.
 
 Nothing is shown in the first two seconds; what is shown goes to standard error and is gone when
 the computation ends.

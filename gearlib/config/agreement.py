@@ -1,4 +1,4 @@
-"""What must agree between keys of a section: refused in one sentence that names the later one."""
+"""Checks of keys of a section that must agree; a refusal names the later key."""
 
 from gearlib import tunings
 

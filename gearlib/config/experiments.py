@@ -266,7 +266,7 @@ class RunUps(Section):
 
 
 class Certificates(Section):
-    """What is proven of the orbits, a file that a second program can check."""
+    """Proofs about the orbits, in a file that a second program can check."""
 
     all_points: Truth = entry(
         "Whether it holds all points of the branches, some MB; else how many hold.", False

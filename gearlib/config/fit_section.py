@@ -1,4 +1,4 @@
-"""What is fitted to a measured set: the free parameters and their ranges."""
+"""The section `fit` of a measured set: free parameters and their ranges."""
 
 from typing import Annotated, Literal
 
@@ -14,7 +14,7 @@ _Range = Annotated[list[Option], Field(min_length=2, max_length=2)]
 
 
 class FitSection(Given):
-    """What `gearlib fit` looks for in a measured set."""
+    """Model and parameters that `gearlib fit` fits to a measured set."""
 
     model: Literal["one_degree", "six_degrees", "train"] = entry("Kind of the model.", None)
     free: dict[Annotated[str, Field(pattern="(?s).")], _Range] = entry(

@@ -139,7 +139,7 @@ BEARINGS = (
 
 
 class SixDegrees(Given):
-    """What six degrees of freedom need beyond the gear pair, SI; gear 3 first, then gear 2.
+    """Bodies and bearings of six degrees of freedom, SI; gear 3 first, then gear 2.
 
     Of drawn gears, the pinion first, radii, inertias, masses and pitch phase are those of the
     drawing, damping, run-out and friction are 0, and the stiffness of the bearings has to be given.

@@ -194,7 +194,7 @@ class Channel(Given):
 
 
 class Condition(Given):
-    """What was the same in all measurements with one simulationConditionId."""
+    """Speed and load of all measurements with one simulationConditionId."""
 
     speed: Speed = entry("Of the gear whose revolutions count, rpm.", None)
     direction: Direction = entry("How the speed was reached.", None)

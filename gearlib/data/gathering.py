@@ -26,7 +26,7 @@ _DRAWN = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
-    """Return the characteristics, as of `gearlib.sweep`, over (damping, direction, tuning).
+    """Return the characteristics, as in `gearlib.sweep`, over (damping, direction, tuning).
 
     Shards are sweeps, one for each window of tunings, with scalar coordinates `damping` and
     `direction`. Scales to SI stay as they are. Where a downward sweep has gone on below the others

@@ -1,4 +1,4 @@
-"""What can be drawn of curves on which motions grow: undamped ones go on to 1e8 and beyond."""
+"""Curves without motions that grow: undamped ones reach 1e8 static deflections and more."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ FAR_OFF = 1e3
 def without_growth(curve, extent):
     """Return a result of `gearlib.sweep` with NaN where its motion has grown beyond all use.
 
-    extent: as of `Model.extent`, the largest length of the model in static deflections.
+    extent: as in `Model.extent`, the largest length of the model in static deflections.
     """
     reach = np.maximum(abs(curve.displacement_max), abs(curve.displacement_min))
     seen = reach.max([dim for dim in reach.dims if dim != "tuning"]) <= FAR_OFF * extent

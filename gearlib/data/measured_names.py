@@ -1,4 +1,4 @@
-"""What may be measured: observableId -> units and description, in SI.
+"""Names of measured quantities: observableId -> units and description, in SI.
 
 A name may be followed by which one it is: ``acceleration_bearing_2``.
 """

@@ -1,4 +1,4 @@
-"""What is said of a motion: whether it is steady, and where it settles."""
+"""Words for a motion: whether it is steady, and where it settles."""
 
 import numpy as np
 

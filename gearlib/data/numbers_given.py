@@ -1,4 +1,4 @@
-"""What a caller gives as numbers, as an array."""
+"""Arrays of the numbers that a caller gives."""
 
 import numpy as np
 

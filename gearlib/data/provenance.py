@@ -1,4 +1,4 @@
-"""What a dataset says of its own making: canonical, without times, machines or commits.
+"""The origin of a dataset, in its attributes: canonical, without times, machines or commits.
 
 Two runs of the same calculation must give the same bytes, so whatever changes between them
 stays out of the files.

@@ -8,7 +8,7 @@ from gearlib.figures import style
 def draw(curves, labels):
     """Draw displacements in micrometres above, and the largest mesh forces over the loads below.
 
-    curves (for each case its characteristics, as of `gearlib.figures.resonance_figure.draw`; from
+    curves (for each case its characteristics, as in `gearlib.figures.resonance_figure.draw`; from
     rest, where they have that direction); labels: their names. A case has a colour, a damping of it
     a line.
     """

@@ -1,4 +1,4 @@
-"""What the pictures of `gearlib.plot` share: axes, curves of datasets, legends, second scales."""
+"""Axes, curves of datasets, legends and second scales of the pictures of `gearlib.plot`."""
 
 import json
 from itertools import product

@@ -51,11 +51,11 @@ def draw(
     resonance (as gathered: displacement_max and displacement_min in static deflections, period, all
     over (damping, direction, tuning); speed (rpm) over tuning; the scalars static_deflection (m),
     backlash_ratio, tuning_factor_max and tuning_factor_min); colours: colours of the dampings by
-    name; labels (for each damping its label over the tuning, as of `gearlib.analysis.trust.scan`,
+    name; labels (for each damping its label over the tuning, as in `gearlib.analysis.trust.scan`,
     for cold runs: a strip on the lower rim of its panel); branches (for each damping its branches
-    of periodic orbits, as of `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
+    of periodic orbits, as in `gearlib.studies.resonance_branches.compute`: thin lines in its panel,
     solid where stable, dashed where unstable); tongues (tuning_from and tuning_to over (damping,
-    order) as of `gearlib.studies.contact_loss`: shades in the panel of each damping); measured
+    order) as in `gearlib.studies.contact_loss`: shades in the panel of each damping); measured
     (curves of `gearlib.studies.measured_comparison`: points over the paper's picture); forces
     (whether dynamic_force_max has a panel below the displacements, whose limits then are those of
     the curves that settle: the paper's picture goes down to the far flank).

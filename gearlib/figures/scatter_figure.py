@@ -1,4 +1,4 @@
-"""What scatters with the tolerances: bands over speed, jumps and peaks, and by what."""
+"""Scatter by tolerances: bands over speed, jumps and peaks, and their causes."""
 
 import math
 

@@ -32,7 +32,7 @@ _BESIDE, _BELOW = 0.3, 1.6
 
 
 class Instant(NamedTuple):
-    """What is drawn of a train at one phase, in m."""
+    """Circles, lines and points of a train at one phase, in m."""
 
     circles: list  #: (x, y, radius, kind of `CIRCLES`)
     marks: np.ndarray  #: lines that turn with the bodies, from (x, y) to (x, y), shape (k, 2, 2)

@@ -189,7 +189,7 @@ def draw_time(errors, times):
 def draw_measures(errors):
     """Draw the errors of event phases and Floquet multipliers over evaluations.
 
-    `errors` as of `draw_evaluations`. A panel for every problem with events, then for every
+    `errors` as in `draw_evaluations`. A panel for every problem with events, then for every
     problem with a settled orbit.
     """
     kinds = {

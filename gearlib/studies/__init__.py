@@ -1,4 +1,4 @@
-"""What stands behind one figure or table; nothing else imports it.
+"""Computations behind one figure or table each; nothing else imports them.
 
 ======================  ==============================================================
 name                    responsibility

@@ -1,4 +1,4 @@
-"""What is proven of the orbits of all dampings, as a table: a row for each certificate.
+"""The table of proofs about the orbits of all dampings: a row for each certificate.
 
 Enclosures, see `docs/theory/proofs.md`, are far narrower than the digits printed here.
 """

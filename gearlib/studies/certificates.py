@@ -1,4 +1,4 @@
-"""What is proven of the paper's orbits: a file of certificates that a second program can check.
+"""Proofs about the paper's orbits: a file of certificates that a second program can check.
 
 Of every damping: the orbits on the branches behind Fig. 3 at the tunings that the paper's
 statements name; the ranges of tunings with an orbit that never loses contact. Of all other points
@@ -41,7 +41,7 @@ def compute(pairs, branches, tunings, whole=False):
     `gearlib.studies.resonance_branches`, by the name of the damping; tunings: at which orbits are
     asked for, beside `TWO` and `ABOVE`; whole: whether all points of the branches are asked for.
 
-    Claims as of `Certificate.as_dict` and the others, with the name of the damping, of trains also
+    Claims as in `Certificate.as_dict` and the others, with the name of the damping, of trains also
     that of the model; refusals with status and message; of each damping how many points of its
     branches are proven.
 

@@ -1,4 +1,4 @@
-"""What is proven of the reducer made of the paper's pair, with all six meshes.
+"""Proofs about the reducer made of the paper's pair, with all six meshes.
 
 Its branches are alike, and so is their motion, with contact in all meshes: at one tuning it is
 stable, at the other it breaks, with two real multipliers beyond -1 that belong to motions of one

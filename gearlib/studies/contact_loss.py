@@ -1,4 +1,4 @@
-"""What begins at a tuning: contact lost by parametric instability, or by the forced motion.
+"""Causes of contact loss at a tuning: parametric instability, or the forced motion.
 
 Without loss of contact the mesh has one orbit of one mesh period, which its mean load and the
 changing stiffness force upon it. Contact is lost either because that orbit itself leaves the flank,

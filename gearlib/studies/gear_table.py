@@ -25,7 +25,7 @@ def compute(mesh, *, damping=None, options=None, **load):
     """Return the rows of the table.
 
     damping: material_damping and backlash_damping, N s/m; options: method of stiffness -> its
-    options; **load: torque, or power and speed, as of `GearPair.from_geometry`.
+    options; **load: torque, or power and speed, as in `GearPair.from_geometry`.
 
     A method that does not hold for these gears is left out of the rows.
     """

@@ -62,7 +62,7 @@ def bifurcation(pair, tunings, coarse, settings, threads=None):
     diagram: displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period,
     settled (direction, tuning), whether the motion is periodic and rounding does not decide on
     which orbit; speed (rpm) over tuning. Directions: up, down, and "cold 1", "cold 2", ... from as
-    many random initial states as `starts`; shares: as of `gearlib.basin_stability`.
+    many random initial states as `starts`; shares: as in `gearlib.basin_stability`.
     """
     pair = GearPair(**pair)
     region = settings["displacement"], settings["velocity"]

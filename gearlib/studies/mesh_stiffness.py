@@ -49,7 +49,7 @@ def _phases(contact_ratio, samples):
 def compute(pairs, samples):
     """Return the mesh stiffness of drawn pairs by every method.
 
-    pairs (as of `gearlib.models.geometry.drawings.mesh`, and torque, published: name ->
+    pairs (as in `gearlib.models.geometry.drawings.mesh`, and torque, published: name ->
     mean stiffness); samples: phases of the courses.
     """
     meshes = {name: drawings.mesh(pair) for name, pair in pairs.items()}

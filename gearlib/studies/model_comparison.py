@@ -82,7 +82,7 @@ def compute(cases, question, six_degrees, harmonics, run, starts):
     (observables: variables of `gearlib.sweep`; tolerance; candidates: the models in `LADDER` that
     may carry the scene, the smallest first); six_degrees: what `SixDegreePair` needs beyond the
     pair; harmonics: of the truncated stiffness; run: arguments of `gearlib.simulate`; starts
-    (starts, seed, spread: as of `gearlib.studies.runs_beside.runs`).
+    (starts, seed, spread: as in `gearlib.studies.runs_beside.runs`).
 
     value over (model, case, observable); change over (model,): the largest change that any larger
     model makes, NaN for the largest; for the truncated stiffness that from the rectangle; cost over

@@ -81,7 +81,7 @@ def model(pair, place, power, settings):
 def compute(pair, place, power, tunings, settings, run, samples_per_period):
     """Return characteristics and phase planes of one model of the study.
 
-    pair, place, power: as of `model`; tunings: shape (n,); settings (damping, amplitude, tuning
+    pair, place, power: as in `model`; tunings: shape (n,); settings (damping, amplitude, tuning
     (see `model`), shown: tunings of the phase planes); run: periods, record_periods, initial_state.
 
     NaN: there is no jump, no loss of contact.

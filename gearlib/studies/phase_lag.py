@@ -34,7 +34,7 @@ def harmonic_lags(run, count):
 def compute(pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period):
     """Return courses at one tuning and lags over many.
 
-    pair (as of `described`; its material damping is replaced); dampings: shape (d,),
+    pair (as in `described`; its material damping is replaced); dampings: shape (d,),
     material damping, N s/m; tuning: of the courses; tunings: shape (t,), of the lags; harmonics:
     harmonics of the mesh period whose lag is measured at `tuning`; periods: mesh periods of every
     run, enough for the lightest damping to settle.

@@ -28,7 +28,7 @@ def of_damping(pair, settings, damping):
 
 
 def loci_of(pair, branches, start, stop, lowest, highest):
-    """Return the loci of the pair of these parameters; others as of `compute_loci`."""
+    """Return the loci of the pair of these parameters; others as in `compute_loci`."""
     return compute_loci(GearPair(**pair), branches, start, stop, lowest, highest)
 
 
@@ -110,7 +110,7 @@ def _doubled(pair, branch, start, stop, settings):
 def compute_loci(pair, branches, start, stop, lowest, highest):
     """Return the loci of folds, doublings and grazings of period one over tuning and damping.
 
-    pair: the pair of the branches; branches: as of `compute`; start, stop: tunings between which
+    pair: the pair of the branches; branches: as in `compute`; start, stop: tunings between which
     the loci are followed; lowest, highest: damping ratios in contact between which they are.
 
     As of `gearlib.locus`, with the number of the special point from which each was followed.

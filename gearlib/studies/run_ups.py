@@ -23,12 +23,12 @@ SAMPLES = 128
 def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
     """Return extrema of run-ups over the tuning, and the order map of the slowest.
 
-    pair: as of `described`; start, stop: tunings; revolutions: shape (r,), of each way;
+    pair: as in `described`; start, stop: tunings; revolutions: shape (r,), of each way;
     mesh_orders: highest order of the map over teeth; damping: its name.
 
     Over (revolutions, direction, point): tuning, displacement_max and displacement_min (static
     deflections), NaN where a run has fewer revolutions than points. The map is that of the dynamic
-    force, as of `gearlib.order_map`, blocks next to each other joined by their powers.
+    force, as in `gearlib.order_map`, blocks next to each other joined by their powers.
     """
     model = GearPair(**pair)
     ends = [float(model.speed(nu)) for nu in (start, stop)]

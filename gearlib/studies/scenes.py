@@ -9,7 +9,7 @@ from gearlib.studies.model_comparison import build
 
 
 def of_comparison(comparison, cases, six_degrees, run, starts):
-    """Return the scene by the model that its comparison chose; arguments as of `compute`."""
+    """Return the scene by the model that its comparison chose; arguments as in `compute`."""
     return compute(cases, comparison.chosen.item(), six_degrees, run, starts)
 
 
@@ -19,7 +19,7 @@ def compute(cases, model, six_degrees, run, starts):
     cases: each with title, tuning and pair (keyword arguments of `GearPair`); model: a name in
     `gearlib.studies.model_comparison.LADDER`; six_degrees: what `SixDegreePair` needs beyond the
     pair; run: keyword arguments of `gearlib.simulate`, the same for all cases; starts (starts,
-    seed, spread: as of `gearlib.studies.runs_beside.runs`).
+    seed, spread: as in `gearlib.studies.runs_beside.runs`).
 
     The variables of `gearlib.simulate` over (case, phase) and (case), without the events; the phase
     counts from the start of the record; model; free_of_rounding, whether rounding does not decide

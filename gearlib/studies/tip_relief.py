@@ -18,7 +18,7 @@ RELIEFS = ("none", "short", "long")
 def harris_map(gears, loads, stiffness, phases):
     """Return the static transmission error at several loads, with the reliefs of `RELIEFS`.
 
-    gears (as of `gearlib.models.geometry.drawings.mesh`, without relief; torque, the
+    gears (as in `gearlib.models.geometry.drawings.mesh`, without relief; torque, the
     design load of the pinion, N m); loads: over the design load, >= 0; stiffness, phases: as of
     `gearlib.geometry.Mesh.transmission_error`.
 

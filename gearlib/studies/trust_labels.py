@@ -6,7 +6,7 @@ from gearlib.models.pair import GearPair
 
 
 def compute(pair, tunings, settings, damping):
-    """Return the labels as of `trust.scan`, with the name of the damping."""
+    """Return the labels as in `trust.scan`, with the name of the damping."""
     return describe(
         trust.scan(GearPair(**pair), tunings, **settings).assign_coords(damping=damping)
     )

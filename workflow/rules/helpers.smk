@@ -1,4 +1,4 @@
-"""What the rules share: the checked configuration, and functions that name files and parameters.
+"""The checked configuration, and functions that name files and parameters of the rules.
 
 `CONFIG` is the typed configuration, for functions; `config` holds the same as plain values with
 sorted keys, for params: Snakemake compares their texts, so that order and spelling of numbers in

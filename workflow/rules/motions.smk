@@ -1,4 +1,4 @@
-"""What explains the paper's figures: jumps, orbits, proofs, tongues, basins, models, run-ups."""
+"""Explanations of the paper's figures: jumps, orbits, proofs, tongues, basins, models, run-ups."""
 
 # Run-ups beside Fig. 3, and their orders.
 

@@ -21,7 +21,7 @@ def compute(characteristics, orders, pair=None, settings=None, train=None):
 
     characteristics: of `gearlib.studies.trains.reducer.compute`, or `over_speed.compute`; orders:
     highest order of each mesh frequency; pair (keyword arguments of `GearPair`: every mesh) and
-    settings, as of `gearlib.studies.trains.reducer.train_of`, of the reducer; or train, arguments
+    settings, as in `gearlib.studies.trains.reducer.train_of`, of the reducer; or train, arguments
     of `gearlib.models.trains.described_train.described`.
 
     Beside `GearTrain.campbell` and `GearTrain.layout`: the most contact of all starts, which all

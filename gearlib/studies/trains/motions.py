@@ -35,7 +35,7 @@ _SEARCHES = 3
 class Ends(NamedTuple):
     """Where the motions from some starts end, each over the first axis."""
 
-    tables: np.ndarray  #: summaries as of `Model.empty_record`, of orbits where there is one
+    tables: np.ndarray  #: summaries as in `Model.empty_record`, of orbits where there is one
     orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
     periods: np.ndarray  #: in mesh periods, 0: none
     states: np.ndarray  #: at the end, at a multiple of the common period
@@ -173,7 +173,7 @@ def ends(model, tuning, states, settings):
 def from_rest(model, tunings, settings, state="static"):
     """Return where the motions from all starts end, tuning by tuning: a list of `Ends`.
 
-    tunings: shape (t,); settings: as of `starts` and `ends`; state: beside which the starts lie.
+    tunings: shape (t,); settings: as in `starts` and `ends`; state: beside which the starts lie.
     """
     begin = starts(model, state, settings)
     return in_parallel(lambda nu: ends(model, float(nu), begin, settings), tunings)
@@ -185,7 +185,7 @@ def carried(model, tunings, settings, direction, state="static"):
     Every run begins where the one before ended, with the displacements of the first start of
     `starts` added; behind a motion that did not settle it begins from rest.
 
-    model, tunings, settings, state: as of `from_rest`; direction: {"up", "down"}.
+    model, tunings, settings, state: as in `from_rest`; direction: {"up", "down"}.
     """
     first = starts(model, state, settings | {"starts": 1})
     away = first - (model.start_state(state) if isinstance(state, str) else state)
@@ -201,7 +201,7 @@ def summarise(model, found, settings, names):
     """Return the medians and ranges of summaries over all starts, and the shares of motions.
 
     found: of each tuning, with equal numbers of starts; settings: record_periods; names: summaries
-    as of `gearlib.sweep`.
+    as in `gearlib.sweep`.
 
     Over (start, tuning) and mesh: the summaries. Over (tuning,): settled; settled_share, of the
     starts that end on a stable orbit; motion_count, of different ones; largest_share, of the one on
@@ -234,7 +234,7 @@ def summarise(model, found, settings, names):
 def over_directions(model, tunings, settings, names, directions):
     """Return medians, ranges and shares over direction, tuning and mesh, and all starts of each.
 
-    tunings: shape (t,); settings: as of `starts` and `ends`; names: summaries as of
+    tunings: shape (t,); settings: as in `starts` and `ends`; names: summaries as of
     `gearlib.sweep`; directions ({"cold", "up", "down"}, "cold": beside static equilibrium, from all
     starts; the others carry the first).
 

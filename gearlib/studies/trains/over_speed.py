@@ -15,7 +15,7 @@ def compute(train, tunings, settings):
     """Return the resonance characteristics of all meshes, from static equilibrium.
 
     train: arguments of `gearlib.models.trains.described_train.described`; tunings: shape (t,);
-    settings: as of `gearlib.studies.trains.motions`.
+    settings: as in `gearlib.studies.trains.motions`.
 
     As of `gearlib.studies.trains.motions.over_directions`, and `GearTrain.layout`.
     """

@@ -69,7 +69,7 @@ INTERPRETED = ("scipy",)
 
 
 class Outcome(NamedTuple):
-    """What the rules see of a run."""
+    """The quantities of a run that the rules compare."""
 
     status: int
     state: tuple = (math.nan, math.nan)  #: at the end, coordinates and rates; no free rotation

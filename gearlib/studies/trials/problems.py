@@ -25,7 +25,7 @@ START = (0.0, 0.0)
 
 
 class Case(NamedTuple):
-    """What makes a problem of the gear pair."""
+    """The changes that make a test problem of the gear pair."""
 
     tuning: float
     damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
@@ -57,7 +57,7 @@ class Problem(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a method returns of a run; NaN and no events where it could not go on."""
+    """The result of a method; NaN and no events where it stopped early."""
 
     state: np.ndarray  #: (x, dx/dtau) at the end
     phases: np.ndarray  #: of the events of the recorded periods, rad from the start of the run

@@ -188,7 +188,7 @@ def errors(method, known, pair, six_degrees, settings):
     """Return the errors and evaluations of a method on the problems.
 
     known: of `gearlib.studies.trials.references.compute`, of the same parameters; pair,
-    six_degrees, settings: as of `gearlib.studies.trials.problems.build`.
+    six_degrees, settings: as in `gearlib.studies.trials.problems.build`.
 
     NaN where the method does not take the model or stopped early.
     """
@@ -249,14 +249,14 @@ def _dataset(title, method, table, data, each, said):
 def times(method, known, pair, six_degrees, settings, repeats):
     """Return the wall times of a method on the problems; nothing else may run beside.
 
-    Parameters as of `errors`; `repeats` runs are timed (of long ones fewer), of which the shortest
+    Parameters as in `errors`; `repeats` runs are timed (of long ones fewer), of which the shortest
     counts.
 
     Over (problem, rung): period_time, the slope between a short and a long run from rest, so that
     start, tables, record and compilation do not count; NaN where the method does not take the model
     or stopped early. closed_form_time: of one evaluation of the closed form of contact;
     warm_up_time: of the first run of the method in this process, which compiles its kernels or
-    loads them. The other variables as of `errors`.
+    loads them. The other variables as in `errors`.
     """
     names, first = known.problem.values.tolist(), []
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
