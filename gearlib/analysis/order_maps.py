@@ -205,7 +205,12 @@ def _motion(run, variable, highest, tacho, teeth):
         words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
         raise checks.refusal("run", _shown(run), words)
     _check_status(run)
-    return _motion_of_simulation(run, variable) if simulated else _motion_of_run_up(run, variable)
+    make = _course_of_simulation if simulated else _course_of_run_up
+    phase, values, marks, speeds, teeth, units, attrs = make(run, variable)
+    jumps = _jumps_of(run, variable, marks)
+    coords = {name: run[name].variable for name in run[variable].dims[1:]}
+    highest = _MESH_ORDERS * teeth
+    return Motion(phase, values, jumps, speeds, teeth, highest, units, coords, attrs)
 
 
 def _shown(run):
@@ -219,45 +224,30 @@ def _check_status(run):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
 
 
-def _motion_of_run_up(run, variable):
-    """Return the `Motion` of a dataset of `gearlib.run_up`."""
+def _course_of_run_up(run, variable):
+    """Return (phase, values, marks, speeds, teeth, units, attributes) of a run-up, see `Motion`.
+
+    Marks are phases at which its variable, or its slope, may jump beside switches of the stiffness.
+    """
     speed, time, phase = (run[name].values for name in ("speed", "time", "phase"))
     course = json.loads(run.attrs["parameters"])
     marks = [row[0] for row in (*course["speed"], *course["load"])]
     marks = np.array([*marks, *(run.event_time.values if "event_time" in run else ())])
     teeth = _whole(phase, math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum())
     marks = math.tau * teeth * Turning(course["speed"]).revolutions(marks)
-    return Motion(
-        phase,
-        run[variable].values,
-        _jumps_of(run, variable, marks),
-        np.array(course["speed"]),
-        teeth,
-        _MESH_ORDERS * teeth,
-        run[variable].attrs["units"],
-        {name: run[name].variable for name in run[variable].dims[1:]},
-        _kept(run, "references", "gear_pair", "model", "parameters"),
-    )
+    attrs = _kept(run, "references", "gear_pair", "model", "parameters")
+    values, units = run[variable].values, run[variable].attrs["units"]
+    return phase, values, marks, np.array(course["speed"]), teeth, units, attrs
 
 
-def _motion_of_simulation(run, variable):
-    """Return the `Motion` of a dataset of `gearlib.simulate`."""
+def _course_of_simulation(run, variable):
+    """Return what `_course_of_run_up` does, of a run of `gearlib.simulate`."""
     phase, rpm = run.phase.values - run.phase.values[0], float(run.speed)
-    scale, units = _VARIABLES[variable]
-    omega, marks = float(run.mesh_frequency), _marks(run)
+    omega, marks, (scale, units) = float(run.mesh_frequency), _marks(run), _VARIABLES[variable]
     teeth = _whole(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
     speeds = np.array([[0.0, rpm], [marks[1] / omega, rpm]])
-    return Motion(
-        phase,
-        run[variable].values * float(scale(run)),
-        _jumps_of(run, variable, marks),
-        speeds,
-        teeth,
-        _MESH_ORDERS * teeth,
-        units,
-        {name: run[name].variable for name in run[variable].dims[1:]},
-        _kept(run, "references", "model", "gear_pair") | {"parameters": _course_text(speeds)},
-    )
+    attrs = _kept(run, "references", "model", "gear_pair") | {"parameters": _course_text(speeds)}
+    return phase, run[variable].values * float(scale(run)), marks, speeds, teeth, units, attrs
 
 
 def _marks(run):
@@ -559,7 +549,8 @@ def orders(run, *, count=None):
         raise checks.refusal(
             "run", _shown(run), "a dataset of gearlib.simulate, of gears that turn"
         )
-    mesh_orders, sums = record_sums(run, count)
+    number, parts, sums = record_sums(run, count)
+    mesh_orders, teeth = number / parts, _teeth_of(run)
     dims = ("order", *run.displacement.dims[1:])
     shape = -1, *[1] * (len(dims) - 1)
     # A period that begins later turns the phases only: they count from the mesh phase 0.
@@ -574,7 +565,7 @@ def orders(run, *, count=None):
         data[f"{name}_amplitude_error"] = dims, peak * change
         data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     data |= {name: run[name].values for name in ("tuning", "speed", "mesh_frequency", "period")}
-    coords = {"order": mesh_orders * _teeth_of(run)}
+    coords = {"order": number * teeth / parts}
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     dataset["order"].attrs["long_name"] = (
@@ -590,10 +581,11 @@ def _teeth_of(run):
 
 
 def record_sums(run, count=None, fractions=True):
-    """Return mesh orders of a run of `simulate`, and "force" (N) and "error" (m) -> their sums.
+    """Return the numbers of the orders of a run of `simulate`, orders per mesh order, and sums.
 
-    Those are the values and what `fourier` returns of one block, the record; without `fractions`
-    only of the multiples of the mesh frequency. At most a quarter of the samples per period count.
+    Sums has for "force" (N) and "error" (m) the values and what `fourier` returns of one block, the
+    record; without `fractions` only of the multiples of the mesh frequency. `count` is the highest
+    mesh order, at most a quarter of the samples per period.
     """
     _check_status(run)
     periods, teeth = json.loads(run.attrs["parameters"])["record_periods"], _teeth_of(run)
@@ -623,17 +615,17 @@ def record_sums(run, count=None, fractions=True):
             record = np.concatenate([values[-margin:], values, values[:margin]])
         block = fourier(phase, record, jumps, span, 1, 1.0 / parts, count * parts + 1)
         sums[name] = values, *block
-    return np.arange(count * parts + 1) / parts, sums
+    return np.arange(count * parts + 1), parts, sums
 
 
 def mesh_order_amplitudes(run):
     """Return mesh orders from 1 on, and peaks of force (N) and error (m), nan if unreliable."""
-    mesh_orders, sums = record_sums(run, fractions=False)
+    mesh_orders, _, sums = record_sums(run, fractions=False)
     peaks = [
         np.where(change[0] > MAX_CHANGE * _size(squares), math.nan, 2.0 * np.abs(coefficients[0]))
         for _, coefficients, change, squares in sums.values()
     ]
-    return mesh_orders[1:], *(peak[1:] for peak in peaks)
+    return mesh_orders[1:] + 0.0, *(peak[1:] for peak in peaks)
 
 
 def transmission_error(run):

@@ -122,13 +122,14 @@ def trust(
     exponent = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
-    columns = {
-        "displacement_max": np.array([run.summary[..., orbit.X_MAX] for run in runs]),
-        "displacement_min": np.array([run.summary[..., orbit.X_MIN] for run in runs]),
-        "period": np.array([run.period for run in runs]),
-        "status": np.array([run.status for run in runs]),
+    summaries = np.array([run.summary for run in runs])
+    over = ("run", "mesh")[: summaries.ndim - 1]
+    data = {
+        "displacement_max": (over, summaries[..., orbit.X_MAX]),
+        "displacement_min": (over, summaries[..., orbit.X_MIN]),
+        "period": ("run", [run.period for run in runs]),
+        "status": ("run", [run.status for run in runs]),
     }
-    data = {key: (("run", "mesh")[: values.ndim], values) for key, values in columns.items()}
     table = result(
         "Runs of one point in several ways",
         pair,
