@@ -10,8 +10,7 @@ name                 responsibility
 ``global_dynamics``  attractors and their basins, sections, bifurcation diagrams
 ``lyapunov``         `lyapunov_exponents`; where rounding decides on a motion
 ``duty_point``       `duty_point`: what gears do at one torque and speed, in N, m, Hz, rpm
-``order_maps``       `order_map`, `orders`: orders of the shaft, over the speed or at one
-``order_sums``       Fourier integrals as sums over samples; signals at equal angles
+``order_maps``       `order_map`, `orders`: orders of run-ups, of runs at one speed, of signals
 ``sensitivities``    `sensitivities`: derivatives of what any call returns
 ``trust``            `trust`: chaos or artefact: one point run in several ways
 ===================  ==============================================================

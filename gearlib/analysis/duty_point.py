@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.order_maps import spectrum, transmission_error
+from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_error
 from gearlib.data.result import result
 from gearlib.models.geometry.drawn_parameters import torque_of
 from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
@@ -140,19 +140,19 @@ def _checked_run(model, tuning, periods, state, **options):
 
 def of_run(run, model):
     """Return `in_units` of a run over whole revolutions, its first mesh orders, coordinates."""
-    first = spectrum(run, mesh_orders=True).isel(order=slice(1, None))
+    mesh_orders, forces, errors = mesh_order_amplitudes(run)
     over = ("mesh_order", *run.displacement.dims[1:])
     data = in_units(run, model)
     data |= {"settled": np.int8(int(run.period) > 0), "period": run.period.values}
-    coords = {"mesh_order": first.mesh_order.values}
+    coords = {"mesh_order": mesh_orders}
     names, bearings = bearing_forces(run, model)
     if names is None:
         data["bearing_force_max"] = bearings
     else:
         dim = "body" if over[1:] else "bearing"
         data["bearing_force_max"], coords[dim] = (dim, bearings), names
-    data["mesh_order_force"] = over, first.force_amplitude.values
-    data["mesh_order_error"] = over, first.error_amplitude.values
+    data["mesh_order_force"] = over, forces
+    data["mesh_order_error"] = over, errors
     return data | {"coords": coords}
 
 

@@ -25,10 +25,9 @@ from gearlib.integrators import choose
 from gearlib.models.model import FAR
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import CARRIED
-from gearlib.runs.variational import without_rotation
 
-#: Maps held in memory at a time.
-_CHUNK = 512
+#: Most maps that are held in memory at a time.
+MAX_MAPS = 512
 #: Batches of consecutive periods whose means give the uncertainty.
 BATCHES = 20
 #: An exponent counts when it is so many times its uncertainty.
@@ -71,76 +70,61 @@ class Deviation:
 
     def __init__(self, model, max_events=MAX_EVENTS):
         self.model, self.max_events = model, max_events
-        #: Direction; None: any, or none any more.
+        #: Direction, shape (n,); None: any.
         self.vector: np.ndarray | None = None
         #: Logarithm of its length, from that of rounding up to that of the motion.
         self.length = 0.0
 
-    def carry(self, propagator, z, logs, first=0):
-        """Carry it through as many mesh periods as `logs` has; return (end of the motion, status).
+    def carry(self, propagator, z, periods, first=0):
+        """Carry it through mesh periods; return (end, logarithms of its growth in each, status).
 
-        `logs` gets the logarithms of its growth, -inf from where it has vanished; `first` is the
-        number of the first period, where the excitation repeats after several.
+        They are -inf where it has vanished. `first` is the number of the first period, where the
+        excitation repeats after several.
         """
-        for done in range(0, logs.size, _CHUNK):
-            counted, period = logs[done : done + _CHUNK], (first + done) % self.model.repeats
+        logs = np.full(periods, -math.inf)
+        reduce, lift = self.model.reduction()
+        vector = np.ones(len(reduce)) if self.vector is None else self.vector.copy()
+        weights, self.vector = np.repeat([1.0, propagator.tuning], vector.size // 2), None
+        for done in range(0, periods, MAX_MAPS):
+            counted, period = logs[done : done + MAX_MAPS], (first + done) % self.model.repeats
             z, maps, code = propagator.maps(z, counted.size, self.max_events, period)
             if code != status.OK:
-                return z, code
-            maps = without_rotation(self.model, maps)
-            if self.vector is None:
-                self.vector = np.ones(maps.shape[1])
-            weights = np.repeat([1.0, propagator.tuning], self.vector.size // 2)
-            if not carry(maps, weights, self.vector, counted):
-                logs[done:], self.vector = -math.inf, None
-                break
-        return z, status.OK
-
-    def growth(self, tuning, state, periods, first=0):
-        """Return the logarithms of its largest and its last length in a run, from 0 on.
-
-        Both are infinite where the run could not go on.
-        """
-        propagator, logs = self.model.propagator(tuning), np.empty(periods)
-        self.vector = self.vector.copy() if self.vector is not None and self.length else None
-        _, code = self.carry(propagator, propagator.start(state), logs, first)
-        if code != status.OK:
-            self.vector = None
-            return math.inf, math.inf
-        grown = np.cumsum(logs)
-        return max(float(grown.max()), 0.0), float(grown[-1])
+                return z, logs, code
+            # The free rotation of six degrees of freedom never grows nor decays.
+            if not carry(reduce @ maps @ lift, weights, vector, counted):
+                logs[done:] = -math.inf
+                return z, logs, status.OK
+        self.vector = vector
+        return z, logs, status.OK
 
     def lost(self, tuning, state, periods, first=0):
         """Return whether rounding decides where a motion goes in a run, and go on from its end."""
-        most, last = self.growth(tuning, state, periods, first)
-        decided = self.length + most > LOST
-        self.length = min(max(self.length + last, 0.0), LOST)
+        propagator = self.model.propagator(tuning)
+        self.vector = self.vector if self.length else None
+        _, logs, code = self.carry(propagator, propagator.start(state), periods, first)
+        growth = np.cumsum(logs) if code == status.OK else np.full(periods, math.inf)
+        decided = self.length + max(float(growth.max()), 0.0) > LOST
+        self.length = min(max(self.length + float(growth[-1]), 0.0), LOST)
         return decided
 
 
 def largest(model, tuning, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=MAX_EVENTS):
     """Return the `Exponent`, the largest Lyapunov exponent, of the motion from a state at tau = 0.
 
-    It is counted over so many periods after those to settle. The free rotation of six degrees
-    of freedom, which never grows nor decays, is left out.
+    It is counted over so many periods after those to settle.
     """
-    strobe, deviation = (
-        Stroboscope(model, tuning, max_events=max_events),
-        Deviation(model, max_events),
-    )
-    z = strobe.propagator.start(state)
-    bound, first = FAR * np.maximum(model.extent, strobe.size(z[None])), 0
+    strobe = Stroboscope(model, tuning, max_events=max_events)
+    deviation, z = Deviation(model, max_events), strobe.propagator.start(state)
+    bound = FAR * np.maximum(model.extent, strobe.size(z[None]))
     # Any direction will do: settling turns it into the growing one.
-    logs = np.empty(periods)
-    for counted in (np.empty(settle), logs) if settle else (logs,):
+    for first, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):
         before = strobe.size(z[None])
-        z, code = deviation.carry(strobe.propagator, z, counted, first)
+        z, logs, code = deviation.carry(strobe.propagator, z, count, first)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods, code)
         if deviation.vector is None:
             # Over-damped to nothing: no deviation is left to grow.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
-        first = settle
     if strobe.unbounded(z[None], before, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     batches = np.array([part.mean() for part in np.array_split(logs, min(BATCHES, periods))])

@@ -122,13 +122,14 @@ def trust(
     exponent = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
-    columns = {
-        "displacement_max": np.array([run.summary[..., orbit.X_MAX] for run in runs]),
-        "displacement_min": np.array([run.summary[..., orbit.X_MIN] for run in runs]),
-        "period": np.array([run.period for run in runs]),
-        "status": np.array([run.status for run in runs]),
+    summaries = np.array([run.summary for run in runs])
+    over = ("run", "mesh")[: summaries.ndim - 1]
+    data = {
+        "displacement_max": (over, summaries[..., orbit.X_MAX]),
+        "displacement_min": (over, summaries[..., orbit.X_MIN]),
+        "period": ("run", [run.period for run in runs]),
+        "status": ("run", [run.status for run in runs]),
     }
-    data = {key: (("run", "mesh")[: values.ndim], values) for key, values in columns.items()}
     table = result(
         "Runs of one point in several ways",
         pair,
@@ -186,57 +187,53 @@ def decide(runs, exponent, repeats=1):
     `runs` has displacement_max, displacement_min, period, status over run; the excitation
     repeats after so many mesh periods.
     """
+    label, message, period, digits = (*_verdict(runs, exponent, repeats), 0, math.nan)[:4]
+    return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
-    def verdict(label, message, period=0, digits=math.nan):
-        return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
-    gone = runs.status.values == status.OVERFLOW
-    if exponent.status == status.OVERFLOW or gone.any():
-        if not runs.period.values.any() and (exponent.status == status.OVERFLOW or gone.all()):
-            return verdict("unbounded", status.MESSAGES[status.OVERFLOW])
-        names = ", ".join(runs.run.values[gone]) or "the variational run"
-        return verdict("undecided", f"some runs grow without bound, others do not: {names}")
-    failed = runs.run.values[runs.status.values != status.OK]
-    if failed.size or math.isnan(exponent.value):
-        return verdict(
-            "undecided", f"could not go on: {', '.join(failed) or 'the variational run'}"
-        )
-    if exponent.positive:
-        return verdict(
-            "chaotic",
-            f"deviations grow by a factor e every {1.0 / exponent.value:.3g} mesh periods",
-        )
+def _verdict(runs, exponent, repeats):
+    """Return (label, message) by the first rule that fits; if periodic, also period and digits."""
+    names, codes = runs.run.values, runs.status.values
+    gone, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
     periods = set(runs.period.values.tolist())
+    if (diverges or gone.all()) and periods == {0}:
+        return "unbounded", status.MESSAGES[status.OVERFLOW]
+    variational = "the variational run"
+    if diverges or gone.any():
+        unbounded = ", ".join(names[gone]) or variational
+        return "undecided", f"some runs grow without bound, others do not: {unbounded}"
+    failed = codes != status.OK
+    if failed.any() or math.isnan(exponent.value):
+        return "undecided", f"could not go on: {', '.join(names[failed]) or variational}"
+    if exponent.positive:
+        length = f"{1.0 / exponent.value:.3g} mesh periods"
+        return "chaotic", f"deviations grow by a factor e every {length}"
     if exponent.growth < _DECAY:
-        if "longer" in runs.run and int(runs.period.sel(run="longer")):
-            # Others that are still on their way agree with it in their extrema, below.
-            periods -= {0}
-        if periods == {0} or len(periods) > 1:
-            message = "deviations decay, but not all runs repeat: run more periods to settle"
-            if repeats > 1:
-                message += (
-                    f", and beyond that two repeats of the run-out, of {repeats} periods each"
-                )
-            return verdict("undecided", message)
-        period = periods.pop()
-        digits = _digits(runs)
-        if digits < DIGITS:
-            return verdict(
-                "undecided",
-                f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits "
-                "only: more than one orbit attracts, or its period is more than record_periods; "
-                "see the runs",
-            )
-        return verdict(
-            "periodic", f"all runs agree in {digits:.1f} digits", period=period, digits=digits
-        )
+        return _settled_verdict(runs, periods, repeats)
+    neither = "deviations neither grow nor decay"
     if periods == {0}:
-        return verdict(
-            "quasi-periodic", "no run repeats; deviations neither grow nor decay exponentially"
+        return "quasi-periodic", f"no run repeats; {neither} exponentially"
+    return "undecided", f"{neither}, yet some run repeats: run more periods"
+
+
+def _settled_verdict(runs, periods, repeats):
+    """Return what `_verdict` does of runs whose deviations decay."""
+    if "longer" in runs.run and int(runs.period.sel(run="longer")):
+        # Others that are still on their way agree with it in their extrema, below.
+        periods = periods - {0}
+    if periods == {0} or len(periods) > 1:
+        message = "deviations decay, but not all runs repeat: run more periods to settle"
+        if repeats > 1:
+            message += f", and beyond that two repeats of the run-out, of {repeats} periods each"
+        return "undecided", message
+    digits = _digits(runs)
+    if digits < DIGITS:
+        return (
+            "undecided",
+            f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits only: "
+            "more than one orbit attracts, or its period is more than record_periods; see the runs",
         )
-    return verdict(
-        "undecided", "deviations neither grow nor decay, yet some run repeats: run more periods"
-    )
+    return "periodic", f"all runs agree in {digits:.1f} digits", *periods, digits
 
 
 def _digits(runs):

@@ -1,3 +1,1 @@
-"""Runs of any model by any method.
-
-=================  ============================================"""
+"""Runs of any model by any method: `simulate`, `sweep`, `run_up`."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.data import contact_states, status, summary
+from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.linear import courses
@@ -14,24 +14,18 @@ from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
-#: name -> (CF units, long_name): a run-up is in SI units
-_SAID = {
+#: name -> (CF units, long_name) where a run-up, in SI units, differs from other datasets.
+_IN_SI = {
     "time": ("s", "time"),
-    "speed": ("min-1", "speed of the gear whose revolutions count"),
     "load_ratio": ("1", "load over that of the model"),
-    "phase": ("rad", "mesh phase, 2 pi per mesh period"),
     "displacement": ("m", "relative mesh displacement"),
     "velocity": ("m s-1", "relative mesh velocity"),
     "acceleration": ("m s-2", "relative mesh acceleration"),
     "dynamic_force": ("N", "dynamic mesh force"),
-    "contact": ("1", "phase of contact"),
     "body_motion": ("m", "displacement of the body"),
     "event_time": ("s", "time of the crossing of a flank line"),
     "event_speed": ("min-1", "speed at the event"),
-    "event_from": ("1", "phase of contact before the event"),
-    "event_to": ("1", "phase of contact after the event"),
     "event_velocity": ("m s-1", "relative mesh velocity at the event"),
-    "event_mesh": ("1", "number of the mesh in which the event is"),
     "revolution": ("1", "number of the revolution of the gear whose teeth count"),
     "revolution_time": ("s", "middle of the revolution"),
     "revolution_speed": ("min-1", "mean speed in the revolution"),
@@ -40,15 +34,11 @@ _SAID = {
     "dynamic_force_max": ("N", "largest dynamic mesh force in the revolution"),
     "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
     "mean_force": ("N", "mean of the mesh force over the revolution"),
-    "fraction_normal": ("1", "fraction of time in normal mesh"),
-    "fraction_backlash": ("1", "fraction of time in the backlash"),
-    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
-    "bounces": ("1", "losses of normal contact per mesh period"),
 }
 #: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
 _PER_PERIOD = 40
 #: Columns of a summary that take the largest, the least, the sum of those of the intervals.
-_LARGEST, _LEAST = (orbit.X_MAX, orbit.FORCE_MAX), (orbit.X_MIN, orbit.FORCE_MIN)
+_LARGEST, _LEAST = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
 
 
 def run_up(
@@ -140,15 +130,15 @@ def run_up(
     columns = samples * (meshes * 6 + model.size) + _PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
-    found = list(
+    stretches = list(
         courses.run_through(runner, pieces, z, samples, limit, push, model.periods_per_revolution)
     )
-    code = found[-1].status
-    if code == status.OK and summary.reach(found[-1].summary) > model.bound(1.0, state):
+    code = stretches[-1].status
+    if code == status.OK and summary.reach(stretches[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
-    data = _statistics(model, found, omega) | _events(model, found, omega)
+    data = _statistics(model, stretches, omega) | _events(model, stretches, omega)
     if samples:
-        data |= _course_of_time(model, found, omega, samples)
+        data |= _course_of_time(model, stretches, omega, samples)
     if code != status.OK:
         data = {name: _nothing(*variable) for name, variable in data.items()}
     data = {name: _described(name, *variable) for name, variable in data.items()}
@@ -254,28 +244,28 @@ def inertia_of(model, driver, driven_mass, base_radius):
     )
 
 
-def summaries(found):
-    """Return the summaries of the revolutions, shape (r, m, 10)."""
-    # A revolution that goes on in another stretch has a block in each of them.
-    table = np.concatenate([one.summary for one in found])
-    of_block = np.concatenate([np.unique(one.block) for one in found])
-    block = np.flatnonzero(np.diff(of_block, prepend=-1))
-    rows = np.add.reduceat(table, block)
-    for extrema, reduce in ((_LARGEST, np.maximum), (_LEAST, np.minimum)):
-        for column in extrema:
-            rows[..., column] = reduce.reduceat(table[..., column], block)
-    return rows
-
-
-def _statistics(model, found, omega):
+def _statistics(model, stretches, omega):
     """Return name -> (dims, values) over the revolutions."""
-    passed = np.concatenate([np.diff(one.phase) for one in found])
-    lasted = np.concatenate([np.diff(one.theta) for one in found])
-    rows = summaries(found)
-    number = np.concatenate([one.block for one in found])
+    phase, time, begin, number = (
+        np.concatenate(parts)
+        for parts in zip(
+            *(
+                (np.diff(stretch.phase), np.diff(stretch.theta), stretch.theta[:-1], stretch.block)
+                for stretch in stretches
+            ),
+            strict=True,
+        )
+    )
     first = np.flatnonzero(np.diff(number, prepend=-1))
-    time, phase = np.add.reduceat(lasted, first), np.add.reduceat(passed, first)
-    begin = np.concatenate([one.theta[:-1] for one in found])[first]
+    time, phase = np.add.reduceat(time, first), np.add.reduceat(phase, first)
+    begin = begin[first]
+    # A revolution that goes on in another stretch has a summary in each of them.
+    table = np.concatenate([stretch.summary for stretch in stretches])
+    of_summary = np.concatenate([np.unique(stretch.block) for stretch in stretches])
+    block = np.flatnonzero(np.diff(of_summary, prepend=-1))
+    rows = np.add.reduceat(table, block)
+    rows[..., _LARGEST] = np.maximum.reduceat(table[..., _LARGEST], block)
+    rows[..., _LEAST] = np.minimum.reduceat(table[..., _LEAST], block)
     length, force = model.static_deflection, model.scales()["force_scale"]
     # The time of each mesh as its contacts count it: shares of one are 1 to the last place.
     share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
@@ -302,10 +292,10 @@ def _statistics(model, found, omega):
     return named | {name: (over, values.reshape(shape)) for name, values in columns.items()}
 
 
-def _events(model, found, omega):
+def _events(model, stretches, omega):
     """Return name -> (dims, values) over the events."""
-    rows = np.concatenate([one.events for one in found])
-    speeds = [one.piece.by(one.events[:, 0])[0] for one in found]
+    rows = np.concatenate([stretch.events for stretch in stretches])
+    speeds = [stretch.piece.by(stretch.events[:, 0])[0] for stretch in stretches]
     columns = {
         "event_time": rows[:, 0] / omega,
         "event_speed": np.asarray(model.speed(np.concatenate(speeds))),
@@ -318,18 +308,21 @@ def _events(model, found, omega):
     return {name: (("event",), values) for name, values in columns.items()}
 
 
-def _course_of_time(model, found, omega, samples):
+def _course_of_time(model, stretches, omega, samples):
     """Return name -> (dims, values) over time."""
     steps = np.arange(samples) / samples
     theta = np.concatenate(
-        [(one.theta[:-1, None] + steps * np.diff(one.theta)[:, None]).ravel() for one in found]
+        [
+            (stretch.theta[:-1, None] + steps * np.diff(stretch.theta)[:, None]).ravel()
+            for stretch in stretches
+        ]
     )
-    counts = [len(one.samples) for one in found]
-    pieces = [one.piece for one in found]
+    counts = [len(stretch.samples) for stretch in stretches]
+    pieces = [stretch.piece for stretch in stretches]
     parts = np.split(theta, np.cumsum(counts)[:-1])
     course = [np.array(p.by(t)) for p, t in zip(pieces, parts, strict=True)]
     speed, phase, load = np.hstack(course)
-    table = np.concatenate([one.samples for one in found])
+    table = np.concatenate([stretch.samples for stretch in stretches])
     length, force = model.static_deflection, model.scales()["force_scale"]
     of_mesh = {
         "displacement": table[..., orbit.SAMPLE_X] * length,
@@ -348,7 +341,7 @@ def _course_of_time(model, found, omega, samples):
         **{name: (over, values.reshape(shape)) for name, values in of_mesh.items()},
     }
     if model.mesh_names:
-        q = np.concatenate([one.states[:, : model.size // 2] for one in found])
+        q = np.concatenate([stretch.states[:, : model.size // 2] for stretch in stretches])
         moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), moves)
     return data
@@ -360,7 +353,6 @@ def _nothing(dims, values):
 
 
 def _described(name, dims, values):
-    """Return a variable with its units."""
-    units, words = _SAID[name]
-    flags = contact_states.FLAGS if name in ("contact", "event_from", "event_to") else {}
-    return dims, values, {"units": units, "long_name": words, **flags}
+    """Return a variable, in SI units where those of other datasets are not."""
+    units, long_name = _IN_SI.get(name, (None, None))
+    return (dims, values, {"units": units, "long_name": long_name} if units else {})

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.analysis.order_sums import Turning
+from gearlib.analysis.order_maps import Turning
 from gearlib.runs.run_up import run_up, speeds_of
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import orbit_values

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 
 import gearlib
-from gearlib.analysis.order_sums import Turning
+from gearlib.analysis.order_maps import Turning
 from gearlib.models.profiles import Tabulated
 from gearlib.uncertainty.course_observations import regressed
 from gearlib.uncertainty.observations import observations_of

@@ -131,7 +131,7 @@ def test_six_degrees_are_carried_along_by_the_exact_method_only():
 def test_the_exponent_does_not_depend_on_how_maps_are_cut(monkeypatch):
     pair = damped(EQUAL)
     whole = lyapunov.largest(pair, 0.9, settle=200, periods=240)
-    monkeypatch.setattr(lyapunov, "_CHUNK", 7)
+    monkeypatch.setattr(lyapunov, "MAX_MAPS", 7)
     parts = lyapunov.largest(pair, 0.9, settle=200, periods=240)
     assert parts.value == pytest.approx(whole.value, abs=1e-9)
 
