@@ -29,7 +29,6 @@ from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.statics import branches
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
 from gearlib.models.trains.system import largest_norm, scaled, system_of
-from gearlib.models.trains.train_parameters import FALLBACK, PARAMETERS, value_of, with_value
 from gearlib.parameters import FINITE, TRUTH, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -252,7 +251,7 @@ class GearTrain(Model):
         value = abs(own @ (shapes.T @ load))
         # Without load rounding is left of the parts.
         largest = np.abs(own) @ (np.abs(shapes).T @ np.abs(load))
-        return float(value) if value > 1e-9 * largest else FALLBACK
+        return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
 
     @property
     def load(self):
@@ -431,7 +430,8 @@ class GearTrain(Model):
         state = self.start_state(value)
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
 
-    parameters, parameter, with_parameter = PARAMETERS, value_of, with_value
+    parameters, parameter = train_values.PARAMETERS, train_values.shared_value
+    with_parameter = train_values.with_shared_value
     settable = property(train_values.settable, doc="See `Model.settable`.")
     value, with_values = train_values.value, train_values.with_values
     contact_map = contact_map
