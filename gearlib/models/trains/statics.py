@@ -20,6 +20,7 @@ from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.system import functionals
+from gearlib.models.trains.waves import SAME_PHASE, at_lower_level
 
 _STEPS = 200
 #: Of the forces: residual of a solution. Loose gears may lie far off, with the rounding of that.
@@ -82,20 +83,14 @@ def equilibrium(train, phase=0.0):
 
 def static(train, phase=0.0):
     """Return the load sharing of a train, see `GearTrain.static`."""
-    found = equilibrium(train, phase)
-    code = status.JAMMED if found.wedged.any() else status.OK
-    groups = branches(train)
-    shares = np.empty(found.force.size)
-    for group in set(groups):
-        own = np.array([other == group for other in groups])
-        total = found.force[own].sum()
-        shares[own] = found.force[own] * own.sum() / total if total else math.nan
+    balance = equilibrium(train, phase)
+    code = status.JAMMED if balance.wedged.any() else status.OK
     dataset = xr.Dataset(
         {
-            "mesh_force": ("mesh", found.force),
-            "contact": ("mesh", found.contact),
-            "load_sharing": ("mesh", shares),
-            "body_displacement": (("body", "axis"), train.structure.motions @ found.q),
+            "mesh_force": ("mesh", balance.force),
+            "contact": ("mesh", balance.contact),
+            "load_sharing": ("mesh", load_shares(train, balance.force)),
+            "body_displacement": (("body", "axis"), train.structure.motions @ balance.q),
             "reference_phase": ((), float(phase)),
             "status": ((), np.int8(code)),
         },
@@ -126,15 +121,28 @@ def branches(train):
     return groups
 
 
+def load_shares(train, forces):
+    """Return forces over their mean in the branches of a train, shape (..., m); NaN without any."""
+    groups = np.array(["/".join(group) for group in branches(train)])
+    shares = np.empty_like(forces)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for group in set(groups):
+            alike = groups == group
+            total = forces[..., alike].sum(axis=-1, keepdims=True)
+            shares[..., alike] = forces[..., alike] * alike.sum() / np.where(total, total, math.nan)
+    return shares
+
+
 def _levels(train, phase):
-    """Return the stiffness of coast and drive sides at a phase, N/m, shape (2, m)."""
-    tau = phase % (2.0 * math.pi * train.repeats)
-    number = int(tau / (2.0 * math.pi))
-    segments, tau = train.segments_of(number, 1), tau - 2.0 * math.pi * number
-    segment = np.searchsorted(segments.starts, tau, side="right") - 1
-    low = segments.low[:, min(segment, segments.starts.size - 2)]
-    largest = np.array([mesh.max_stiffness for mesh in train.meshes])
-    return largest * np.where(low, [mesh.stiffness_ratio for mesh in train.meshes], 1.0)
+    """Return the stiffness of coast and drive sides just after a phase, N/m, shape (2, m)."""
+    period, local = divmod(phase % (math.tau * train.repeats), math.tau)
+    levels = np.empty((2, len(train.meshes)))
+    for j, (mesh, rate) in enumerate(zip(train.meshes, train.rates, strict=True)):
+        shifts = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        turns = float(int(period) * rate % 1) + (local + SAME_PHASE) / math.tau * float(rate)
+        low = at_lower_level(mesh, shifts, np.array([turns]))[:, 0]
+        levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
+    return levels
 
 
 def _forces(stiffness, distances):

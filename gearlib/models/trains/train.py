@@ -26,7 +26,6 @@ from gearlib.models.trains import (
 )
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.models.trains.statics import branches
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
 from gearlib.models.trains.system import largest_norm, scaled, system_of
 from gearlib.parameters import FINITE, TRUTH, Number, check, documented
@@ -173,7 +172,7 @@ class GearTrain(Model):
 
     def segments_of(self, first, count):
         """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
-        return waves.stretch(self, first, count)
+        return waves.segments(self, first, count)
 
     @property
     def size(self):
@@ -477,11 +476,7 @@ class GearTrain(Model):
         static = self.mean_forces
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.where(static > 0.0, table[..., orbit.FORCE_MAX] / static, math.nan)
-            shares = np.empty_like(mean)
-            groups = branches(self)
-            for group in set(groups):
-                own = [j for j, other in enumerate(groups) if other == group]
-                shares[..., own] = mean[..., own] / mean[..., own].mean(axis=-1, keepdims=True)
+        shares = statics.load_shares(self, mean)
         columns = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
         return {name: (dims, values) for name, values in columns.items()}
 
