@@ -26,16 +26,6 @@ class Parts:
         return tuple(values)
 
 
-class MeshName:
-    """The name of one of the meshes, which `GearTrain` compares with them."""
-
-    words = "the name of a mesh"
-
-    def check(self, name, value):
-        """Return a value as it is."""
-        return value
-
-
 def check_names(train):
     """Refuse names twice or unknown, too many meshes, supports that a turning frame rules out."""
     for name in ("bodies", "meshes"):
@@ -105,7 +95,7 @@ def check_gears(train):
 
 
 def check_balance(train):
-    """Refuse what cannot move, has no mass or is driven away by its torques."""
+    """Refuse bodies without motion, mass or balance, and a backlash that moves with a free axis."""
     if not train.structure.coordinates:
         raise ValueError("bodies is not allowed: at least one of them must be able to move")
     # Each coordinate is that of one body, and what pins add to its mass adds to the others' too.
@@ -125,13 +115,9 @@ def check_balance(train):
                 "the free rotation of the train, whose power is now "
                 f"{work.sum() / np.abs(work).sum():.3g} of that of the single torques"
             )
-
-
-def check_moving_backlash(train):
-    """Refuse a backlash that moves with an axis which nothing holds."""
-    moved = np.abs(train.far_lines @ train.free_motions) > 1e-9 * (
-        np.abs(train.far_lines) @ np.abs(train.free_motions)
-    )
+    sliding = np.abs(train.far_lines @ train.free_motions)
+    scale = np.abs(train.far_lines) @ np.abs(train.free_motions)
+    moved = sliding > 1e-9 * scale
     for mesh, slides in zip(train.meshes, moved.any(axis=1), strict=True):
         if mesh.moving_backlash and slides:
             raise ValueError(

@@ -14,7 +14,7 @@ no longer holds a mesh of 1 N/m beside a shaft of 1e17. So K and M are never for
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgejsv
 
 #: Of directions scaled to 1: less is rounding of the angles and radii of a drawing.
@@ -50,16 +50,17 @@ def linear(springs, masses):
     root = np.empty((free.shape[0], free.shape[0]))
     triangle, order = qr(weighted, mode="r", pivoting=True)
     # Coordinates of unit mass: motions are q = root z.
-    root[order] = _inverse(triangle[: len(root)])
+    root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
     rank = rows.shape[1] - free.shape[1]
     values, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
-    (one,) = qr(weighted @ free, mode="r")
-    one = one[: free.shape[1]] * np.where(np.diagonal(one) < 0.0, -1.0, 1.0)[:, None]
+    (factor,) = qr(weighted @ free, mode="r")
+    factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
+    free = solve_triangular(factor, free.T, trans="T").T
     shapes = root @ right
     signs = _signs(shapes)
     strains = np.zeros((there.size, rank))
     strains[there] = left * signs
-    return Linear(free @ _inverse(one), values**2, shapes * signs, strains)
+    return Linear(free, values**2, shapes * signs, strains)
 
 
 def _signs(shapes):
@@ -83,17 +84,6 @@ def _positive(parts, least):
     return rows[there], values[there], there
 
 
-def _inverse(triangle):
-    """Return the inverse of an upper triangle, row by row."""
-    n = len(triangle)
-    inverse = np.zeros((n, n))
-    for i in range(n - 1, -1, -1):
-        inverse[i] = -(triangle[i, i + 1 :] @ inverse[i + 1 :])
-        inverse[i, i] = 1.0
-        inverse[i] /= triangle[i, i]
-    return inverse
-
-
 def _eliminated(matrix, most, close=0.0):
     """Eliminate with the largest pivots, at most so many and none of `close` or less.
 
@@ -113,10 +103,8 @@ def _eliminated(matrix, most, close=0.0):
         remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
-    lefts, rights = (
-        np.array(part).reshape(len(pivots), size)
-        for part, size in zip((left, right), matrix.shape, strict=True)
-    )
+    shapes = (-1, matrix.shape[0]), (-1, matrix.shape[1])
+    lefts, rights = np.reshape(left, shapes[0]), np.reshape(right, shapes[1])
     return lefts.T, np.array(pivots), rights, columns
 
 

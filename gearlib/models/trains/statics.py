@@ -41,8 +41,7 @@ def equilibrium(train, phase=0.0):
 
     There is none, a ValueError, where the load opens a mesh without a far flank for good.
     """
-    frequencies, waves, constants = train.excitation
-    near, far = functionals(train, frequencies, waves, constants)
+    frequencies, (near, far) = train.excitation[0], functionals(train)
     n = train.size // 2
     excited = np.ones(near.shape[1] - 2 * n)
     excited[1::2], excited[2::2] = np.cos(frequencies * phase), np.sin(frequencies * phase)

@@ -27,8 +27,8 @@ from gearlib.models.trains import (
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
-from gearlib.models.trains.system import largest_norm, scaled, system_of
-from gearlib.parameters import FINITE, TRUTH, Number, check, documented
+from gearlib.models.trains.system import scaled, train_system
+from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import propagator  # noqa: F401
@@ -50,7 +50,7 @@ class GearTrain(Model):
     shafts: Annotated[tuple, assembly.Parts(Shaft, 0), "Which of them a shaft joins"] = ()
     reference: Annotated[
         str | None,
-        assembly.MeshName(),
+        Kind("the name of a mesh", lambda value: True),
         "Name of the mesh that sets scales, mesh phase and tuning; by default the first",
     ] = None
     reference_frequency: Annotated[
@@ -92,9 +92,6 @@ class GearTrain(Model):
         assembly.check_names(self)
         assembly.check_gears(self)
         assembly.check_balance(self)
-        assembly.check_moving_backlash(self)
-
-    # What follows is computed once.
 
     @property
     def body_names(self):
@@ -291,14 +288,6 @@ class GearTrain(Model):
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
-    def norm(self, parts):
-        """Return the largest norm of the matrices: one for all tunings, unless gyroscopic."""
-        return largest_norm(self, parts) if self.gyroscopic else self._norm_at_rest
-
-    @cached_property
-    def _norm_at_rest(self):
-        return largest_norm(self, self.scaled(1.0))
-
     def scaled(self, tuning):
         """Return the `Scaled` matrices without the meshes at one tuning."""
         return scaled(self, tuning)
@@ -308,7 +297,16 @@ class GearTrain(Model):
 
         Else with those of so many mesh periods, see `segments_of`.
         """
-        return system_of(self, tuning, self.segments_of(first, count) if count else None)
+        if count:
+            return train_system(self, tuning, self.segments_of(first, count))
+        if self.gyroscopic or self.excitation[0].size:
+            return train_system(self, tuning, self.segments)
+        return self._system._replace(tuning=tuning)
+
+    @cached_property
+    def _system(self):
+        # Without a turning frame and without waves only the tuning differs.
+        return train_system(self, 1.0, self.segments)
 
     def static(self, phase=0.0):
         """Return how the meshes share the load at rest, with gaps and errors.
@@ -509,10 +507,6 @@ class GearTrain(Model):
         ValueError
             If a free rotation is damped or feels the turning of the frame: then it is not neutral.
         """
-        return self._reduction
-
-    @cached_property
-    def _reduction(self):
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
         forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
@@ -526,7 +520,4 @@ class GearTrain(Model):
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
-        found = np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
-        for matrix in found:
-            matrix.flags.writeable = False
-        return found
+        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
