@@ -99,11 +99,10 @@ class Body:
             Other parameters, also in place of these.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
-        own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
-        for key in ("mass", "inertia"):
-            if key not in more:
-                own[key] = getattr(gear, key)
-        return cls(name=name, **(own | more))
+        values = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
+        # Mass and inertia of a drawing take time.
+        values |= {key: getattr(gear, key) for key in ("mass", "inertia") if key not in more}
+        return cls(name=name, **(values | more))
 
 
 @parameters.documented

@@ -18,7 +18,6 @@ import xarray as xr
 
 from gearlib.data import status
 from gearlib.data.variables import describe
-from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.system import functionals
 from gearlib.models.trains.waves import SAME_PHASE, at_lower_level
 
@@ -93,11 +92,7 @@ def static(train, phase=0.0):
             "reference_phase": ((), float(phase)),
             "status": ((), np.int8(code)),
         },
-        coords={
-            "mesh": list(train.mesh_names),
-            "body": list(train.body_names),
-            "axis": list(AXES),
-        },
+        coords=train.names,
         attrs={"title": "Static equilibrium of a gear train"},
     )
     dataset = describe(dataset)

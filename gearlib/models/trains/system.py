@@ -88,7 +88,8 @@ def train_system(train, tuning, segments):
         free[n : 2 * n] -= np.outer(inverse @ lines[j], film)
     flanks = (near, speeds_near, lines), (far, speeds_far, train.far_lines)
     push, grip, effect, stiffness, low = _contacts(train, segments, flanks, inverse, free)
-    fastest = max(_largest_norm(train, parts), np.abs(frequencies * tuning).max(initial=0.0))
+    norm = largest_norm(train, parts) if train.gyroscopic else train.norm_at_rest
+    fastest = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
         free,
         near,
@@ -142,7 +143,7 @@ def _contacts(train: Any, segments: Any, flanks: tuple, inverse: np.ndarray, fre
     return push, grip, effect, stiffness, low
 
 
-def _largest_norm(train, parts):
+def largest_norm(train, parts):
     """Return a norm that no matrix of the train exceeds.
 
     It is that of coordinates in which the mass is 1, with velocities over the highest natural

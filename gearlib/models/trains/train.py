@@ -27,7 +27,7 @@ from gearlib.models.trains import (
 from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
-from gearlib.models.trains.system import scaled, train_system
+from gearlib.models.trains.system import largest_norm, scaled, train_system
 from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -304,6 +304,11 @@ class GearTrain(Model):
         return self._system._replace(tuning=tuning)
 
     @cached_property
+    def norm_at_rest(self):
+        """Largest norm of the matrices without gyroscopic forces, the same at all tunings."""
+        return largest_norm(self, self.scaled(1.0))
+
+    @cached_property
     def _system(self):
         # Without a turning frame and without waves only the tuning differs.
         return train_system(self, 1.0, self.segments)
@@ -441,12 +446,13 @@ class GearTrain(Model):
 
     def coordinates(self):
         """Return name -> values of the dimensions of results."""
-        return {
-            "component": list(self.components),
-            "mesh": list(self.mesh_names),
-            "body": list(self.body_names),
-            "axis": list(AXES),
-        }
+        return {"component": list(self.components)} | self.names
+
+    @property
+    def names(self):
+        """Names of meshes, bodies and axes by the dimensions of datasets."""
+        names = {"mesh": self.mesh_names, "body": self.body_names, "axis": AXES}
+        return {dimension: list(values) for dimension, values in names.items()}
 
     def empty_record(self, samples=0, events=16):
         """Return empty tables for the record of a run, see `Model.empty_record`.

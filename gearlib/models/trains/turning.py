@@ -34,10 +34,12 @@ def speeds(bodies, meshes, shafts, reference):
     Bodies that neither mesh nor sit on a shaft of others have speed 0. A mesh that is not connected
     to the reference, or a locked train, is refused.
     """
-    ratios = [
-        (mesh.pinion, mesh.wheel, _ratio(bodies, mesh), f"mesh {mesh.name}") for mesh in meshes
-    ]
-    ratios += [(*s.bodies, Fraction(1), f"shaft {'-'.join(s.bodies)}") for s in shafts]
+    ratios = []  # of the second body's speed over that of the first
+    for mesh in meshes:
+        ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
+        ratio *= 1 if mesh.internal else -1
+        ratios.append((mesh.pinion, mesh.wheel, ratio, f"mesh {mesh.name}"))
+    ratios += [(*shaft.bodies, Fraction(1), f"shaft {'-'.join(shaft.bodies)}") for shaft in shafts]
     first = next(mesh for mesh in meshes if mesh.name == reference)
     found = {first.pinion: Fraction(1, bodies[first.pinion].teeth)}
     before = -1
@@ -120,12 +122,6 @@ def inverse_phase(mesh, speed, phase):
     return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
 
 
-def _ratio(bodies, mesh):
-    """Return the speed of the wheel over that of the pinion."""
-    ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
-    return ratio if mesh.internal else -ratio
-
-
 def phases(bodies, meshes, shafts, reference, speed):
     """Return name of a mesh -> its phase in mesh periods, in [0, 1), if it can be assembled."""
     middles: dict = {}
@@ -161,7 +157,7 @@ def phases(bodies, meshes, shafts, reference, speed):
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        found[mesh.name] = t - _past_the_middle(mesh, speed)
+        found[mesh.name] = t - sliding_turns(mesh, speed)[1]
         return True
 
     def key():
@@ -175,7 +171,7 @@ def phases(bodies, meshes, shafts, reference, speed):
         return False
 
     def start(mesh):
-        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + _past_the_middle(mesh, speed))
+        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, speed)[1])
 
     start(next(mesh for mesh in meshes if mesh.name == reference))
     while len(found) < len(free):
@@ -208,11 +204,6 @@ def _check_keying(shaft, bodies, middles):
 def _keyed(shaft):
     """Return by how many turns the second body of a shaft is ahead of being in line."""
     return (shaft.keying or 0.0) / math.tau
-
-
-def _past_the_middle(mesh, speed):
-    """Return the phase of the stiffness with contact at the pitch point, in mesh periods."""
-    return pitch_phase(mesh, speed) / math.tau
 
 
 def _side(mesh, name):
