@@ -9,7 +9,7 @@ from gearlib import checks
 #: Relative difference of base pitches that is rounding of base radii.
 _PITCH = 1e-4
 #: As many as the largest planetary train has.
-_MOST_MESHES = 200
+_MAX_MESHES = 200
 
 
 class Parts:
@@ -20,25 +20,25 @@ class Parts:
 
     def check(self, name, values):
         """Return them as a tuple, else raise ValueError."""
-        given = isinstance(values, (tuple, list)) and len(values) >= self.least
-        if not given or not all(isinstance(value, self.kind) for value in values):
-            raise ValueError(f"{name} = {values!r} is not allowed: it must be {self.words}")
+        enough = isinstance(values, (tuple, list)) and len(values) >= self.least
+        suits = enough and all(isinstance(value, self.kind) for value in values)
+        checks.require(suits, name, values, self.words)
         return tuple(values)
 
 
 def check_names(train):
     """Refuse names twice or unknown, too many meshes, supports that a turning frame rules out."""
-    for name in ("bodies", "meshes"):
-        names = [value.name for value in getattr(train, name)]
-        twice = next((one for one in names if names.count(one) > 1), None)
+    for kind in ("bodies", "meshes"):
+        names = [value.name for value in getattr(train, kind)]
+        twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(
-                f"{name} = {names!r} is not allowed: the name {twice!r} must occur once"
+                f"{kind} = {names!r} is not allowed: the name {twice!r} must occur once"
             )
-    if len(train.meshes) > _MOST_MESHES:
+    if len(train.meshes) > _MAX_MESHES:
         raise ValueError(
             f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "
-            f"{_MOST_MESHES}"
+            f"{_MAX_MESHES}"
         )
     for shaft in train.shafts:
         for name in shaft.bodies:
@@ -47,26 +47,21 @@ def check_names(train):
         for side in ("pinion", "wheel"):
             name = getattr(mesh, side)
             checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
-        if mesh.pinion == mesh.wheel:
-            raise checks.refusal(
-                f"wheel of mesh {mesh.name}", mesh.wheel, "another body than the pinion"
-            )
+        name, words = f"wheel of mesh {mesh.name}", "another body than the pinion"
+        checks.require(mesh.pinion != mesh.wheel, name, mesh.wheel, words)
     for body in train.bodies:
         if body.carrier is not None:
             checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
-            if body.carrier == body.name or train.by_name[body.carrier].carrier is not None:
+            carries = body.carrier != body.name and train.by_name[body.carrier].carrier is None
+            name, words = f"carrier of body {body.name}", "another body, which no carrier carries"
+            checks.require(carries, name, body.carrier, words)
+        elif train.gyroscopic:
+            equal = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
+            if not equal:
                 raise ValueError(
-                    f"carrier of body {body.name} = {body.carrier!r} is not allowed: it must "
-                    "be another body, which no carrier carries"
+                    f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
+                    "allowed: it must be, as its damping, the same along x and y in a turning frame"
                 )
-        equal = all(
-            len(set(getattr(body, f"support_{name}"))) == 1 for name in ("stiffness", "damping")
-        )
-        if train.gyroscopic and body.carrier is None and not equal:
-            raise ValueError(
-                f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
-                "allowed: it must be, as its damping, the same along x and y in a turning frame"
-            )
 
 
 def check_gears(train):
@@ -74,23 +69,19 @@ def check_gears(train):
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):
-            if body.teeth is None:
-                raise ValueError(
-                    f"teeth of body {body.name} = None is not allowed: it must be an integer "
-                    f">= 3, because it is in mesh {mesh.name}"
-                )
+            words = f"an integer >= 3, because it is in mesh {mesh.name}"
+            checks.require(body.teeth is not None, f"teeth of body {body.name}", None, words)
         pitches = [2.0 * math.pi * body.base_radius / body.teeth for body in (pinion, wheel)]
-        if abs(pitches[0] - pitches[1]) > _PITCH * max(pitches):
-            raise ValueError(
-                f"base_radius of body {wheel.name} = {wheel.base_radius!r} is not allowed: it "
-                f"must be {pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the "
-                f"base pitch (module) of {pinion.name} in mesh {mesh.name}"
-            )
-        if mesh.internal and wheel.teeth <= pinion.teeth:
-            raise ValueError(
-                f"teeth of body {wheel.name} = {wheel.teeth!r} is not allowed: it must be more "
-                f"than the {pinion.teeth} of {pinion.name}, which meshes inside it"
-            )
+        checks.require(
+            abs(pitches[0] - pitches[1]) <= _PITCH * max(pitches),
+            f"base_radius of body {wheel.name}",
+            wheel.base_radius,
+            f"{pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the base pitch "
+            f"(module) of {pinion.name} in mesh {mesh.name}",
+        )
+        fits = not mesh.internal or wheel.teeth > pinion.teeth
+        words = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
+        checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, words)
     train.phases  # noqa: B018 (refuses what does not turn or fit)
 
 
@@ -119,8 +110,5 @@ def check_balance(train):
     scale = np.abs(train.far_lines) @ np.abs(train.free_motions)
     moved = sliding > 1e-9 * scale
     for mesh, slides in zip(train.meshes, moved.any(axis=1), strict=True):
-        if mesh.moving_backlash and slides:
-            raise ValueError(
-                f"moving_backlash of mesh {mesh.name} = True is not allowed: it must be False "
-                "where an axis of its gears moves freely"
-            )
+        name, words = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
+        checks.require(not (mesh.moving_backlash and slides), name, True, words + "moves freely")

@@ -77,15 +77,12 @@ class Body:
 
     def __post_init__(self):
         parameters.check(self, f" of body {self.name}")
-        if self.mass is None and not all(map(math.isinf, self.support_stiffness)):
-            raise ValueError(
-                f"mass of body {self.name} = None is not allowed: it must be a finite number > 0 "
-                "where the support is elastic"
-            )
-        if self.eccentricity and self.teeth is None:
-            raise checks.refusal(
-                f"eccentricity of body {self.name}", self.eccentricity, "0 for a body without teeth"
-            )
+        moves = not all(map(math.isinf, self.support_stiffness))
+        words = "a finite number > 0 where the support is elastic"
+        checks.require(self.mass is not None or not moves, f"mass of body {self.name}", None, words)
+        round_or_gear = self.teeth is not None or not self.eccentricity
+        name, words = f"eccentricity of body {self.name}", "0 for a body without teeth"
+        checks.require(round_or_gear, name, self.eccentricity, words)
 
     @classmethod
     def from_gear(cls, gear, name, **more):
@@ -128,13 +125,9 @@ class Shaft:
 
     def __post_init__(self):
         names = self.bodies
-        if (
-            not isinstance(names, (tuple, list))
-            or len(names) != 2
-            or not all(isinstance(name, str) for name in names)
-            or names[0] == names[1]
-        ):
-            raise checks.refusal("bodies of a shaft", names, "the names of two bodies")
+        two = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
+        named = two and all(isinstance(name, str) for name in names)
+        checks.require(named, "bodies of a shaft", names, "the names of two bodies")
         parameters.check(self, f" of shaft {names[0]}-{names[1]}")
 
 
@@ -245,10 +238,9 @@ class Mesh:
             checks.one_of(f"driving{whose}", self.driving, (self.pinion, self.wheel))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
-        if self.line_of_action is not None and self.position is not None:
-            raise checks.refusal(
-                f"line_of_action{whose}", self.line_of_action, "left out where position is given"
-            )
+        name, words = f"line_of_action{whose}", "left out where position is given"
+        placed_once = self.line_of_action is None or self.position is None
+        checks.require(placed_once, name, self.line_of_action, words)
 
     @classmethod
     def from_geometry(cls, mesh, pinion, wheel, **more):

@@ -21,7 +21,7 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.system import functionals
 from gearlib.models.trains.waves import SAME_PHASE, at_lower_level
 
-_STEPS = 200
+_MAX_STEPS = 200
 #: Of the forces: residual of a solution. Loose gears may lie far off, with the rounding of that.
 _BALANCED = 1e-9
 
@@ -57,20 +57,20 @@ def equilibrium(train, phase=0.0):
     # Of coast and drive side.
     lines = np.stack([np.where(moving, train.far_lines @ basis, near), near])
     strains = train.strains[: -len(train.meshes)]
-    elastic, load = strains.T @ strains, basis.T @ train.structure.load
+    load = basis.T @ train.structure.load
+    energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
     # What rounding of the gaps makes of the forces, where there is no load.
     finite = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
     floor = (np.abs(near.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)
-    a = _minimum(elastic, lines, stiffness, gaps, load, floor)
+    a = _minimum(energy, floor)
     if a is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh without a far "
             "flank for good; a finite backlash would close"
         )
     distances = lines @ a + gaps
-    forces = _forces(stiffness, distances)
-    residual = elastic @ a + _pushed(lines, forces) - load
-    scale = floor + np.abs(load).sum() + _pushed(np.abs(lines), np.abs(forces)).sum()
+    forces, (residual, sizes) = energy.forces(distances), energy.slope(a)
+    scale = floor + np.abs(load).sum() + sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _BALANCED * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
@@ -139,67 +139,74 @@ def _levels(train, phase):
     return levels
 
 
-def _forces(stiffness, distances):
-    """Return the forces of (coast, drive) sides, positive on the drive side, at distances."""
-    coast, drive = distances
-    return np.stack(
-        [
-            np.where(coast <= 0.0, stiffness[0] * np.minimum(coast, 0.0), 0.0),
-            np.where(drive >= 0.0, stiffness[1] * drive, 0.0),
-        ]
-    )
+class _Energy(NamedTuple):
+    """The energy by amplitudes of the elastic modes, shape (p,), convex and piecewise quadratic."""
+
+    elastic: np.ndarray  #: stiffness of all but the meshes, shape (p, p)
+    lines: np.ndarray  #: distances of (coast, drive) flanks by amplitudes, shape (2, m, p)
+    stiffness: np.ndarray  #: of the same, shape (2, m)
+    gaps: np.ndarray  #: distances without motion, shape (2, m)
+    load: np.ndarray  #: shape (p,)
+
+    def forces(self, distances: np.ndarray) -> np.ndarray:
+        """Return the forces of the flanks at distances, positive on the drive side, (2, m)."""
+        coast, drive = distances
+        return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
+
+    def slope(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the slope, and the sum of the sizes of the mesh forces in it, (p,) each."""
+        forces = self.forces(self.lines @ amplitudes + self.gaps)
+        slope = self.elastic @ amplitudes + _sum_along(self.lines, forces) - self.load
+        return slope, _sum_along(np.abs(self.lines), np.abs(forces))
+
+    def hessian(self, distances: np.ndarray) -> np.ndarray:
+        """Return the stiffness with the flanks that touch at distances, shape (p, p)."""
+        touching = self.stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
+        sides = zip(self.lines, touching, strict=True)
+        return self.elastic + sum(side.T @ (c[:, None] * side) for side, c in sides)
 
 
-def _pushed(lines, forces):
-    """Return the sum of forces of (coast, drive) sides along their lines, shape (r,)."""
+def _sum_along(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the sum of forces of (coast, drive) sides along their lines, shape (p,)."""
     return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
-def _minimum(elastic, lines, stiffness, gaps, load, floor):
-    """Return the minimum of the energy, or None if it falls for ever."""
-    a = load.copy()
-    size = a.size
+def _minimum(energy: _Energy, floor: float) -> np.ndarray | None:
+    """Return the amplitudes of least energy, or None if it falls for ever."""
+    a, load, gaps = energy.load.copy(), energy.load, energy.gaps
     # Far beyond all gaps and deflections a load drives on what touches nothing.
-    finite = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
-    deflection = np.abs(lines @ load).max(initial=0.0)
-    horizon = 1e6 * (finite + deflection) if deflection > 0.0 else math.inf
-    for _ in range(_STEPS):
-        distances = lines @ a + gaps
-        touching = stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
-        hessian = elastic + sum(
-            side.T @ (c[:, None] * side) for side, c in zip(lines, touching, strict=True)
-        )
-        slope = elastic @ a + _pushed(lines, _forces(stiffness, distances)) - load
+    largest_gap = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
+    deflection = np.abs(energy.lines @ load).max(initial=0.0)
+    horizon = 1e6 * (largest_gap + deflection) if deflection > 0.0 else math.inf
+    for _ in range(_MAX_STEPS):
+        hessian = energy.hessian(energy.lines @ a + gaps)
         if np.linalg.eigvalsh(hessian)[0] < 1e-11:
             # A part is loose: a step that is long in its direction, for the search to cut.
-            hessian = hessian + 1e-9 * np.eye(size)
-        step = -np.linalg.solve(hessian, slope)
-        length = _search(elastic, lines, stiffness, gaps, load, a, step)
+            hessian = hessian + 1e-9 * np.eye(a.size)
+        step = -np.linalg.solve(hessian, energy.slope(a)[0])
+        length = _search(energy, a, step)
         if length is None:
             return None
         a = a + length * step
-        scale = floor + np.abs(load).max(initial=0.0) + np.abs(elastic @ a).max(initial=0.0)
-        distances = lines @ a + gaps
-        if -distances[1].min() > horizon:
+        if -(energy.lines[1] @ a + gaps[1]).min() > horizon:
             return None
-        forces = _forces(stiffness, distances)
-        slope = elastic @ a + _pushed(lines, forces) - load
-        scale += _pushed(np.abs(lines), np.abs(forces)).max(initial=0.0)
-        if np.abs(slope).max(initial=0.0) <= 1e-14 * size * scale:
+        slope, sizes = energy.slope(a)
+        scale = floor + sum(np.abs(x).max(initial=0.0) for x in (load, energy.elastic @ a, sizes))
+        if np.abs(slope).max(initial=0.0) <= 1e-14 * a.size * scale:
             break
     return a
 
 
-def _search(elastic, lines, stiffness, gaps, load, a, step):
+def _search(energy: _Energy, a: np.ndarray, step: np.ndarray) -> float | None:
     """Return where the energy along a step is least: its slope is piecewise linear and rises."""
-    distances, rates = lines @ a + gaps, lines @ step
+    distances, rates = energy.lines @ a + energy.gaps, energy.lines @ step
     with np.errstate(divide="ignore", invalid="ignore"):
         breaks = -distances / rates
     breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > 0.0)])
 
     def slope(t):
-        forces = _forces(stiffness, distances + t * rates)
-        return step @ (elastic @ (a + t * step) - load) + (rates * forces).sum()
+        forces = energy.forces(distances + t * rates)
+        return step @ (energy.elastic @ (a + t * step) - energy.load) + (rates * forces).sum()
 
     before, value = 0.0, slope(0.0)
     if value >= 0.0:
@@ -215,5 +222,5 @@ def _search(elastic, lines, stiffness, gaps, load, a, step):
     rise = at - value
     if rise <= 1e-13 * (abs(at) + abs(value)):
         # Without load nothing drives on, and what is left of the slope is rounding.
-        return None if load.any() else before
+        return None if energy.load.any() else before
     return before - value * (ahead - before) / rise
