@@ -283,23 +283,22 @@ def planetary_set(
     disc = math.pi * centre**2 * planet.width * planet.material.density
     mass = disc if carrier_mass is None else carrier_mass
     inertia = disc * centre**2 / 2.0 if carrier_inertia is None else carrier_inertia
-    gears = (sun, ring, planet)
-    reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in gears]
+    reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)]
     reduced.insert(2, inertia / centre**2)
     # On each pinion: of the sun its share, of a planet the same force at its own base circle.
     share = torque / n
     torques = share, share * planet.teeth / sun.teeth
-    stated = {"stated": ("torque", torque, "N m")}
-    damping = {
+    derivation = {
+        "stiffness": stiffness,
+        "options": options,
+        "stated": ("torque", torque, "N m"),
         "damping_ratio": damping_ratio,
         "logarithmic_decrement": logarithmic_decrement,
         "material_damping": material_damping,
         "backlash_damping_ratio": backlash_damping_ratio,
     }
     flanks = [
-        mesh.train_parameters(
-            torque=pinion_torque, stiffness=stiffness, options=options, **damping, **stated
-        )
+        mesh.train_parameters(torque=pinion_torque, **derivation)
         for mesh, pinion_torque in zip((drawn.sun_mesh, drawn.ring_mesh), torques, strict=True)
     ]
     train = planetary(

@@ -16,7 +16,6 @@ from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.trains import (
-    assembly,
     layout,
     natural_modes,
     statics,
@@ -25,7 +24,15 @@ from gearlib.models.trains import (
     waves,
 )
 from gearlib.models.trains.elastic import linear
-from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.elements import (
+    Body,
+    Mesh,
+    Parts,
+    Shaft,
+    check_balance,
+    check_gears,
+    check_names,
+)
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
 from gearlib.models.trains.system import largest_norm, scaled, train_system
 from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
@@ -45,9 +52,9 @@ class GearTrain(Model):
         If a value is impossible or the train cannot be assembled, turn, or stay in balance.
     """
 
-    bodies: Annotated[tuple, assembly.Parts(Body), "Gears and carriers"]
-    meshes: Annotated[tuple, assembly.Parts(Mesh), "Which of them mesh"]
-    shafts: Annotated[tuple, assembly.Parts(Shaft, 0), "Which of them a shaft joins"] = ()
+    bodies: Annotated[tuple, Parts(Body), "Gears and carriers"]
+    meshes: Annotated[tuple, Parts(Mesh), "Which of them mesh"]
+    shafts: Annotated[tuple, Parts(Shaft, 0), "Which of them a shaft joins"] = ()
     reference: Annotated[
         str | None,
         Kind("the name of a mesh", lambda value: True),
@@ -89,9 +96,9 @@ class GearTrain(Model):
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
         checks.one_of("reference", self.reference, self.mesh_names)
-        assembly.check_names(self)
-        assembly.check_gears(self)
-        assembly.check_balance(self)
+        check_names(self)
+        check_gears(self)
+        check_balance(self)
 
     @property
     def body_names(self):
