@@ -18,7 +18,6 @@ import xarray as xr
 
 from gearlib.data import status
 from gearlib.data.variables import describe
-from gearlib.models.trains.system import functionals
 from gearlib.models.trains.waves import SAME_PHASE, at_lower_level
 
 _MAX_STEPS = 200
@@ -40,14 +39,11 @@ def equilibrium(train, phase=0.0):
 
     There is none, a ValueError, where the load opens a mesh without a far flank for good.
     """
-    frequencies, (near, far) = train.excitation[0], functionals(train)
-    n = train.size // 2
-    excited = np.ones(near.shape[1] - 2 * n)
-    excited[1::2], excited[2::2] = np.cos(frequencies * phase), np.sin(frequencies * phase)
-    gaps = np.stack([far[:, 2 * n :], near[:, 2 * n :]]) @ excited * train.static_deflection
-    for j, mesh in enumerate(train.meshes):
-        if math.isinf(mesh.backlash):
-            gaps[0, j] = math.inf
+    frequencies, waves, constants = train.excitation
+    harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
+    # Distances without motion of (coast, drive) flanks.
+    gaps = constants + waves @ harmonics.ravel()
+    gaps[0] += [mesh.backlash for mesh in train.meshes]
     stiffness = _levels(train, phase)
     # In coordinates in which the linear train has unit stiffness; free motions take no part.
     squares, shapes = train.linear_modes
@@ -106,12 +102,9 @@ def branches(train):
     wheels = [mesh.wheel for mesh in train.meshes]
     groups = []
     for mesh in train.meshes:
-        if pinions.count(mesh.pinion) > 1:
-            groups.append(("pinion", mesh.pinion))
-        elif wheels.count(mesh.wheel) > 1:
-            groups.append(("wheel", mesh.wheel))
-        else:
-            groups.append(("mesh", mesh.name))
+        shared = [("pinion", mesh.pinion)] if pinions.count(mesh.pinion) > 1 else []
+        shared += [("wheel", mesh.wheel)] if wheels.count(mesh.wheel) > 1 else []
+        groups.append((*shared, ("mesh", mesh.name))[0])
     return groups
 
 

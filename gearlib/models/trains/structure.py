@@ -195,10 +195,10 @@ def far_lines(found, bodies, meshes, numbers=FLOATS):
     return lines
 
 
-def _listed(parts, n):
-    """Return functionals and values of pairs as arrays."""
-    rows, values = np.array([row for row, _ in parts]), np.array([value for _, value in parts])
-    return rows.reshape(len(parts), n), values
+def _listed(parts: list, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return functionals, shape (s, n), and values of pairs as arrays."""
+    rows = np.array([row for row, _ in parts]).reshape(len(parts), n)
+    return rows, np.array([value for _, value in parts])
 
 
 def _pin(numbers, angle, carrier):

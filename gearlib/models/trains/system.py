@@ -52,7 +52,7 @@ def scaled(train, tuning):
     )
 
 
-def functionals(train):
+def _functionals(train):
     """Return the distances of (drive, coast) flanks by state, shape (m, 2 n + 1 + 2 h) each."""
     frequencies, waves, constants = train.excitation
     unit = 1.0 / train.static_deflection
@@ -74,7 +74,7 @@ def train_system(train, tuning, segments):
     """Return the `TrainSystem` of a `GearTrain` at one tuning over `Segments`."""
     frequencies, parts, lines = train.excitation[0], scaled(train, tuning), train.structure.lines
     inverse, n = np.linalg.inv(parts.mass), lines.shape[1]
-    near, far = functionals(train)
+    near, far = _functionals(train)
     free = one_mesh_system.waves(near.shape[1], 2 * n + 1, tuning * frequencies)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness

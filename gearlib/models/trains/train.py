@@ -469,7 +469,7 @@ class GearTrain(Model):
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
         shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
-        return tuple(np.empty(shape) for shape in shapes)
+        return tuple(map(np.empty, shapes))
 
     def more_samples(self, samples):
         """Return the motions of the bodies from the samples of `empty_record`."""
