@@ -206,25 +206,25 @@ class GearTrain(Model):
         return self._linear.strains
 
     def linear(self, system):
-        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
+        """Return the linear model, see `Model.linear`: all flanks in contact at mean stiffness."""
         omega = self.reference_angular_frequency
         mass = self.scaled(system.tuning).mass
         squares, shapes = self.linear_modes
-        every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
+        modes = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
         # Orthonormal to the last place: what is missing would be an error of all frequencies.
-        every = every @ (1.5 * np.eye(len(mass)) - 0.5 * (every.T @ mass @ every))
-        return np.sqrt(squares) / omega, every[:, : squares.size], every[:, squares.size :], mass
+        modes = modes @ (1.5 * np.eye(len(mass)) - 0.5 * (modes.T @ mass @ modes))
+        return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
 
     @cached_property
     def linear_stretches(self):
         """Relative displacements of the meshes in the elastic modes, shape (m, p)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        own = self.strains[-means.size :] / np.sqrt(means)[:, None]
-        return own * np.sqrt(self._linear.squares)
+        strains = self.strains[-means.size :] / np.sqrt(means)[:, None]
+        return strains * np.sqrt(self._linear.squares)
 
     @cached_property
     def loaded_stretches(self):
-        """The same of the linear train under its load, m, shape (m,)."""
+        """Relative displacements of the meshes of the linear train under its load, m, (m,)."""
         squares, shapes = self.linear_modes
         return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
 
@@ -250,10 +250,10 @@ class GearTrain(Model):
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
         (squares, shapes), load = self.linear_modes, self.structure.load
-        own = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
-        value = abs(own @ (shapes.T @ load))
+        stretches = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
+        value = abs(stretches @ (shapes.T @ load))
         # Without load rounding is left of the parts.
-        largest = np.abs(own) @ (np.abs(shapes).T @ np.abs(load))
+        largest = np.abs(stretches) @ (np.abs(shapes).T @ np.abs(load))
         return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
 
     @property
@@ -263,12 +263,12 @@ class GearTrain(Model):
 
     @cached_property
     def reference_angular_frequency(self):
-        """What the tuning is counted in, rad/s."""
+        """Angular frequency at which the tuning is 1, rad/s."""
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._linear.squares
         share = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
-        # Modes of one frequency are one: in them the energy may lie in any direction.
+        # Modes of equal frequency count together: energy may lie in any direction among them.
         together = [share[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
         return math.sqrt(squares[int(np.argmax(np.array(together) > 0.999999 * max(together)))])
 
@@ -394,19 +394,10 @@ class GearTrain(Model):
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def start_state(self, initial_state):
-        """Return the state (q, dq/dtau) at tau = 0, shape (size,).
+        """Return the state (q, dq/dtau) at tau = 0, shape (size,), or refuse another value.
 
-        Parameters
-        ----------
-        initial_state : pair of 0, "static", or array_like of float, shape (size,)
-            (0, 0): at rest, every flank just touching where there are no errors; "static": at
-            rest in static equilibrium under the stiffness at tau = 0, without the forces of a
-            turning frame.
-
-        Raises
-        ------
-        ValueError
-            If it is none of these.
+        (0, 0) is at rest, every flank just touching where there are no errors; "static" at rest in
+        static equilibrium under the stiffness at tau = 0, without the forces of a turning frame.
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
@@ -513,12 +504,9 @@ class GearTrain(Model):
         return means * self.loaded_stretches / self.load
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.
+        """Return (reduce, lift), see `Model.reduction`: onto the elastic modes.
 
-        Raises
-        ------
-        ValueError
-            If a free rotation is damped or feels the turning of the frame: then it is not neutral.
+        A free rotation that is damped or feels the turning of the frame is refused.
         """
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
