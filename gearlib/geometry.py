@@ -15,7 +15,7 @@ from gearlib.models.geometry.parts import RACKS, Material, PathTable, Rack, TipR
 from gearlib.models.geometry.transmission_error import optimum_relief
 
 if TYPE_CHECKING:
-    from gearlib.models.trains.train_from_drawings import planetary_set
+    from gearlib.models.trains.planetary import planetary_set
 
 __all__ = [
     "RACKS",
@@ -41,6 +41,6 @@ def __getattr__(name):
     # Drawn gears need none of the compiled code of trains, which takes half a second to load.
     if name != "planetary_set":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gearlib.models.trains.train_from_drawings import planetary_set
+    from gearlib.models.trains.planetary import planetary_set
 
     return planetary_set

@@ -13,7 +13,7 @@ from gearlib.config.gears_section import (
 )
 from gearlib.config.types import entry, like
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.trains.train_from_drawings import planetary_set
+from gearlib.models.trains.planetary import planetary_set
 
 _OF_RING = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")

@@ -28,14 +28,14 @@ from gearlib.config.types import (
     quantity,
     type_of,
 )
-from gearlib.models.trains import elements, ready_made, reducer_train
+from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.parameters import TORQUE
 
 Planetary = like(
     "Planetary",
     "Sun, ring, carrier and planets, of Lin and Parker where left out.\n\n"
     "All keys are arguments of `gearlib.planetary`; gear_pair has no part in it.",
-    ready_made.planetary,
+    planetary.planetary,
 )
 Idler = like(
     "Idler",
@@ -50,7 +50,7 @@ TwoStage = like(
 SplitPowerReducer = like(
     "SplitPowerReducer",
     "The paper's Fig. 1 a, every mesh a gear_pair. Arguments of `gearlib.split_power_reducer`.",
-    reducer_train.split_power_reducer,
+    ready_made.split_power_reducer,
 )
 _WORDS = "An elastic shaft between two bodies, see `gearlib.Shaft`."
 ShaftPart = like("ShaftPart", _WORDS, elements.Shaft)

@@ -7,7 +7,7 @@ branch against the others.
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.proofs.orbits import certify
-from gearlib.models.trains.reducer_train import split_power_reducer
+from gearlib.models.trains.ready_made import split_power_reducer
 
 #: Teeth and tunings of the reducer: below the loss of symmetry, and in it.
 REDUCER, ALIKE = (24, 36, 24, 36), (0.5, 0.6)

@@ -4,17 +4,11 @@ from gearlib.models.geometry import mesh as geometry
 from gearlib.models.geometry.drawings import gear
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.pair import GearPair
-from gearlib.models.trains import ready_made
+from gearlib.models.trains import planetary, ready_made
 from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.models.trains.reducer_train import split_power_reducer
 from gearlib.models.trains.train import GearTrain
-from gearlib.models.trains.train_from_drawings import planetary_set
 
-_OF_PAIRS = {
-    "split_power_reducer": split_power_reducer,
-    "idler": ready_made.idler,
-    "two_stage": ready_made.two_stage,
-}
+_OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
 
 
 def described(kind, arguments, pair):
@@ -24,39 +18,34 @@ def described(kind, arguments, pair):
     some kinds are made, or None.
     """
     if kind in _OF_PAIRS:
-        return _OF_PAIRS[kind](GearPair(**pair), **arguments)
+        return getattr(ready_made, kind)(GearPair(**pair), **arguments)
     if kind == "planetary":
-        return ready_made.planetary(**arguments)
+        return planetary.planetary(**arguments)
     if kind == "planetary_set":
-        like = arguments["sun"]
-        gears = {
-            "sun": gear(like),
-            "planet": gear(arguments["planet"], like),
-            "ring": gear(arguments["ring"], like, internal=True),
-        }
-        return planetary_set(**(arguments | gears))
-    drawn = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
+        sun, planet, ring = (arguments[name] for name in ("sun", "planet", "ring"))
+        gears = {"sun": gear(sun), "planet": gear(planet, sun)}
+        gears["ring"] = gear(ring, sun, internal=True)
+        return planetary.planetary_set(**(arguments | gears))
+    gears = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
     parts = {
-        "bodies": [_body(drawn, **one) for one in arguments["bodies"]],
-        "shafts": [Shaft(**one) for one in arguments["shafts"]],
-        "meshes": [_mesh(drawn, **one) for one in arguments["meshes"]],
+        "bodies": [_body(gears, **body) for body in arguments["bodies"]],
+        "shafts": [Shaft(**shaft) for shaft in arguments["shafts"]],
+        "meshes": [_mesh(gears, **mesh) for mesh in arguments["meshes"]],
     }
     return GearTrain(**(arguments | parts))
 
 
-def _body(drawn, *, gear=None, **values):
-    name = values.pop("name")
-    return (
-        Body(name=name, **values) if gear is None else Body.from_gear(drawn[name], name, **values)
-    )
+def _body(gears, *, name, gear=None, **values):
+    """Return a `Body`, of one of the drawn `gears` where it has a drawing."""
+    return Body.from_gear(gears[name], name, **values) if gear else Body(name=name, **values)
 
 
-def _mesh(drawn, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
+def _mesh(gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
+    """Return a `Mesh`, of two of the drawn `gears` unless its stiffness is a number."""
     values = {"material_damping": None} | values
-    for key in ("deviation", "inverse_deviation"):
-        if key in values:
-            values[key] = Harmonics(**values[key])
-    pinion, wheel = (drawn.get(values[key]) for key in ("pinion", "wheel"))
+    for key in {"deviation", "inverse_deviation"} & values.keys():
+        values[key] = Harmonics(**values[key])
+    pinion, wheel = (gears.get(values[key]) for key in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
     mesh = geometry.Mesh(pinion, wheel, centre_distance)

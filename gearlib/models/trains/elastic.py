@@ -14,17 +14,17 @@ no longer holds a mesh of 1 N/m beside a shaft of 1e17. So K and M are never for
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgejsv
 
 #: Of directions scaled to 1: less is rounding of the angles and radii of a drawing.
-_CLOSE = 1e-6
+_MIN_PIVOT = 1e-6
 #: Of the largest entry of a direction: less is rounding of a sine or cosine that is 0.
-_NONE = 1e-13
+_ROUNDED_ENTRY = 1e-13
 #: Of the stiffest spring: a softer one carries less than the rounding of the torques.
-_NOTHING = 1e-18
+_MIN_STIFFNESS_SHARE = 1e-18
 #: Passes of the scaling of rows and columns; each halves the decades between them.
-_PASSES = 12
+_SCALING_PASSES = 12
 
 
 class Linear(NamedTuple):
@@ -43,23 +43,24 @@ def linear(springs, masses):
 
     Each are directions, functionals of the n coordinates, shape (s, n), and values >= 0, (s,).
     """
-    rows, stiffness, there = _positive(springs, _NOTHING)
+    rows, stiffness, kept = _significant(springs, _MIN_STIFFNESS_SHARE)
     free = _null_space(rows)
-    weights, heavy, _ = _positive(masses, 0.0)
+    weights, heavy, _ = _significant(masses, 0.0)
     weighted = np.sqrt(heavy)[:, None] * weights
     root = np.empty((free.shape[0], free.shape[0]))
     triangle, order = qr(weighted, mode="r", pivoting=True)
     # Coordinates of unit mass: motions are q = root z.
-    root[order] = _inverse(triangle[: len(root)])
+    root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
     rank = rows.shape[1] - free.shape[1]
     values, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
-    (one,) = qr(weighted @ free, mode="r")
-    one = one[: free.shape[1]] * np.where(np.diagonal(one) < 0.0, -1.0, 1.0)[:, None]
+    (factor,) = qr(weighted @ free, mode="r")
+    factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
+    free = solve_triangular(factor, free.T, trans="T").T
     shapes = root @ right
     signs = _signs(shapes)
-    strains = np.zeros((there.size, rank))
-    strains[there] = left * signs
-    return Linear(free @ _inverse(one), values**2, shapes * signs, strains)
+    strains = np.zeros((kept.size, rank))
+    strains[kept] = left * signs
+    return Linear(free, values**2, shapes * signs, strains)
 
 
 def _signs(shapes):
@@ -70,28 +71,16 @@ def _signs(shapes):
     return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _positive(parts, least):
-    """Return directions and values of those parts that have any, and which they are.
-
-    Values of `least`, over the largest, are none.
-    """
+def _significant(parts, least):
+    """Return directions and values of parts above `least` of the largest, and which they are."""
     rows, values = parts
     sizes = np.abs(rows)
-    rows = np.where(sizes > _NONE * sizes.max(axis=1, keepdims=True, initial=0.0), rows, 0.0)
+    rows = np.where(
+        sizes > _ROUNDED_ENTRY * sizes.max(axis=1, keepdims=True, initial=0.0), rows, 0.0
+    )
     weight = values * (rows**2).sum(axis=1)
-    there = weight > least * weight.max(initial=0.0)
-    return rows[there], values[there], there
-
-
-def _inverse(triangle):
-    """Return the inverse of an upper triangle, row by row."""
-    n = len(triangle)
-    inverse = np.zeros((n, n))
-    for i in range(n - 1, -1, -1):
-        inverse[i] = -(triangle[i, i + 1 :] @ inverse[i + 1 :])
-        inverse[i, i] = 1.0
-        inverse[i] /= triangle[i, i]
-    return inverse
+    kept = weight > least * weight.max(initial=0.0)
+    return rows[kept], values[kept], kept
 
 
 def _eliminated(matrix, most, close=0.0):
@@ -113,10 +102,8 @@ def _eliminated(matrix, most, close=0.0):
         remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
-    lefts, rights = (
-        np.array(part).reshape(len(pivots), size)
-        for part, size in zip((left, right), matrix.shape, strict=True)
-    )
+    shapes = (-1, matrix.shape[0]), (-1, matrix.shape[1])
+    lefts, rights = np.reshape(left, shapes[0]), np.reshape(right, shapes[1])
     return lefts.T, np.array(pivots), rights, columns
 
 
@@ -124,7 +111,7 @@ def _null_space(rows):
     """Return a basis of what all rows map to 0, shape (n, k), by their directions only."""
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
-    for _ in range(_PASSES):
+    for _ in range(_SCALING_PASSES):
         along = _power(np.abs(scaled).max(axis=1, initial=0.0))
         scaled *= along[:, None]
         across = _power(np.abs(scaled).max(axis=0, initial=0.0))
@@ -132,14 +119,12 @@ def _null_space(rows):
         weights *= across
         if (along == 1.0).all() and (across == 1.0).all():
             break
-    _, _, right, pivoted = _eliminated(scaled, n, _CLOSE)
+    _, _, right, pivoted = _eliminated(scaled, n, _MIN_PIVOT)
     loose = [j for j in range(n) if j not in pivoted]
-    basis = np.zeros((n, len(loose)))
-    basis[loose] = np.eye(len(loose))
-    for row, j in reversed(list(zip(right, pivoted, strict=True))):
-        others = row.copy()
-        others[j] = 0.0
-        basis[j] = -(others @ basis)
+    basis = np.eye(n)[:, loose]
+    # A row of its pivot is 0 until then.
+    for row, j in zip(right[::-1], pivoted[::-1], strict=True):
+        basis[j] = -(row @ basis)
     return weights[:, None] * basis
 
 
@@ -154,11 +139,11 @@ def _singular(matrix, rank):
     """Return singular values, ascending, left and right vectors of a matrix of known rank."""
     left, pivots, right, _ = _eliminated(matrix, rank)
     turned, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
-    values, right, left = jacobi((triangle @ right[order]).T)
+    values, right, left = _jacobi((triangle @ right[order]).T)
     return values, turned @ left, right
 
 
-def jacobi(matrix):
+def _jacobi(matrix):
     """Return singular values, ascending, left and right vectors of a matrix (m, n), m >= n.
 
     Its columns may be of any size, if they are far from parallel: small values are as exact as

@@ -1,8 +1,8 @@
-"""What a gear train is made of: bodies, shafts and meshes, in SI units.
+"""Bodies, shafts and meshes of gear trains in SI units, and what trains of them have to be.
 
 A body turns about its axis and, where its support is elastic, moves in two directions. Angles and
 torques count counterclockwise; the rotation is the arc length u = base_radius theta, with the mass
-inertia / base_radius^2. See `gearlib.models.trains` for the functionals of the elements.
+inertia / base_radius^2. `gearlib.models.trains.structure` makes matrices of the elements.
 """
 
 import math
@@ -23,6 +23,10 @@ _OF_DRAWING = (
     "stiffness",
     "options",
 )
+#: Relative difference of base pitches that is rounding of base radii.
+_PITCH = 1e-4
+#: As many as the largest planetary train has.
+_MAX_MESHES = 200
 
 
 @parameters.documented
@@ -77,15 +81,12 @@ class Body:
 
     def __post_init__(self):
         parameters.check(self, f" of body {self.name}")
-        if self.mass is None and not all(map(math.isinf, self.support_stiffness)):
-            raise ValueError(
-                f"mass of body {self.name} = None is not allowed: it must be a finite number > 0 "
-                "where the support is elastic"
-            )
-        if self.eccentricity and self.teeth is None:
-            raise checks.refusal(
-                f"eccentricity of body {self.name}", self.eccentricity, "0 for a body without teeth"
-            )
+        moves = not all(map(math.isinf, self.support_stiffness))
+        words = "a finite number > 0 where the support is elastic"
+        checks.require(self.mass is not None or not moves, f"mass of body {self.name}", None, words)
+        round_or_gear = self.teeth is not None or not self.eccentricity
+        name, words = f"eccentricity of body {self.name}", "0 for a body without teeth"
+        checks.require(round_or_gear, name, self.eccentricity, words)
 
     @classmethod
     def from_gear(cls, gear, name, **more):
@@ -99,11 +100,10 @@ class Body:
             Other parameters, also in place of these.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
-        own = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
-        for key in ("mass", "inertia"):
-            if key not in more:
-                own[key] = getattr(gear, key)
-        return cls(name=name, **(own | more))
+        values = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
+        # Mass and inertia of a drawing take time.
+        values |= {key: getattr(gear, key) for key in ("mass", "inertia") if key not in more}
+        return cls(name=name, **(values | more))
 
 
 @parameters.documented
@@ -129,13 +129,9 @@ class Shaft:
 
     def __post_init__(self):
         names = self.bodies
-        if (
-            not isinstance(names, (tuple, list))
-            or len(names) != 2
-            or not all(isinstance(name, str) for name in names)
-            or names[0] == names[1]
-        ):
-            raise checks.refusal("bodies of a shaft", names, "the names of two bodies")
+        two = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
+        named = two and all(isinstance(name, str) for name in names)
+        checks.require(named, "bodies of a shaft", names, "the names of two bodies")
         parameters.check(self, f" of shaft {names[0]}-{names[1]}")
 
 
@@ -246,10 +242,9 @@ class Mesh:
             checks.one_of(f"driving{whose}", self.driving, (self.pinion, self.wheel))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
-        if self.line_of_action is not None and self.position is not None:
-            raise checks.refusal(
-                f"line_of_action{whose}", self.line_of_action, "left out where position is given"
-            )
+        name, words = f"line_of_action{whose}", "left out where position is given"
+        placed_once = self.line_of_action is None or self.position is None
+        checks.require(placed_once, name, self.line_of_action, words)
 
     @classmethod
     def from_geometry(cls, mesh, pinion, wheel, **more):
@@ -317,3 +312,105 @@ class Mesh:
     def varies(self):
         """Whether the stiffness has two levels in a mesh period."""
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
+
+
+class Parts:
+    """A sequence of elements of a train."""
+
+    def __init__(self, kind, least=1):
+        self.kind, self.least, self.words = kind, least, f"a sequence of {kind.__name__}"
+
+    def check(self, name, values):
+        """Return them as a tuple, else raise ValueError."""
+        enough = isinstance(values, (tuple, list)) and len(values) >= self.least
+        suits = enough and all(isinstance(value, self.kind) for value in values)
+        checks.require(suits, name, values, self.words)
+        return tuple(values)
+
+
+def check_names(train):
+    """Refuse names twice or unknown, too many meshes, supports that a turning frame rules out."""
+    for kind in ("bodies", "meshes"):
+        names = [value.name for value in getattr(train, kind)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(
+                f"{kind} = {names!r} is not allowed: the name {twice!r} must occur once"
+            )
+    if len(train.meshes) > _MAX_MESHES:
+        raise ValueError(
+            f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "
+            f"{_MAX_MESHES}"
+        )
+    for shaft in train.shafts:
+        for name in shaft.bodies:
+            checks.one_of("bodies of a shaft", name, train.body_names)
+    for mesh in train.meshes:
+        for side in ("pinion", "wheel"):
+            name = getattr(mesh, side)
+            checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
+        name, words = f"wheel of mesh {mesh.name}", "another body than the pinion"
+        checks.require(mesh.pinion != mesh.wheel, name, mesh.wheel, words)
+    for body in train.bodies:
+        if body.carrier is not None:
+            checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
+            carries = body.carrier != body.name and train.by_name[body.carrier].carrier is None
+            name, words = f"carrier of body {body.name}", "another body, which no carrier carries"
+            checks.require(carries, name, body.carrier, words)
+        elif train.gyroscopic:
+            equal = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
+            if not equal:
+                raise ValueError(
+                    f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
+                    "allowed: it must be, as its damping, the same along x and y in a turning frame"
+                )
+
+
+def check_gears(train):
+    """Refuse gears that do not mesh, turn or fit together."""
+    for mesh in train.meshes:
+        pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
+        for body in (pinion, wheel):
+            words = f"an integer >= 3, because it is in mesh {mesh.name}"
+            checks.require(body.teeth is not None, f"teeth of body {body.name}", None, words)
+        pitches = [2.0 * math.pi * body.base_radius / body.teeth for body in (pinion, wheel)]
+        checks.require(
+            abs(pitches[0] - pitches[1]) <= _PITCH * max(pitches),
+            f"base_radius of body {wheel.name}",
+            wheel.base_radius,
+            f"{pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the base pitch "
+            f"(module) of {pinion.name} in mesh {mesh.name}",
+        )
+        fits = not mesh.internal or wheel.teeth > pinion.teeth
+        words = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
+        checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, words)
+    train.phases  # noqa: B018 (refuses what does not turn or fit)
+
+
+def check_balance(train):
+    """Refuse bodies without motion, mass or balance, and a backlash that moves with a free axis."""
+    if not train.structure.coordinates:
+        raise ValueError("bodies is not allowed: at least one of them must be able to move")
+    # Each coordinate is that of one body, and what pins add to its mass adds to the others' too.
+    if train.structure.mass.diagonal().min() <= 0.0:
+        raise ValueError("bodies is not allowed: every motion must have a mass")
+    load = train.structure.load
+    for motion in train.free_motions.T:
+        work = motion * load
+        if abs(work.sum()) > 1e-9 * abs(work).sum():
+            turned = [
+                body.name
+                for body, rows in zip(train.bodies, train.structure.motions, strict=True)
+                if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
+            ]
+            raise ValueError(
+                f"torque of bodies {', '.join(turned)} is not allowed: they must balance on "
+                "the free rotation of the train, whose power is now "
+                f"{work.sum() / abs(work).sum():.3g} of that of the single torques"
+            )
+    sliding = abs(train.far_lines @ train.free_motions)
+    scale = abs(train.far_lines) @ abs(train.free_motions)
+    moved = sliding > 1e-9 * scale
+    for mesh, slides in zip(train.meshes, moved.any(axis=1), strict=True):
+        name, words = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
+        checks.require(not (mesh.moving_backlash and slides), name, True, words + "moves freely")

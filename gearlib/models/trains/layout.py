@@ -14,107 +14,101 @@ _ROUNDING = 1e-12
 
 def layout(train):
     """Return `GearTrain.layout`."""
-    steps = _steps(train)
-    at = _places(train, steps)
-    gaps = [math.dist(at[other], at[name] + step) for name in steps for other, step in steps[name]]
-    radii = {mesh.name: _radii(train, mesh) for mesh in train.meshes}
-    ahead = {mesh.name: _along(1.0, mesh.centres) for mesh in train.meshes}
-    points = [at[mesh.pinion] + radii[mesh.name][0] * ahead[mesh.name] for mesh in train.meshes]
+    radii = {mesh.name: _pitch_radii(train, mesh) for mesh in train.meshes}
+    ways = _ways(train, radii)
+    axes = _axes(train, ways)
+    misfits = [
+        math.dist(axes[end], axes[start] + way) for start in ways for end, way in ways[start]
+    ]
+    points = [
+        axes[mesh.pinion] + _vector(radii[mesh.name][0], mesh.centres) for mesh in train.meshes
+    ]
     sizes = {body.name: body.base_radius for body in train.bodies}
     for mesh in train.meshes:
         for name, radius in zip((mesh.pinion, mesh.wheel), radii[mesh.name], strict=True):
             sizes[name] = max(sizes[name], abs(radius))
     # In the housing all turn with the frame in which the positions are given.
     frame = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion])
-    lines, names = _shafts(train), train.body_names
-    x, y = _clean([at[name] for name in names], sizes.values()).T
-    mesh_x, mesh_y = _clean(points, sizes.values()).T
-    turns = [frame + float(train.speeds[name]) for name in names]
+    turns = [frame + float(train.speeds[name]) for name in train.body_names]
+    x, y = _without_rounding([axes[name] for name in train.body_names], sizes.values()).T
+    mesh_x, mesh_y = _without_rounding(points, sizes.values()).T
     data = {
         "body_x": ("body", x),
         "body_y": ("body", y),
-        "body_radius": ("body", [sizes[name] for name in names]),
-        "body_turns": ("body", _clean(turns, turns)),
+        "body_radius": ("body", list(sizes.values())),
+        "body_turns": ("body", _without_rounding(turns, turns)),
         "carried_by": ("body", [body.carrier or "" for body in train.bodies]),
-        "shaft_line": ("body", np.array([lines[name] for name in names], np.int32)),
+        "shaft_line": ("body", np.array(_shaft_lines(train), np.int32)),
         "mesh_gear": (("mesh", "gear"), [(mesh.pinion, mesh.wheel) for mesh in train.meshes]),
-        "pitch_radius": (("mesh", "gear"), np.array([radii[name] for name in train.mesh_names])),
+        "pitch_radius": (("mesh", "gear"), np.array(list(radii.values()))),
         "mesh_x": ("mesh", mesh_x),
         "mesh_y": ("mesh", mesh_y),
         "frame_turns": frame,
-        "misfit": float(_clean(max(gaps, default=0.0), sizes.values())),
+        "misfit": float(_without_rounding(max(misfits, default=0.0), sizes.values())),
     }
-    coords = {
-        "body": list(names),
-        "mesh": list(train.mesh_names),
-        "gear": ["pinion", "wheel"],
-    }
-    return describe(xr.Dataset(data, coords))
+    names = {name: train.names[name] for name in ("body", "mesh")}
+    return describe(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
 
 
-def _clean(values, scale):
-    """Return values of which those are 0 that are rounding beside a scale."""
+def _without_rounding(values, scale):
+    """Return values as an array, with 0 for those that are rounding beside a scale."""
     values = np.array(values, float)
     return np.where(np.abs(values) < _ROUNDING * max(map(abs, scale)), 0.0, values)
 
 
-def _along(length, angle):
+def _vector(length, angle):
+    """Return the vector of a length at an angle."""
     return length * np.array(FLOATS.cos_sin(angle))
 
 
-def _radii(train, mesh):
+def _pitch_radii(train, mesh):
     """Return the working pitch radii of pinion and wheel, m, that of a ring gear negative."""
-    own, other = (
+    pinion, wheel = (
         train.by_name[name].base_radius / math.cos(mesh.pressure_angle)
         for name in (mesh.pinion, mesh.wheel)
     )
-    return own, -other if mesh.internal else other
+    return pinion, -wheel if mesh.internal else wheel
 
 
-def _steps(train):
-    """Return name of a body -> (another one, the way from axis to axis, m, shape (2,)), ..."""
-    steps: dict = {name: [] for name in train.body_names}
-
-    def join(first, second, way):
-        steps[first].append((second, way))
-        steps[second].append((first, -way))
-
-    # Pitch circles touch; what they leave open follows from pins and shafts.
-    for mesh in train.meshes:
-        join(mesh.pinion, mesh.wheel, _along(sum(_radii(train, mesh)), mesh.centres))
-    for shaft in train.shafts:
-        first, second = shaft.bodies
-        join(first, second, np.zeros(2))
+def _ways(train, radii):
+    """Return name of a body -> [(another body, way from axis to axis, m, shape (2,)), ...]."""
+    # Pitch circles touch; what they leave open follows from shafts and pins.
+    joints = [
+        (mesh.pinion, mesh.wheel, _vector(sum(radii[mesh.name]), mesh.centres))
+        for mesh in train.meshes
+    ]
+    joints += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]
     for body in train.bodies:
         if body.carrier is not None:
-            pins = train.by_name[body.carrier].base_radius
-            join(body.carrier, body.name, _along(pins, body.angle))
-    return steps
+            way = _vector(train.by_name[body.carrier].base_radius, body.angle)
+            joints.append((body.carrier, body.name, way))
+    ways: dict = {name: [] for name in train.body_names}
+    for start, end, way in joints:
+        ways[start].append((end, way))
+        ways[end].append((start, -way))
+    return ways
 
 
-def _places(train, steps):
+def _axes(train, ways):
     """Return name of a body -> its axis, m, shape (2,), counted from the first carrier."""
-    found: dict = {}
+    axes: dict = {}
     carriers = [body.carrier for body in train.bodies if body.carrier]
-    for start in [*carriers[:1], *steps]:
-        if start in found:
-            continue
+    for origin in [*carriers[:1], *ways]:
         # What nothing joins to the others lies on the first axis.
-        found[start] = np.zeros(2)
-        waiting = [start]
-        while waiting:
-            name = waiting.pop(0)
-            for other, way in steps[name]:
-                if other not in found:
-                    found[other] = found[name] + way
-                    waiting.append(other)
-    return found
+        waiting = [] if origin in axes else [origin]
+        axes.setdefault(origin, np.zeros(2))
+        for start in waiting:
+            for end, way in ways[start]:
+                if end not in axes:
+                    axes[end] = axes[start] + way
+                    waiting.append(end)
+    return axes
 
 
-def _shafts(train):
-    """Return name of a body -> number of the line of shafts that it sits on, 0 where on none."""
+def _shaft_lines(train):
+    """Return the number of the line of shafts on which each body sits, 0 for none."""
     lines = dict.fromkeys(train.body_names, 0)
     for number, shaft in enumerate(train.shafts, 1):
-        old = {lines[name] for name in shaft.bodies} - {0}
-        lines |= {name: number for name in lines if name in shaft.bodies or lines[name] in old}
-    return lines
+        joined = {lines[name] for name in shaft.bodies} - {0}
+        lines |= {name: number for name in lines if name in shaft.bodies or lines[name] in joined}
+    return list(lines.values())

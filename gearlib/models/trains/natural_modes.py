@@ -14,7 +14,6 @@ import xarray as xr
 
 from gearlib.data.variables import describe
 from gearlib.models.trains.statics import branches
-from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.waves import stiffness_harmonic
 
 #: Of a mode's mass-normalised motion: less is none.
@@ -30,8 +29,7 @@ def modes(train):
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     energy = np.zeros((frequency.size, len(train.meshes)))
     energy[free.shape[1] :] = train.strains[-len(train.meshes) :].T ** 2
-    kinds = ["rigid"] * free.shape[1]
-    kinds += [_kind(train, motion) for motion in motions[free.shape[1] :]]
+    kinds = ["rigid"] * free.shape[1] + _kinds(train, motions[free.shape[1] :])
     dataset = xr.Dataset(
         {
             "natural_frequency": ("mode", frequency),
@@ -39,12 +37,7 @@ def modes(train):
             "mode_shape": (("mode", "body", "axis"), motions / _largest(motions)[:, None, None]),
             "strain_energy": (("mode", "mesh"), energy),
         },
-        coords={
-            "mode": np.arange(frequency.size),
-            "mesh": list(train.mesh_names),
-            "body": list(train.body_names),
-            "axis": list(AXES),
-        },
+        coords={"mode": np.arange(frequency.size)} | train.names,
         attrs={"title": "Natural modes of a gear train"},
     )
     return describe(dataset)
@@ -54,26 +47,19 @@ def _largest(motions):
     return np.abs(motions).max(axis=(1, 2), initial=0.0)
 
 
-def central(train):
-    """Return the indices of carriers and of gears that several alike meshes share."""
+def _kinds(train, motions):
+    """Return the kinds of elastic modes by what moves of carriers and of gears of several meshes.
+
+    `motions` are mass-normalised, shape (p, b, 3).
+    """
     shared = {name for _, name in branches(train)} | {body.carrier for body in train.bodies}
-    return [i for i, name in enumerate(train.body_names) if name in shared]
-
-
-def _kind(train, motion):
-    own = central(train)
-    if not own:
-        return "other"
-    masses = np.array(
-        [[b.mass or 0.0, b.mass or 0.0, b.inertia / b.base_radius**2] for b in train.bodies]
-    )
-    moves = (np.abs(motion) * np.sqrt(masses))[own]
-    shifts, turns = moves[:, :2].max() > _NONE, moves[:, 2].max() > _NONE
-    return {
-        (False, True): "rotational",
-        (True, False): "translational",
-        (False, False): "satellite",
-    }.get((bool(shifts), bool(turns)), "other")
+    central = [body.name in shared for body in train.bodies]
+    if not any(central):
+        return ["other"] * len(motions)
+    masses = [(b.mass or 0.0, b.mass or 0.0, b.inertia / b.base_radius**2) for b in train.bodies]
+    moves = (np.abs(motions) * np.sqrt(masses))[:, central].max(axis=1, initial=0.0)
+    kinds = {(0, 1): "rotational", (1, 0): "translational", (0, 0): "satellite", (1, 1): "other"}
+    return [kinds[max(x, y) > _NONE, turn > _NONE] for x, y, turn in moves.tolist()]
 
 
 def campbell(train, count=3):
@@ -95,21 +81,18 @@ def phasing(train, count=12):
     """Return which harmonics excite which modes, see `GearTrain.phasing`."""
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    along = train.linear_stretches
-    deflection = train.loaded_stretches
-    parts = {}
-    for j, mesh in enumerate(train.meshes):
+    parts: dict = {}
+    for mesh, rate, stretches, deflection in zip(
+        train.meshes, train.rates, train.linear_stretches, train.loaded_stretches, strict=True
+    ):
         for order in range(1, count + 1):
-            frequency = order * train.rates[j]
-            if not mesh.varies or frequency > count:
-                continue
-            wave = stiffness_harmonic(mesh, order, train.phases[mesh.name])
-            force = wave * deflection[j] * along[j]
-            parts.setdefault(frequency, []).append(force)
+            if mesh.varies and order * rate <= count:
+                wave = stiffness_harmonic(mesh, order, train.phases[mesh.name])
+                parts.setdefault(order * rate, []).append(wave * deflection * stretches)
     orders = sorted(parts)
-    force = np.array([np.abs(np.sum(parts[f], axis=0)) for f in orders])
-    most = np.array([np.sum(np.abs(parts[f]), axis=0) for f in orders])
-    force, most = (values.reshape(len(orders), squares.size) for values in (force, most))
+    shape = len(orders), squares.size
+    force = np.reshape([np.abs(np.sum(parts[f], axis=0)) for f in orders], shape)
+    most = np.reshape([np.sum(np.abs(parts[f]), axis=0) for f in orders], shape)
     # A mode that no mesh of this frequency deforms is not excited either.
     deformed = most > 1e-9 * most.max(initial=0.0)
     share = np.where(deformed, force / np.where(deformed, most, 1.0), 0.0)

@@ -1,185 +1,125 @@
-"""Trains ready made: planetary, idler, two stages; `reducer` has the paper's.
+"""Trains whose meshes are all one `GearPair`: an idler, two stages, the paper's reducer.
 
-Where inertias are not given, gears of one stage have I / r^2 in proportion to z^2, as discs of one
-width have, in such a way that the first mesh has the reduced mass of the `GearPair`.
+Where inertias are left out, gears of one stage have I / r^2 in proportion to z^2, as discs of one
+width have, such that the first mesh has the reduced mass of the pair.
+
+Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, Fig. 1 a, name a pseudoplanetary reducer
+with three double satellites and split power flow; they print no number of it beyond those of one
+mesh. All others are choices:
+
+* teeth 24 : 36 in the first stage, 24 : 36 (external) or 24 : 84 (internal second central gear) in
+  the second, of one module of 4 mm: equal centre distances, the branches in phase, and three
+  periods of the first mesh to two of the second;
+* the load of the pair on each first mesh, and gears twice as heavy as I / r^2, as discs are;
+* shafts of 1e6 N m/rad, steel of 60 mm diameter and 100 mm length;
+* bearings of 1e9 N/m for all gears, some three times as stiff as a mesh.
 """
 
-import dataclasses
 import math
 from typing import Annotated
 
 from gearlib import checks
-from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.drawings import equal_positions
-from gearlib.models.trains import parts
-from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.parameters import (
     ANGLE,
-    CONTACT_RATIO,
-    FINITE,
-    FORCE,
-    LENGTH,
+    BACKLASH,
+    ERROR,
     MASS,
     MODULE,
-    STIFFNESS,
-    STIFFNESS_RATIO,
+    SHAFT_STIFFNESS,
+    SUPPORT,
     TEETH,
-    WORKING_ANGLE,
-    Backlash,
-    BacklashDamping,
+    TIME,
+    TRUTH,
+    Instance,
     Integer,
     Many,
-    MaterialDamping,
     PressureAngle,
     checked,
 )
 
-#: Of the planetary train, rad.
-_LIN_PARKER = math.radians(24.6)
-_MASSES, _STIFFNESSES = (0.4, 2.35, 5.43, 0.66), (5e8, 5e8)
-#: Of a ring's mesh, rad: teeth jam before.
-_STEEPEST = math.radians(45.0)
+#: Damping of supports and shafts over their stiffness, s; a choice.
+STRUCTURAL_DAMPING = 1e-6
+#: In operation, rad.
+PRESSURE_ANGLE = math.radians(20.0)
+_REDUCED_WORDS = "I / r^2 of each; by default in proportion to z^2"
+_MASS_WORDS = "Of each gear; by default twice I / r^2, as of discs"
+
+StructuralDamping = Annotated[float, TIME, "Damping of supports and shafts over their stiffness"]
+AxisStiffness = Annotated[float, SUPPORT, "Of all axes"]
+ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Of each shaft against torsion"]
+Modules = Annotated[tuple, Many(MODULE, 2), "Of both stages"]
+PinErrors = Annotated[
+    tuple | None,
+    Many(Many(ERROR, 2)),
+    "By how much the axis of each is misplaced, radial and tangential",
+]
+FourReduced = Annotated[tuple | None, Many(MASS, 4), _REDUCED_WORDS]
+FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_WORDS]
 
 
-@checked
-def planetary(
-    *,
-    planets: Annotated[int, Integer(1, limit=100), "Number of planets"] = 3,
-    teeth: Annotated[tuple, Many(TEETH, 2), "Of sun and ring"] = (27, 99),
-    planet_teeth: Annotated[
-        int | None, TEETH, "Of a planet; by default half the difference of the others"
-    ] = None,
-    positions: Annotated[
-        tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"
-    ] = None,
-    masses: Annotated[tuple, Many(MASS, 4), "Of sun, ring, carrier and one planet"] = _MASSES,
-    reduced_inertias: Annotated[
-        tuple, Many(MASS, 4), "I / r^2 of the same; r: base radius, of the carrier that of the pins"
-    ] = (0.39, 3.0, 6.29, 0.61),
-    sun_base_radius: Annotated[
-        float, LENGTH, "Of the sun; those of ring and planets follow from the teeth"
-    ] = 0.0387,
-    pressure_angle: Annotated[
-        float, WORKING_ANGLE, "Of the sun's meshes in operation; that of the ring's follows"
-    ] = _LIN_PARKER,
-    support_stiffness: parts.SetSupports = (1e8, 1e8, 1e8, 1e8),
-    torsional_stiffness: parts.SetTwists = (0.0, 1e9, 0.0),
-    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
-    mean_stiffness: Annotated[
-        tuple, Many(STIFFNESS, 2), "Of the meshes of sun and ring"
-    ] = _STIFFNESSES,
-    stiffness_ratio: Annotated[tuple, Many(STIFFNESS_RATIO, 2), "Of the same, kappa"] = (1.0, 1.0),
-    contact_ratio: Annotated[tuple, Many(CONTACT_RATIO, 2), "Of the same, epsilon"] = (1.4, 1.6),
-    material_damping: MaterialDamping = 1000.0,
-    backlash_damping: BacklashDamping = 300.0,
-    backlash: Backlash = 30e-6,
-    load: Annotated[float, FORCE, "On every mesh of the sun"] = 2000.0,
-    ring_phase: Annotated[
-        float | None, FINITE, "Phase of the first ring mesh; by default from the planets' teeth"
-    ] = None,
-    pin_errors: parts.PinErrors = None,
-    turning: parts.Turning = False,
-    driving: parts.Driving = "sun",
-    gyroscopic: parts.Gyroscopic = False,
-    **options,
-):
-    """Return a planetary train: sun, ring, carrier and planets, by default of Lin and Parker.
+def train_of(**parts):
+    """Return a `GearTrain` of its bodies, meshes and shafts."""
+    # A start of the workflow reads the declarations and does not load the models.
+    from gearlib.models.trains.train import GearTrain
 
-    J. Vib. Acoust. 121 (1999) 316-321, where the mesh data beside the mean stiffness are choices.
-    Bodies are called ``sun``, ``ring``, ``carrier``, ``planet 1``, ..., meshes ``sun 1``, ...,
-    ``ring 1``, .... The sun's torque is counterclockwise; those of ring and carrier, where they can
-    turn freely, are in balance with it. Other options are those of `GearTrain`.
+    return GearTrain(**parts)
 
-    Raises
-    ------
-    ValueError
-        If a value is impossible or the planets do not fit between sun and ring.
-    """
-    n, (sun, ring) = planets, teeth
-    if planet_teeth is None:
-        if ring <= sun or (ring - sun) % 2:
-            raise ValueError(
-                f"teeth = {teeth!r} is not allowed: the ring must have an even number of teeth "
-                "more than the sun, unless planet_teeth is given"
-            )
-        planet_teeth = (ring - sun) // 2
-    planet_teeth = checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
-    positions = equal_positions(sun, ring, n) if positions is None else positions
-    positions = checks.numbers("positions", positions, n)
-    if ring_phase is not None:
-        checks.number("ring_phase", ring_phase, "finite", math.isfinite)
-    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
-    r_sun = sun_base_radius
-    r_planet, r_ring = r_sun * planet_teeth / sun, r_sun * ring / sun
-    centre = (r_sun + r_planet) / math.cos(pressure_angle)
-    cosine = (r_ring - r_planet) / centre
-    if not math.cos(_STEEPEST) <= cosine <= 1.0:
-        raise ValueError(
-            f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
-            "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
-        )
-    ring_angle = pressure_angle if planet_teeth * 2 == ring - sun else math.acos(cosine)
-    radii = (r_sun, r_ring, centre, r_planet)
-    twists = (*torsional_stiffness, 0.0)
-    torque = n * load * r_sun
-    torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
-    def body(i, name, z, **more):
-        # A support takes the torque itself.
-        stands = i in (1, 2) and twists[i] > 0.0
+def damping_of(stiffness, structural_damping):
+    """Return the damping of a stiffness, N s/m; none of a rigid one."""
+    return structural_damping * stiffness if stiffness < math.inf else 0.0
+
+
+class _Gears:
+    """Gears that mesh as a pair, on equal supports; their sizes, I / r^2 and masses in order."""
+
+    def __init__(self, pair, stages, modules, pressure_angle, reduced, masses, support, damping):
+        from gearlib.models.pair import GearPair
+
+        self.pair = Instance((GearPair,)).check("pair", pair)
+        self.pressure_angle, self.structural_damping = pressure_angle, damping
+        self.teeth = [z for stage in stages for z in stage]
+        self.reduced = reduced or [mass for stage in stages for mass in self._disc_masses(*stage)]
+        self.masses = masses or [2.0 * value for value in self.reduced]
+        self.support_stiffness = support
+        #: Of the base circles, m.
+        self.radii = [
+            module * z / 2.0 * math.cos(pressure_angle)
+            for module, z in zip(modules, self.teeth, strict=True)
+        ]
+
+    def _disc_masses(self, first, second, *others):
+        """Return I / r^2 in proportion to z^2; the first two have the pair's reduced mass."""
+        unit = self.pair.reduced_mass * (1.0 / first**2 + 1.0 / second**2)
+        return [unit * z**2 for z in (first, second, *others)]
+
+    def body(self, i, name, force=0.0, **more):
+        """Return the i-th gear as a `Body`; the force acts at its base circle."""
         return Body(
             name=name,
-            teeth=z,
-            mass=masses[i],
-            inertia=reduced_inertias[i] * radii[i] ** 2,
-            base_radius=radii[i],
-            torque=0.0 if stands else torques[i],
-            **parts.support(support_stiffness[i], structural_damping),
-            torsional_stiffness=twists[i] * radii[i] ** 2,
-            torsional_damping=parts.damping_of(twists[i], structural_damping) * radii[i] ** 2,
+            teeth=self.teeth[i],
+            base_radius=self.radii[i],
+            inertia=self.reduced[i] * self.radii[i] ** 2,
+            mass=self.masses[i],
+            torque=force * self.radii[i],
+            support_stiffness=self.support_stiffness,
+            support_damping=damping_of(self.support_stiffness, self.structural_damping),
             **more,
         )
 
-    bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
-    meshes = []
-    kappa, epsilon = stiffness_ratio, contact_ratio
-    common = dict(
-        material_damping=material_damping, backlash_damping=backlash_damping, backlash=backlash
-    )
-    for i, psi in enumerate(positions):
-        planet = f"planet {i + 1}"
-        carried = body(3, planet, planet_teeth, carrier="carrier", angle=psi, offset=errors[i])
-        bodies.append(carried)
-        for k, (central, angle) in enumerate((("sun", pressure_angle), ("ring", ring_angle))):
-            mean = mean_over_max(epsilon[k], kappa[k])
-            phase = None
-            if k and ring_phase is not None:
-                phase = ring_phase - ring * (psi - positions[0]) / (2.0 * math.pi)
-            meshes.append(
-                Mesh(
-                    name=f"{central} {i + 1}",
-                    pinion=planet if k else central,
-                    wheel=central if k else planet,
-                    internal=bool(k),
-                    position=psi,
-                    pressure_angle=angle,
-                    max_stiffness=mean_stiffness[k] / mean,
-                    stiffness_ratio=kappa[k],
-                    contact_ratio=epsilon[k],
-                    phase=phase,
-                    **common,
-                )
-            )
-    meshes.sort(key=lambda mesh: mesh.internal)
-    if driving == "ring":
-        meshes = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in meshes]
-    return parts.train_of(
-        bodies=bodies,
-        meshes=meshes,
-        carrier_ratio=sun / ring if turning else 0.0,
-        gyroscopic=gyroscopic,
-        **options,
-    )
+    def mesh(self, pinion, wheel, **more):
+        """Return a `Mesh` with the values of the pair."""
+        names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
+        names += ("material_damping", "backlash_damping")
+        values = {name: getattr(self.pair, name) for name in names}
+        angle = self.pressure_angle
+        return Mesh(pinion=pinion, wheel=wheel, **({"pressure_angle": angle} | values | more))
+
+    def shaft(self, first, second, stiffness):
+        """Return a `Shaft` against torsion."""
+        damping = damping_of(stiffness, self.structural_damping)
+        return Shaft(bodies=(first, second), stiffness=stiffness, damping=damping)
 
 
 @checked
@@ -191,11 +131,11 @@ def idler(
         float, ANGLE, "Between both lines of centres at the idler; pi: in a row"
     ] = math.pi,
     module: Annotated[float, MODULE, "Of all gears"] = 0.004,
-    reduced_inertias: parts.ThreeReduced = None,
-    masses: parts.ThreeMasses = None,
-    support_stiffness: parts.AxisStiffness = math.inf,
-    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = parts.PRESSURE_ANGLE,
+    reduced_inertias: Annotated[tuple | None, Many(MASS, 3), _REDUCED_WORDS] = None,
+    masses: Annotated[tuple | None, Many(MASS, 3), _MASS_WORDS] = None,
+    support_stiffness: AxisStiffness = math.inf,
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of three gears in a row, ``pinion``, ``idler``, ``wheel``, with two meshes.
@@ -203,10 +143,8 @@ def idler(
     `pair`, a `GearPair`, gives stiffness, damping, backlash and load of both meshes; its reduced
     mass is that of the first. Other options are those of `GearTrain`.
     """
-    pair = parts.pair_of(pair)
-    reduced = reduced_inertias or parts.gear_masses(pair, *teeth)
-    bearing = support_stiffness, structural_damping
-    gears = parts.Gears(pair, teeth, [module] * 3, pressure_angle, reduced, masses, bearing)
+    support = support_stiffness, structural_damping
+    gears = _Gears(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, *support)
     bodies = [
         gears.body(0, "pinion", pair.load),
         gears.body(1, "idler"),
@@ -217,7 +155,7 @@ def idler(
         gears.mesh("pinion", "idler", position=0.0),
         gears.mesh("idler", "wheel", position=math.pi + angle, direction=-1),
     ]
-    return parts.train_of(bodies=bodies, meshes=meshes, **options)
+    return train_of(bodies=bodies, meshes=meshes, **options)
 
 
 @checked
@@ -225,13 +163,13 @@ def two_stage(
     pair,
     *,
     teeth: Annotated[tuple, Many(TEETH, 4), "Of both gears of each stage"] = (24, 36, 24, 36),
-    modules: parts.Modules = (0.004, 0.004),
-    shaft_stiffness: parts.ShaftStiffness = 1e6,
-    reduced_inertias: parts.FourReduced = None,
-    masses: parts.FourMasses = None,
-    support_stiffness: parts.AxisStiffness = math.inf,
-    structural_damping: parts.StructuralDamping = parts.STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = parts.PRESSURE_ANGLE,
+    modules: Modules = (0.004, 0.004),
+    shaft_stiffness: ShaftStiffness = 1e6,
+    reduced_inertias: FourReduced = None,
+    masses: FourMasses = None,
+    support_stiffness: AxisStiffness = math.inf,
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return two stages, ``pinion 1`` and ``wheel 1``, ``pinion 2`` and ``wheel 2``, with a shaft.
@@ -239,10 +177,9 @@ def two_stage(
     `pair` as of `idler`: I / r^2 of each stage follows from it. Other options are those of
     `GearTrain`.
     """
-    z, pair = teeth, parts.pair_of(pair)
-    stages = parts.gear_masses(pair, *z[:2]) + parts.gear_masses(pair, *z[2:])
-    sizes, bearing = [modules[i // 2] for i in range(4)], (support_stiffness, structural_damping)
-    gears = parts.Gears(pair, z, sizes, pressure_angle, reduced_inertias or stages, masses, bearing)
+    stages, sizes = (teeth[:2], teeth[2:]), [modules[i // 2] for i in range(4)]
+    support = support_stiffness, structural_damping
+    gears = _Gears(pair, stages, sizes, pressure_angle, reduced_inertias, masses, *support)
     # The shaft turns clockwise, and the second wheel counterclockwise against its load.
     out = -pair.load * gears.radii[1] / gears.radii[2]
     bodies = [
@@ -255,5 +192,81 @@ def two_stage(
         gears.mesh("pinion 1", "wheel 1", position=0.0),
         gears.mesh("pinion 2", "wheel 2", position=0.0, direction=-1),
     ]
-    shaft = parts.shaft_of(("wheel 1", "pinion 2"), shaft_stiffness, structural_damping)
-    return parts.train_of(bodies=bodies, meshes=meshes, shafts=[shaft], **options)
+    shafts = [gears.shaft("wheel 1", "pinion 2", shaft_stiffness)]
+    return train_of(bodies=bodies, meshes=meshes, shafts=shafts, **options)
+
+
+@checked
+def split_power_reducer(
+    pair,
+    *,
+    branches: Annotated[int, Integer(1, limit=100), "Double satellites, equally spaced"] = 3,
+    teeth: Annotated[
+        tuple | None,
+        Many(TEETH, 4),
+        "Of input, both gears of a satellite, output; by default (24, 36, 24, 36), with a ring "
+        "gear (24, 36, 24, 84)",
+    ] = None,
+    internal: Annotated[bool, TRUTH, "Whether the output is a ring gear"] = False,
+    modules: Modules = (0.004, 0.004),
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    reduced_inertias: FourReduced = None,
+    masses: FourMasses = None,
+    shaft_stiffness: ShaftStiffness = 1e6,
+    support_stiffness: AxisStiffness = 1e9,
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    pin_errors: PinErrors = None,
+    backlashes: Annotated[
+        tuple | None,
+        Many(Many(BACKLASH, 2)),
+        "Of the first and second mesh of each branch; by default that of the pair",
+    ] = None,
+    **options,
+):
+    """Return the reducer with double satellites whose axes stand still in the housing.
+
+    Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
+    of branch i ``first i`` (input and a) and ``second i`` (b and output). Every mesh is `pair`, a
+    `GearPair`, whose load acts on each of the first stage; other options are those of `GearTrain`.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible or the two stages have different centre distances.
+    """
+    n = branches
+    z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
+    sizes, support = [modules[i // 2] for i in range(4)], (support_stiffness, structural_damping)
+    gears = _Gears(pair, [z], sizes, pressure_angle, reduced_inertias, masses, *support)
+    centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
+    if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
+        raise ValueError(
+            f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
+            f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
+        )
+    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
+    # The satellites turn clockwise. They push an external output counterclockwise, against its
+    # load, and a ring gear clockwise.
+    out = n * pair.load * gears.radii[1] / gears.radii[2] * (1.0 if internal else -1.0)
+    bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", out)]
+    first, second, shafts = [], [], []
+    for i, ((radial, tangential), (first_gap, second_gap)) in enumerate(
+        zip(errors, gaps, strict=True)
+    ):
+        psi = 2.0 * math.pi * i / n
+        a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
+        c, s = math.cos(psi), math.sin(psi)
+        offset = c * radial - s * tangential, s * radial + c * tangential
+        bodies += [gears.body(1, a, offset=offset), gears.body(2, b, offset=offset)]
+        name = f"first {i + 1}"
+        first.append(gears.mesh("input", a, name=name, position=psi, backlash=first_gap))
+        side = (
+            {"internal": True, "position": psi}
+            if internal
+            else {"position": psi + math.pi, "direction": -1}
+        )
+        name = f"second {i + 1}"
+        second.append(gears.mesh(b, "output", name=name, backlash=second_gap, **side))
+        shafts.append(gears.shaft(a, b, shaft_stiffness))
+    return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)

@@ -82,34 +82,19 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     """Return the `Structure`; `bodies` is a dict by name, `numbers` the kind of its entries."""
     coordinates = _coordinates(bodies, rotations_first)
     n, of = len(coordinates), numbers.of
-    own = {body: numbers.zeros(3, n) for body in bodies}
-    for i, (name, axis) in enumerate(coordinates):
-        own[name]["xyu".index(axis), i] = of(1.0)
-    # Of a carried body: radial and tangential motion of its pin.
-    pins = {
-        name: _pin(numbers, body.angle, own[body.carrier])
-        for name, body in bodies.items()
-        if body.carrier
-    }
+    rows, supports = _motions(bodies, coordinates, numbers)
     motions, springs, masses = {}, [], []
     turning, centrifugal, circulating = numbers.zeros(3, n, n)
     load, outward = numbers.zeros(2, n)
     for name, body in bodies.items():
-        rows = own[name]
-        supports = rows[:2].copy()
-        if name in pins:
-            supports -= pins[name]
-            for axis in range(2):
-                if math.isinf(body.support_stiffness[axis]):
-                    rows[axis] = pins[name][axis]
-        (x, y, u), r, m = rows, of(body.base_radius), of(body.mass or 0.0)
+        (x, y, u), r, m = rows[name], of(body.base_radius), of(body.mass or 0.0)
         masses += [(x, m), (y, m), (u, of(body.inertia) / r**2)]
-        held = zip(supports, body.support_stiffness, body.support_damping, strict=True)
+        held = zip(supports[name], body.support_stiffness, body.support_damping, strict=True)
         springs += [(row, k, d) for row, k, d in held if math.isfinite(k)]
         if math.isfinite(body.torsional_stiffness):
             springs.append((u, body.torsional_stiffness / r**2, body.torsional_damping / r**2))
         turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
-        turned = y - own[body.carrier][2] if body.carrier else y
+        turned = y - rows[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(turned, turned))
         if body.carrier:
             outward += m * bodies[body.carrier].base_radius * x
@@ -117,9 +102,8 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
             c = body.support_damping
             circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
         load += body.torque / r * u
-        motions[name] = np.stack(
-            [*numbers.turned(rows[:2], body.angle if body.carrier else 0.0), u]
-        )
+        angle = body.angle if body.carrier else 0.0
+        motions[name] = np.stack([*numbers.turned(rows[name][:2], angle), u])
     for shaft in shafts:
         (xa, ya, ua), (xb, yb, ub) = (motions[name] for name in shaft.bodies)
         ra, rb = (of(bodies[name].base_radius) for name in shaft.bodies)
@@ -150,7 +134,27 @@ def _coordinates(bodies: dict, rotations_first: bool) -> list:
         stiffness = *body.support_stiffness, body.torsional_stiffness
         axes = zip("xyu", stiffness, strict=True)
         coordinates += [(body.name, axis) for axis, k in axes if math.isfinite(k)]
-    return sorted(coordinates, key=lambda one: one[1] != "u") if rotations_first else coordinates
+    return sorted(coordinates, key=lambda pair: pair[1] != "u") if rotations_first else coordinates
+
+
+def _motions(bodies: dict, coordinates: list, numbers: Numbers) -> tuple[dict, dict]:
+    """Return x, y and u of each body, (3, n), and its way against its support or pin, (2, n)."""
+    n = len(coordinates)
+    rows = {body: numbers.zeros(3, n) for body in bodies}
+    for i, (name, axis) in enumerate(coordinates):
+        rows[name]["xyu".index(axis), i] = numbers.of(1.0)
+    supports = {name: rows[name][:2].copy() for name in bodies}
+    for name, body in bodies.items():
+        if body.carrier:
+            # Along the radius of the pin and across it; no carrier is carried itself.
+            x, y, turn = rows[body.carrier]
+            radial, tangential = numbers.turned([x, y], -body.angle)
+            pin = np.stack([radial, tangential + turn])
+            supports[name] = supports[name] - pin
+            for axis, stiffness in enumerate(body.support_stiffness):
+                if math.isinf(stiffness):
+                    rows[name][axis] = pin[axis]
+    return rows, supports
 
 
 def _sum_of_squares(numbers: Numbers, n: int, parts: list) -> np.ndarray:
@@ -181,11 +185,11 @@ def _lines(
     return lines, across, arms
 
 
-def far_lines(found, bodies, meshes, numbers=FLOATS):
+def far_lines(structure, bodies, meshes, numbers=FLOATS):
     """Return coast-side distances by coordinates, (m, n): without supports where backlash moves."""
-    lines, motions = found.lines.copy(), dict(zip(bodies, found.motions, strict=True))
+    lines, motions = structure.lines.copy(), dict(zip(bodies, structure.motions, strict=True))
     for j, mesh in enumerate(meshes):
-        for name, arm in zip((mesh.pinion, mesh.wheel), found.arms[j], strict=True):
+        for name, arm in zip((mesh.pinion, mesh.wheel), structure.arms[j], strict=True):
             if mesh.moving_backlash:
                 body, give = bodies[name], motions[name][:2].copy()
                 if body.carrier:
@@ -195,13 +199,7 @@ def far_lines(found, bodies, meshes, numbers=FLOATS):
     return lines
 
 
-def _listed(parts, n):
-    """Return functionals and values of pairs as arrays."""
-    rows, values = np.array([row for row, _ in parts]), np.array([value for _, value in parts])
-    return rows.reshape(len(parts), n), values
-
-
-def _pin(numbers, angle, carrier):
-    """Return the radial and tangential motion of a pin on a carrier, shape (2, n)."""
-    radial, tangential = numbers.turned(carrier[:2], -angle)
-    return np.stack([radial, tangential + carrier[2]])
+def _listed(parts: list, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return functionals, shape (s, n), and values of pairs as arrays."""
+    rows = np.array([row for row, _ in parts]).reshape(len(parts), n)
+    return rows, np.array([value for _, value in parts])

@@ -52,15 +52,14 @@ def scaled(train, tuning):
     )
 
 
-def functionals(train, frequencies, waves, constants):
-    """Return (near, far), shape (m, n) each, in static deflections."""
-    lines = train.structure.lines
-    m, n = lines.shape
+def _functionals(train):
+    """Return the distances of (drive, coast) flanks by state, shape (m, 2 n + 1 + 2 h) each."""
+    frequencies, waves, constants = train.excitation
     unit = 1.0 / train.static_deflection
-    near = np.zeros((m, 2 * n + 1 + 2 * frequencies.size), np.result_type(unit))
-    far = near.copy()
-    near[:, :n], far[:, :n] = lines, train.far_lines
-    for side, functional in ((1, near), (0, far)):
+    m, n = train.structure.lines.shape
+    near, far = np.zeros((2, m, 2 * n + 1 + 2 * frequencies.size))
+    for side, functional, lines in ((1, near, train.structure.lines), (0, far, train.far_lines)):
+        functional[:, :n] = lines
         functional[:, 2 * n] = constants[side] * unit
         functional[:, 2 * n + 1 :] = waves[side] * unit
     for j, mesh in enumerate(train.meshes):
@@ -71,27 +70,12 @@ def functionals(train, frequencies, waves, constants):
     return near, far
 
 
-def system_of(train, tuning, segments=None):
-    """Return the same as `train_system`; a train keeps that in which only the tuning differs."""
-    fixed = not train.gyroscopic and train.excitation[0].size == 0
-    if segments or not fixed or not isinstance(tuning, float):
-        return train_system(train, tuning, segments)
-    kept = vars(train)
-    found = kept.get("_system") or kept.setdefault("_system", train_system(train, tuning))
-    return found._replace(tuning=tuning)
-
-
-def train_system(train, tuning, segments=None):
-    """Return the `TrainSystem` of a `GearTrain` at one tuning; by default with all `Segments`."""
-    frequencies, waves, constants = train.excitation
-    parts, segments = scaled(train, tuning), segments or train.segments
-    inverse = np.linalg.inv(parts.mass)
-    lines = train.structure.lines
-    m, n = lines.shape
-    near, far = functionals(train, frequencies, waves, constants)
-    size = near.shape[1]
-    free = one_mesh_system.waves(size, 2 * n + 1, tuning * frequencies)
-    free = free.astype(np.result_type(near, tuning))
+def train_system(train, tuning, segments):
+    """Return the `TrainSystem` of a `GearTrain` at one tuning over `Segments`."""
+    frequencies, parts, lines = train.excitation[0], scaled(train, tuning), train.structure.lines
+    inverse, n = np.linalg.inv(parts.mass), lines.shape[1]
+    near, far = _functionals(train)
+    free = one_mesh_system.waves(near.shape[1], 2 * n + 1, tuning * frequencies)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping
@@ -99,13 +83,13 @@ def train_system(train, tuning, segments=None):
     rate = train.reference_angular_frequency / train.stiffness_scale
     # The rates of distances: the accelerations have no part in them.
     speeds_near, speeds_far = near @ free, far @ free
-    film = np.array([mesh.backlash_damping for mesh in train.meshes]) * rate
-    for j in range(m):
-        free[n : 2 * n] -= np.outer(inverse @ lines[j], film[j] * speeds_near[j])
-
-    norm = train.norm(parts)
+    for j, mesh in enumerate(train.meshes):
+        film = mesh.backlash_damping * rate * speeds_near[j]
+        free[n : 2 * n] -= np.outer(inverse @ lines[j], film)
     flanks = (near, speeds_near, lines), (far, speeds_far, train.far_lines)
     push, grip, effect, stiffness, low = _contacts(train, segments, flanks, inverse, free)
+    norm = largest_norm(train, parts) if train.gyroscopic else train.norm_at_rest
+    fastest = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
         free,
         near,
@@ -117,7 +101,7 @@ def train_system(train, tuning, segments=None):
         low,
         segments.starts,
         segments.first_segment,
-        float(REACH / max(norm, np.abs(frequencies * tuning).max(initial=0.0))),
+        float(REACH / fastest),
         frequencies,
         tuning,
         min(train.repeats, LONGEST),
@@ -138,9 +122,9 @@ def _contacts(train: Any, segments: Any, flanks: tuple, inverse: np.ndarray, fre
         for mesh, of_mesh in zip(train.meshes, segments.kinds, strict=True)
     ]
     highest = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
-    push, grip = np.zeros((2, m, highest, 2, size), free.dtype)
+    push, grip = np.zeros((2, m, highest, 2, size))
     effect = np.zeros((3, p, m), dtype=np.int64)
-    stiffness = np.zeros((3, p, m), free.dtype)
+    stiffness = np.zeros((3, p, m))
     rate = train.reference_angular_frequency / train.stiffness_scale
     for j, mesh in enumerate(train.meshes):
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
@@ -165,27 +149,20 @@ def largest_norm(train, parts):
     It is that of coordinates in which the mass is 1, with velocities over the highest natural
     frequency: there stiffness and damping are symmetric, and all meshes in contact have the most.
     """
-    lines, meshes = train.structure.lines, train.meshes
-    rate = train.reference_angular_frequency / train.stiffness_scale
+    structure, unit = train.structure, train.stiffness_scale
     stiffness, damping = parts.stiffness.copy(), parts.damping.copy()
     rubbing = np.zeros_like(stiffness)
-    for j, mesh in enumerate(meshes):
-        flanks = np.outer(lines[j], lines[j])
+    for j, mesh in enumerate(train.meshes):
+        line, upper = structure.lines[j], mesh.max_stiffness / unit
+        flanks = np.outer(line, line)
         if mesh.moving_backlash:
             flanks = flanks + np.outer(train.far_lines[j], train.far_lines[j])
-        most = max(mesh.known_damping, mesh.backlash_damping) * rate
-        upper = mesh.max_stiffness / train.stiffness_scale
+        most = max(mesh.known_damping, mesh.backlash_damping)
         stiffness += upper * flanks
-        damping += most * flanks
-        rubbing += (
-            max(mesh.friction) * upper * np.abs(np.outer(train.structure.across[j], lines[j]))
-        )
+        damping += most * train.reference_angular_frequency / unit * flanks
+        rubbing += max(mesh.friction) * upper * np.abs(np.outer(structure.across[j], line))
     root = np.linalg.inv(np.linalg.cholesky(parts.mass))
-    n = root.shape[0]
     k, d, f = (root @ a @ root.T for a in (stiffness, damping, rubbing))
     highest = math.sqrt(max(np.linalg.norm(k, 2), 1e-300))
-    a = np.zeros((2 * n, 2 * n))
-    a[:n, n:] = highest * np.eye(n)
-    a[n:, :n] = -k / highest
-    a[n:, n:] = -d
+    a = np.block([[np.zeros_like(k), highest * np.eye(len(k))], [-k / highest, -d]])
     return float(np.linalg.norm(a, 2) + np.linalg.norm(f, 2) / highest)

@@ -16,7 +16,6 @@ from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.trains import (
-    assembly,
     layout,
     natural_modes,
     statics,
@@ -25,12 +24,18 @@ from gearlib.models.trains import (
     waves,
 )
 from gearlib.models.trains.elastic import linear
-from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.models.trains.statics import branches
+from gearlib.models.trains.elements import (
+    Body,
+    Mesh,
+    Parts,
+    Shaft,
+    check_balance,
+    check_gears,
+    check_names,
+)
 from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
-from gearlib.models.trains.system import largest_norm, scaled, system_of
-from gearlib.models.trains.train_parameters import FALLBACK, PARAMETERS, value_of, with_value
-from gearlib.parameters import FINITE, TRUTH, Number, check, documented
+from gearlib.models.trains.system import largest_norm, scaled, train_system
+from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import propagator  # noqa: F401
@@ -47,12 +52,12 @@ class GearTrain(Model):
         If a value is impossible or the train cannot be assembled, turn, or stay in balance.
     """
 
-    bodies: Annotated[tuple, assembly.Parts(Body), "Gears and carriers"]
-    meshes: Annotated[tuple, assembly.Parts(Mesh), "Which of them mesh"]
-    shafts: Annotated[tuple, assembly.Parts(Shaft, 0), "Which of them a shaft joins"] = ()
+    bodies: Annotated[tuple, Parts(Body), "Gears and carriers"]
+    meshes: Annotated[tuple, Parts(Mesh), "Which of them mesh"]
+    shafts: Annotated[tuple, Parts(Shaft, 0), "Which of them a shaft joins"] = ()
     reference: Annotated[
         str | None,
-        assembly.MeshName(),
+        Kind("the name of a mesh", lambda value: True),
         "Name of the mesh that sets scales, mesh phase and tuning; by default the first",
     ] = None
     reference_frequency: Annotated[
@@ -91,12 +96,9 @@ class GearTrain(Model):
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
         checks.one_of("reference", self.reference, self.mesh_names)
-        assembly.check_names(self)
-        assembly.check_gears(self)
-        assembly.check_balance(self)
-        assembly.check_moving_backlash(self)
-
-    # What follows is computed once.
+        check_names(self)
+        check_gears(self)
+        check_balance(self)
 
     @property
     def body_names(self):
@@ -174,7 +176,7 @@ class GearTrain(Model):
 
     def segments_of(self, first, count):
         """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
-        return waves.stretch(self, first, count)
+        return waves.segments(self, first, count)
 
     @property
     def size(self):
@@ -204,25 +206,25 @@ class GearTrain(Model):
         return self._linear.strains
 
     def linear(self, system):
-        """As of `Model.linear`: all flanks in contact at the mean stiffness."""
+        """Return the linear model, see `Model.linear`: all flanks in contact at mean stiffness."""
         omega = self.reference_angular_frequency
         mass = self.scaled(system.tuning).mass
         squares, shapes = self.linear_modes
-        every = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
+        modes = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
         # Orthonormal to the last place: what is missing would be an error of all frequencies.
-        every = every @ (1.5 * np.eye(len(mass)) - 0.5 * (every.T @ mass @ every))
-        return np.sqrt(squares) / omega, every[:, : squares.size], every[:, squares.size :], mass
+        modes = modes @ (1.5 * np.eye(len(mass)) - 0.5 * (modes.T @ mass @ modes))
+        return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
 
     @cached_property
     def linear_stretches(self):
         """Relative displacements of the meshes in the elastic modes, shape (m, p)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        own = self.strains[-means.size :] / np.sqrt(means)[:, None]
-        return own * np.sqrt(self._linear.squares)
+        strains = self.strains[-means.size :] / np.sqrt(means)[:, None]
+        return strains * np.sqrt(self._linear.squares)
 
     @cached_property
     def loaded_stretches(self):
-        """The same of the linear train under its load, m, shape (m,)."""
+        """Relative displacements of the meshes of the linear train under its load, m, (m,)."""
         squares, shapes = self.linear_modes
         return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
 
@@ -248,11 +250,11 @@ class GearTrain(Model):
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
         (squares, shapes), load = self.linear_modes, self.structure.load
-        own = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
-        value = abs(own @ (shapes.T @ load))
+        stretches = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
+        value = abs(stretches @ (shapes.T @ load))
         # Without load rounding is left of the parts.
-        largest = np.abs(own) @ (np.abs(shapes).T @ np.abs(load))
-        return float(value) if value > 1e-9 * largest else FALLBACK
+        largest = np.abs(stretches) @ (np.abs(shapes).T @ np.abs(load))
+        return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
 
     @property
     def load(self):
@@ -261,12 +263,12 @@ class GearTrain(Model):
 
     @cached_property
     def reference_angular_frequency(self):
-        """What the tuning is counted in, rad/s."""
+        """Angular frequency at which the tuning is 1, rad/s."""
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._linear.squares
         share = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
-        # Modes of one frequency are one: in them the energy may lie in any direction.
+        # Modes of equal frequency count together: energy may lie in any direction among them.
         together = [share[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
         return math.sqrt(squares[int(np.argmax(np.array(together) > 0.999999 * max(together)))])
 
@@ -293,14 +295,6 @@ class GearTrain(Model):
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
-    def norm(self, parts):
-        """Return the largest norm of the matrices: one for all tunings, unless gyroscopic."""
-        return largest_norm(self, parts) if self.gyroscopic else self._norm_at_rest
-
-    @cached_property
-    def _norm_at_rest(self):
-        return largest_norm(self, self.scaled(1.0))
-
     def scaled(self, tuning):
         """Return the `Scaled` matrices without the meshes at one tuning."""
         return scaled(self, tuning)
@@ -310,7 +304,21 @@ class GearTrain(Model):
 
         Else with those of so many mesh periods, see `segments_of`.
         """
-        return system_of(self, tuning, self.segments_of(first, count) if count else None)
+        if count:
+            return train_system(self, tuning, self.segments_of(first, count))
+        if self.gyroscopic or self.excitation[0].size:
+            return train_system(self, tuning, self.segments)
+        return self._system._replace(tuning=tuning)
+
+    @cached_property
+    def norm_at_rest(self):
+        """Largest norm of the matrices without gyroscopic forces, the same at all tunings."""
+        return largest_norm(self, self.scaled(1.0))
+
+    @cached_property
+    def _system(self):
+        # Without a turning frame and without waves only the tuning differs.
+        return train_system(self, 1.0, self.segments)
 
     def static(self, phase=0.0):
         """Return how the meshes share the load at rest, with gaps and errors.
@@ -386,19 +394,10 @@ class GearTrain(Model):
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def start_state(self, initial_state):
-        """Return the state (q, dq/dtau) at tau = 0, shape (size,).
+        """Return the state (q, dq/dtau) at tau = 0, shape (size,), or refuse another value.
 
-        Parameters
-        ----------
-        initial_state : pair of 0, "static", or array_like of float, shape (size,)
-            (0, 0): at rest, every flank just touching where there are no errors; "static": at
-            rest in static equilibrium under the stiffness at tau = 0, without the forces of a
-            turning frame.
-
-        Raises
-        ------
-        ValueError
-            If it is none of these.
+        (0, 0) is at rest, every flank just touching where there are no errors; "static" at rest in
+        static equilibrium under the stiffness at tau = 0, without the forces of a turning frame.
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
@@ -431,7 +430,8 @@ class GearTrain(Model):
         state = self.start_state(value)
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
 
-    parameters, parameter, with_parameter = PARAMETERS, value_of, with_value
+    parameters, parameter = train_values.PARAMETERS, train_values.shared_value
+    with_parameter = train_values.with_shared_value
     settable = property(train_values.settable, doc="See `Model.settable`.")
     value, with_values = train_values.value, train_values.with_values
     contact_map = contact_map
@@ -444,12 +444,13 @@ class GearTrain(Model):
 
     def coordinates(self):
         """Return name -> values of the dimensions of results."""
-        return {
-            "component": list(self.components),
-            "mesh": list(self.mesh_names),
-            "body": list(self.body_names),
-            "axis": list(AXES),
-        }
+        return {"component": list(self.components)} | self.names
+
+    @property
+    def names(self):
+        """Names of meshes, bodies and axes by the dimensions of datasets."""
+        names = {"mesh": self.mesh_names, "body": self.body_names, "axis": AXES}
+        return {dimension: list(values) for dimension, values in names.items()}
 
     def empty_record(self, samples=0, events=16):
         """Return empty tables for the record of a run, see `Model.empty_record`.
@@ -459,7 +460,7 @@ class GearTrain(Model):
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
         shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
-        return tuple(np.empty(shape) for shape in shapes)
+        return tuple(map(np.empty, shapes))
 
     def more_samples(self, samples):
         """Return the motions of the bodies from the samples of `empty_record`."""
@@ -477,11 +478,7 @@ class GearTrain(Model):
         static = self.mean_forces
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.where(static > 0.0, table[..., orbit.FORCE_MAX] / static, math.nan)
-            shares = np.empty_like(mean)
-            groups = branches(self)
-            for group in set(groups):
-                own = [j for j, other in enumerate(groups) if other == group]
-                shares[..., own] = mean[..., own] / mean[..., own].mean(axis=-1, keepdims=True)
+        shares = statics.load_shares(self, mean)
         columns = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
         return {name: (dims, values) for name, values in columns.items()}
 
@@ -507,17 +504,10 @@ class GearTrain(Model):
         return means * self.loaded_stretches / self.load
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: elastic modes span what is left.
+        """Return (reduce, lift), see `Model.reduction`: onto the elastic modes.
 
-        Raises
-        ------
-        ValueError
-            If a free rotation is damped or feels the turning of the frame: then it is not neutral.
+        A free rotation that is damped or feels the turning of the frame is refused.
         """
-        return self._reduction
-
-    @cached_property
-    def _reduction(self):
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
         forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
@@ -531,7 +521,4 @@ class GearTrain(Model):
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
-        found = np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
-        for matrix in found:
-            matrix.flags.writeable = False
-        return found
+        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)

@@ -1,14 +1,24 @@
-"""The numbers of a train that can be read and changed one by one, by their names.
+"""The numbers of a train that can be read and changed by name, and those that its meshes share.
 
-A parameter of one element is called as the sentences of refusals call it, ``inertia of body sun``;
-that of a mesh without an element is that of all meshes, which share one value, and that of a
-support without an axis that of both.
+A number of one element is called as in refusals, ``inertia of body sun``; a field of meshes alone
+means all meshes, which share one value, and that of a support without an axis both axes.
 """
 
 import dataclasses
 import math
 
-_TORSION = "N m rad-1", "N m s rad-1"
+from gearlib import checks
+
+#: Static deflection of a train whose reference mesh carries no load, m.
+UNLOADED_DEFLECTION = 1e-6
+#: Parameters over which motions are followed: name -> (CF units, long_name).
+PARAMETERS = {
+    "tuning": ("1", "tuning nu, reference mesh frequency over reference frequency"),
+    "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max of all meshes"),
+    "contact_ratio": ("1", "contact ratio epsilon of all meshes"),
+    "backlash": ("1", "backlash of all meshes in static deflections"),
+    "material_damping": ("N s m-1", "damping in contact of all meshes"),
+}
 #: Fields of bodies, shafts and meshes -> (CF units, words).
 FIELDS: dict = {
     "body": {
@@ -16,14 +26,14 @@ FIELDS: dict = {
         "mass": ("kg", "mass"),
         "support_stiffness": ("N m-1", "stiffness of the support"),
         "support_damping": ("N s m-1", "damping of the support"),
-        "torsional_stiffness": (_TORSION[0], "torsional stiffness of the support"),
-        "torsional_damping": (_TORSION[1], "torsional damping of the support"),
+        "torsional_stiffness": ("N m rad-1", "torsional stiffness of the support"),
+        "torsional_damping": ("N m s rad-1", "torsional damping of the support"),
         "torque": ("N m", "torque"),
         "offset": ("m", "misplaced axis"),
     },
     "shaft": {
-        "stiffness": (_TORSION[0], "torsional stiffness"),
-        "damping": (_TORSION[1], "torsional damping"),
+        "stiffness": ("N m rad-1", "torsional stiffness"),
+        "damping": ("N m s rad-1", "torsional damping"),
         "bending_stiffness": ("N m-1", "bending stiffness"),
         "bending_damping": ("N s m-1", "bending damping"),
     },
@@ -39,102 +49,121 @@ FIELDS: dict = {
 }
 
 
-def elements(train):
-    """Return kind -> name -> element."""
+def shared_value(train, name):
+    """Return the value of one of `PARAMETERS` that all meshes share, else raise ValueError."""
+    values = {getattr(mesh, name) for mesh in train.meshes}
+    if len(values) > 1:
+        raise ValueError(
+            f"parameter = {name!r} is not allowed for this train: its meshes must share one value, "
+            f"not {', '.join(map(repr, sorted(values)))}"
+        )
+    value = values.pop()
+    return value / train.static_deflection if name == "backlash" else value
+
+
+def with_shared_value(train, name, value):
+    """Return the train with one of `PARAMETERS` of all meshes changed and checked.
+
+    The mean stiffness stays, and with it natural frequencies and static deflection.
+    """
+    if name == "backlash":
+        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
+        value *= train.static_deflection
+    meshes = []
+    for mesh in train.meshes:
+        changed = dataclasses.replace(mesh, **{name: value})
+        ratio = mesh.mean_stiffness / changed.mean_stiffness
+        if not math.isclose(ratio, 1.0):
+            stiffness = changed.max_stiffness * ratio
+            changed = dataclasses.replace(changed, max_stiffness=stiffness)
+        meshes.append(changed)
+    return dataclasses.replace(train, meshes=tuple(meshes))
+
+
+def _elements(train):
+    """Return (kind, name) -> body, shaft or mesh."""
+    return (
+        {("body", body.name): body for body in train.bodies}
+        | {("shaft", "-".join(shaft.bodies)): shaft for shaft in train.shafts}
+        | {("mesh", mesh.name): mesh for mesh in train.meshes}
+    )
+
+
+def _places(train):
+    """Return name -> [((kind, label), field, axes), ...] of the finite numbers of all elements.
+
+    Axes are those that a value with a number for x and for y changes, none of other values.
+    """
+    places: dict = {}
+    for key, element in _elements(train).items():
+        for field in FIELDS[key[0]]:
+            value, name = getattr(element, field), f"{field} of {' '.join(key)}"
+            part = field.removesuffix("_stiffness").removesuffix("_damping")
+            stiffness = getattr(element, f"{part}_stiffness", None) if part != field else None
+            if not isinstance(value, tuple):
+                if value is not None and not (part == "torsional" and math.isinf(stiffness)):
+                    places[name] = [(key, field, "")]
+                continue
+            axes = "".join(
+                axis
+                for axis, limit in zip("xy", stiffness or (0.0, 0.0), strict=True)
+                if math.isfinite(limit)
+            )
+            if axes and field != "offset" and len({value["xy".index(axis)] for axis in axes}) == 1:
+                places[name] = [(key, field, axes)]
+            places |= {f"{name}, {axis}": [(key, field, axis)] for axis in axes}
+    return places
+
+
+def _shared_places(train):
+    """Return the places of the fields that all meshes share, see `_places`."""
     return {
-        "body": train.by_name,
-        "shaft": {"-".join(shaft.bodies): shaft for shaft in train.shafts},
-        "mesh": {mesh.name: mesh for mesh in train.meshes},
+        field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
+        for field in FIELDS["mesh"]
+        if len({getattr(mesh, field) for mesh in train.meshes}) == 1
     }
 
 
 def settable(train):
     """Return name -> (CF units, words) of the finite numbers of a train's elements.
 
-    ``load`` stands for all torques in proportion, the name of a mesh's field alone for that of all
-    meshes, the name of a support's field alone for that of both axes, where they share one value.
+    ``load`` stands for all torques in proportion.
     """
     described = {"load": ("N", "load, all torques in proportion")}
-    for name, (units, words) in FIELDS["mesh"].items():
-        if len({getattr(mesh, name) for mesh in train.meshes}) == 1:
-            described[name] = units, f"{words} of all meshes"
-    for kind, named in elements(train).items():
-        for label, element in named.items():
-            for name, (units, words) in FIELDS[kind].items():
-                axes = _elastic(element, name)
-                if axes is None:
-                    continue
-                values = {getattr(element, name)["xy".index(axis)] for axis in axes}
-                if name != "offset" and len(values) < 2:
-                    described[f"{name} of {kind} {label}"] = units, f"{words} of {kind} {label}"
-                for axis in axes:
-                    about = units, f"{words} of {kind} {label}, {axis}"
-                    described[f"{name} of {kind} {label}, {axis}"] = about
+    for field in _shared_places(train):
+        units, words = FIELDS["mesh"][field]
+        described[field] = units, f"{words} of all meshes"
+    for name, [((kind, _), field, _)] in _places(train).items():
+        units, words = FIELDS[kind][field]
+        described[name] = units, words + name.removeprefix(field)
     return described
-
-
-def _elastic(element, name):
-    """Return the axes that a field has, none for most; None: what it is of is rigid or absent."""
-    if name == "offset":
-        return "xy"
-    if name == "mass":
-        return None if element.mass is None else ""
-    part, _, field = name.rpartition("_")
-    if part not in ("support", "torsional") or field not in ("stiffness", "damping"):
-        return ""
-    stiffness = getattr(element, f"{part}_stiffness")
-    if part == "torsional":
-        return None if math.isinf(stiffness) else ""
-    pairs = zip("xy", stiffness, strict=True)
-    return "".join(axis for axis, one in pairs if math.isfinite(one)) or None
 
 
 def value(train, name):
     """Return the value of one of `settable`."""
     if name == "load":
         return train.load
-    (kind, label, field, axes), *_ = _places(train, name)
-    whole = getattr(elements(train)[kind][label], field)
-    return whole["xy".index(axes[0])] if axes else whole
+    key, field, axes = (_shared_places(train) | _places(train))[name][0]
+    entry = getattr(_elements(train)[key], field)
+    return entry["xy".index(axes[0])] if axes else entry
 
 
 def with_values(train, changes):
     """Return the train with some of `settable` changed and checked."""
-    fields: dict = {}
+    places, elements = _shared_places(train) | _places(train), _elements(train)
+    fields: dict = {key: {} for key in elements}
     for name, new in changes.items():
         if name == "load":
             for body in train.bodies:
-                torque = body.torque * (new / train.load)
-                fields.setdefault(("body", body.name), {})["torque"] = torque
+                fields["body", body.name]["torque"] = body.torque * (new / train.load)
             continue
-        for kind, label, field, axes in _places(train, name):
-            element = fields.setdefault((kind, label), {})
+        for key, field, axes in places[name]:
             if axes:
-                old = element.get(field, getattr(elements(train)[kind][label], field))
-                pairs = zip("xy", old, strict=True)
-                element[field] = tuple(new if axis in axes else entry for axis, entry in pairs)
+                old = zip("xy", fields[key].get(field, getattr(elements[key], field)), strict=True)
+                fields[key][field] = tuple(new if axis in axes else entry for axis, entry in old)
             else:
-                element[field] = new
-    changed = {
-        kind: tuple(
-            dataclasses.replace(element, **fields[kind, label])
-            if (kind, label) in fields
-            else element
-            for label, element in named.items()
-        )
-        for kind, named in elements(train).items()
-    }
-    return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])
-
-
-def _places(train, name):
-    """Return the (kind, label, field, axes) of a parameter of elements, or of all meshes."""
-    if name in FIELDS["mesh"]:
-        return [("mesh", label, name, "") for label in train.mesh_names]
-    field, element = name.split(" of ", 1)
-    kind, label = element.split(" ", 1)
-    named = elements(train)[kind]
-    if label in named:
-        return [(kind, label, field, _elastic(named[label], field))]
-    label, axis = label.rsplit(", ", 1)
-    return [(kind, label, field, axis)]
+                fields[key][field] = new
+    parts: dict = {"body": (), "shaft": (), "mesh": ()}
+    for (kind, label), element in elements.items():
+        parts[kind] += (dataclasses.replace(element, **fields[kind, label]),)
+    return train.replace(bodies=parts["body"], shafts=parts["shaft"], meshes=parts["mesh"])

@@ -24,6 +24,8 @@ the gear that drives these; see Guo & Parker, Mech. Mach. Theory 78 (2014) 263-2
 import math
 from fractions import Fraction
 
+from gearlib import checks
+
 #: Of a tooth pitch: positions are angles in floating point, often with few digits.
 _CLOSE = 1e-6
 
@@ -34,52 +36,51 @@ def speeds(bodies, meshes, shafts, reference):
     Bodies that neither mesh nor sit on a shaft of others have speed 0. A mesh that is not connected
     to the reference, or a locked train, is refused.
     """
-    ratios = [
-        (mesh.pinion, mesh.wheel, _ratio(bodies, mesh), f"mesh {mesh.name}") for mesh in meshes
-    ]
-    ratios += [(*s.bodies, Fraction(1), f"shaft {'-'.join(s.bodies)}") for s in shafts]
+    ratios = []  # of the second body's speed over that of the first
+    for mesh in meshes:
+        ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
+        ratio *= 1 if mesh.internal else -1
+        ratios.append((mesh.pinion, mesh.wheel, ratio, f"mesh {mesh.name}"))
+    ratios += [(*shaft.bodies, Fraction(1), f"shaft {'-'.join(shaft.bodies)}") for shaft in shafts]
     first = next(mesh for mesh in meshes if mesh.name == reference)
-    found = {first.pinion: Fraction(1, bodies[first.pinion].teeth)}
-    before = -1
-    while len(found) > before:
-        before = len(found)
-        for one, other, ratio, words in ratios:
-            if one in found:
-                speed = found[one] * ratio
-                if found.setdefault(other, speed) != speed:
+    speed_of = {first.pinion: Fraction(1, bodies[first.pinion].teeth)}
+    count = 0
+    while len(speed_of) > count:
+        count = len(speed_of)
+        for body, other, ratio, words in ratios:
+            if body in speed_of:
+                speed = speed_of[body] * ratio
+                if speed_of.setdefault(other, speed) != speed:
                     raise ValueError(
                         f"teeth of body {other} = {bodies[other].teeth!r} is not allowed: by "
                         f"{words} the train is locked; speeds must agree around every loop"
                     )
-            elif other in found:
-                found[one] = found[other] / ratio
+            elif other in speed_of:
+                speed_of[body] = speed_of[other] / ratio
     for mesh in meshes:
-        if mesh.pinion not in found:
+        if mesh.pinion not in speed_of:
             raise ValueError(
                 f"mesh {mesh.name} is not allowed: it must be connected with the reference mesh "
                 f"{reference} by meshes and shafts"
             )
-    sense = _sense(meshes, first, found)
-    return {name: sense * found.get(name, Fraction(0)) for name in bodies}
+    sense = _sense(meshes, first, speed_of)
+    return {name: sense * speed_of.get(name, Fraction(0)) for name in bodies}
 
 
 def _sense(meshes, first, speed):
     """Return 1 if the gears that drive turn at these speeds, -1 if they turn the other way."""
-    senses = [
-        (1 if driver(mesh, speed) == mesh.driving else -1, mesh) for mesh in meshes if mesh.driving
-    ]
-    if not senses:
-        return 1 if driver(first, speed) == first.pinion else -1
-    sense, one = senses[0]
-    for other, mesh in senses:
-        if other != sense:
-            right = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
-            raise ValueError(
-                f"driving of mesh {mesh.name} = {mesh.driving!r} is not allowed: it must be "
-                f"{right!r} as the gears turn and press where {one.driving!r} drives in mesh "
-                f"{one.name}"
-            )
-    return sense
+    declared = [mesh for mesh in meshes if mesh.driving]
+    senses = [1 if driver(mesh, speed) == mesh.driving else -1 for mesh in declared]
+    for sense, mesh in zip(senses, declared, strict=True):
+        right = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
+        checks.require(
+            sense == senses[0],
+            f"driving of mesh {mesh.name}",
+            mesh.driving,
+            f"{right!r} as the gears turn and press where {declared[0].driving!r} drives in mesh "
+            f"{declared[0].name}",
+        )
+    return senses[0] if senses else (1 if driver(first, speed) == first.pinion else -1)
 
 
 def driver(mesh, speed):
@@ -106,8 +107,8 @@ def thicker(mesh, speed):
     """Return by how much teeth of the gear that drives are thicker, in pitches, a `Fraction`."""
     if mesh.tooth_thickness is None:
         return Fraction(0)
-    own, other = map(Fraction, mesh.tooth_thickness)
-    return own - other if driver(mesh, speed) == mesh.pinion else other - own
+    pinion, wheel = map(Fraction, mesh.tooth_thickness)
+    return pinion - wheel if driver(mesh, speed) == mesh.pinion else wheel - pinion
 
 
 def inverse_phase(mesh, speed, phase):
@@ -120,16 +121,10 @@ def inverse_phase(mesh, speed, phase):
     return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
 
 
-def _ratio(bodies, mesh):
-    """Return the speed of the wheel over that of the pinion."""
-    ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
-    return ratio if mesh.internal else -ratio
-
-
 def phases(bodies, meshes, shafts, reference, speed):
     """Return name of a mesh -> its phase in mesh periods, in [0, 1), if it can be assembled."""
     middles: dict = {}
-    found: dict = {}
+    phase_of: dict = {}
     free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # What is asked for comes before what is left to the loops.
     shafts = sorted(shafts, key=lambda shaft: shaft.keying is None)
@@ -149,10 +144,10 @@ def phases(bodies, meshes, shafts, reference, speed):
     def tie(mesh):
         """Orient a gear by the other one; return whether anything is new."""
         known = [name for name in (mesh.pinion, mesh.wheel) if name in middles]
-        if not known or mesh.name in found:
+        if not known or mesh.name in phase_of:
             return False
-        one = known[0]
-        t = math.copysign(1.0, speed[one]) * (_flank(mesh, one, bodies) - middles[one])
+        gear = known[0]
+        t = math.copysign(1.0, speed[gear]) * (_flank(mesh, gear, bodies) - middles[gear])
         for name in (mesh.pinion, mesh.wheel):
             if orient(mesh, name, t) > _CLOSE:
                 raise ValueError(
@@ -161,43 +156,43 @@ def phases(bodies, meshes, shafts, reference, speed):
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        found[mesh.name] = t - _past_the_middle(mesh, speed)
+        phase_of[mesh.name] = t - sliding_turns(mesh, speed)[1]
         return True
 
     def key():
         """Orient a body by the other one on its shaft; return whether there was one."""
         for shaft in shafts:
-            for (one, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
-                if one in middles and other not in middles:
-                    turns = middles[one] / (bodies[one].teeth or 1) + sign * _keyed(shaft)
+            for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
+                if body in middles and other not in middles:
+                    turns = middles[body] / (bodies[body].teeth or 1) + sign * _keyed(shaft)
                     middles[other] = turns * (bodies[other].teeth or 1)
                     return True
         return False
 
     def start(mesh):
-        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + _past_the_middle(mesh, speed))
+        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, speed)[1])
 
     start(next(mesh for mesh in meshes if mesh.name == reference))
-    while len(found) < len(free):
+    while len(phase_of) < len(free):
         while any([tie(mesh) for mesh in free]):
             pass
-        if not key() and len(found) < len(free):
-            start(next(mesh for mesh in free if mesh.name not in found))
+        if not key() and len(phase_of) < len(free):
+            start(next(mesh for mesh in free if mesh.name not in phase_of))
     for shaft in shafts:
         if shaft.keying is not None and set(shaft.bodies) <= set(middles):
             _check_keying(shaft, bodies, middles)
-    found |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
-    return {mesh.name: _rounded(found[mesh.name]) for mesh in meshes}
+    phase_of |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
+    return {mesh.name: _rounded(phase_of[mesh.name]) for mesh in meshes}
 
 
 def _check_keying(shaft, bodies, middles):
     """Refuse an angle between the teeth of two gears that is not what the loops make it."""
     teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
-    one, other = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
+    first, second = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
     # Which teeth are in line does not matter.
     count = math.lcm(*teeth)
-    if abs(_modulo(count * (other - one - _keyed(shaft)))) > count * _CLOSE / max(teeth):
-        right = math.tau / count * ((count * (other - one)) % 1.0)
+    if abs(_modulo(count * (second - first - _keyed(shaft)))) > count * _CLOSE / max(teeth):
+        right = math.tau / count * ((count * (second - first)) % 1.0)
         raise ValueError(
             f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
             f"the loops of meshes it must be {right:.9g}, or a whole multiple of 2 pi / {count} "
@@ -208,11 +203,6 @@ def _check_keying(shaft, bodies, middles):
 def _keyed(shaft):
     """Return by how many turns the second body of a shaft is ahead of being in line."""
     return (shaft.keying or 0.0) / math.tau
-
-
-def _past_the_middle(mesh, speed):
-    """Return the phase of the stiffness with contact at the pitch point, in mesh periods."""
-    return pitch_phase(mesh, speed) / math.tau
 
 
 def _side(mesh, name):

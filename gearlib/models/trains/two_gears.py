@@ -9,7 +9,7 @@ from typing import Any
 
 from gearlib import checks
 from gearlib.models.model import unchecked
-from gearlib.models.trains import turning, waves
+from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import FLOATS, Numbers, structure
 from gearlib.models.trains.train import GearTrain
@@ -78,9 +78,7 @@ class TwoGears(GearTrain):
 
     def segments_of(self, first, count):
         """Return the `Segments` of one mesh period: the run-out changes nothing in them."""
-        (mesh,) = self.meshes
-        turns = [turning.sliding_turns(mesh, self.speeds)]
-        return waves.segments(self.meshes, self.rates, [(0.0, 0.0)], turns, 0, 1)
+        return waves.segments(self, 0, 1)
 
     @property
     def static_deflection(self):

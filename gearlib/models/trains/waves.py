@@ -14,7 +14,7 @@ from gearlib.models.trains import turning
 from gearlib.models.trains.structure import FLOATS
 
 #: Boundaries that are closer in phase are one.
-_SAME_PHASE = 1e-12
+SAME_PHASE = 1e-12
 
 
 class Segments(NamedTuple):
@@ -27,76 +27,80 @@ class Segments(NamedTuple):
     kinds: list  #: of each mesh those that come: 2 at the lower level, 1 more for sliding by -1
 
 
-def segments(meshes, rates, phases, turns, first, count):
-    """Return the `Segments` of so many reference mesh periods from the `first` on, as from phase 0.
+def segments(train, first, count):
+    """Return the `Segments` of `count` reference mesh periods from the `first` on.
 
-    The other arguments have an entry for each mesh. Phases and `turning.sliding_turns` are pairs,
-    coast and drive, these after the drive side.
+    The n-th period lies at n modulo `count`, so that those before it come after the last ones.
     """
-    whole = 2.0 * math.pi
-    marks = [whole * k for k in range(count + 1)]
+    marks = [math.tau * k for k in range(count + 1)]
+    early = first % count
+    timings = [_timing(train, mesh) for mesh in train.meshes]
     cuts = [np.array(marks)]
-    for mesh, rate, shifts, pitch in zip(meshes, rates, phases, turns, strict=True):
-        local = set()
+    for mesh, rate, (shifts, turns) in zip(train.meshes, train.rates, timings, strict=True):
+        changes = set()
         if mesh.varies:
             half = (mesh.contact_ratio - 1.0) / 2.0
-            local |= {(g + side) for g in shifts for side in (half, -half)}
+            changes |= {g + side for g in shifts for side in (half, -half)}
         if any(mesh.friction):
-            local |= {shifts[1] + turn + half for turn in pitch for half in (0.0, 0.5)}
-        # A cut at c mesh periods comes back every mesh period.
+            changes |= {turn + half for turn in turns for half in (0.0, 0.5)}
+        # A change comes back every mesh period; the first of them begins `lead` from `first`.
         before = math.floor(first * rate)
-        own = np.arange(math.ceil((first + count) * rate) - before)
-        # So far back of the first period the first of these mesh periods begins, to the last place.
+        periods = np.arange(math.ceil((first + count) * rate) - before)
         lead = float(before / rate - first)
-        cuts += [whole * (lead + (c % 1.0 + own) / float(rate)) for c in local]
-    ordered = np.sort(np.concatenate(cuts))
-    kept, bounds = [0.0], set(marks)
-    for cut in ordered[(ordered >= 0.0) & (ordered <= marks[-1])].tolist():
-        if cut - kept[-1] > _SAME_PHASE:
-            kept.append(cut)
-        elif cut in bounds:
-            kept[-1] = cut
-    starts = np.array(kept)
-    middle = (starts[:-1] + starts[1:]) / 2.0
-    low = np.zeros((2, middle.size, len(meshes)), dtype=bool)
+        for change in changes:
+            places = lead + (change % 1.0 + periods) / float(rate)
+            places = places[(places >= 0.0) & (places <= count)]
+            wrapped = places + early
+            cuts.append(math.tau * np.where(wrapped > count, wrapped - count, wrapped))
+    starts = _distinct(np.sort(np.concatenate(cuts)), set(marks))
+    middles = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
+    low = np.zeros((2, middles.size, len(train.meshes)), dtype=bool)
     sense = np.ones(low.shape)
     kinds = []
-    for j, (mesh, rate, shifts, pitch) in enumerate(zip(meshes, rates, phases, turns, strict=True)):
-        at = middle * float(rate) / whole + float(first * rate % 1)
-        for side, (g, turn) in enumerate(zip(shifts, pitch, strict=True)):
-            away = np.abs(np.mod(at - g + 0.5, 1.0) - 0.5)
-            low[side, :, j] = away > (mesh.contact_ratio - 1.0) / 2.0
-            if any(mesh.friction):
-                sense[side, :, j] = np.where(np.mod(at - shifts[1] - turn, 1.0) < 0.5, 1.0, -1.0)
-        if not mesh.varies:
-            low[:, :, j] = mesh.contact_ratio < 2.0 and mesh.two_levels
+    for j, (mesh, rate, (shifts, turns)) in enumerate(
+        zip(train.meshes, train.rates, timings, strict=True)
+    ):
+        offsets = [float((first + lag) * rate % 1) for lag in (-early, count - early)]
+        phases = middles * float(rate) + np.where(middles > early, *offsets)
+        low[:, :, j] = at_lower_level(mesh, shifts, phases)
+        rubs = any(mesh.friction)
+        if rubs:
+            sense[:, :, j] = np.where(
+                np.mod(phases - np.array(turns)[:, None], 1.0) < 0.5, 1.0, -1.0
+            )
         levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
-        ways = (0, 1) if any(mesh.friction) else (0,)
-        kinds.append([2 * level + way for level in levels for way in ways])
-    places = np.searchsorted(starts, np.array(marks) - _SAME_PHASE)
-    return Segments(starts, places, low, sense, kinds)
+        kinds.append([2 * level + way for level in levels for way in ((0, 1) if rubs else (0,))])
+    first_segment = np.searchsorted(starts, np.array(marks) - SAME_PHASE)
+    return Segments(starts, first_segment, low, sense, kinds)
 
 
-def stretch(train, first, count):
-    """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
-    both = [(train.inverse_phases[name], train.phases[name]) for name in train.mesh_names]
-    turns = [turning.sliding_turns(mesh, train.speeds) for mesh in train.meshes]
-    parts = train.meshes, train.rates, both, turns
-    if not (early := first % count):
-        return segments(*parts, first, count)
-    late = segments(*parts, first, count - early)
-    return _joined(segments(*parts, first + count - early, early), late)
+def _timing(train, mesh):
+    """Return phases of the stiffness and of the sliding of (coast, drive) in mesh periods."""
+    coast, drive = train.inverse_phases[mesh.name], train.phases[mesh.name]
+    turns = turning.sliding_turns(mesh, train.speeds)
+    return (coast, drive), tuple(drive + turn for turn in turns)
 
 
-def _joined(one, other):
-    """Return the `Segments` of one stretch with those of another one behind it."""
-    return Segments(
-        np.append(one.starts[:-1], one.starts[-1] + other.starts),
-        np.append(one.first_segment[:-1], one.first_segment[-1] + other.first_segment),
-        np.concatenate([one.low, other.low], axis=1),
-        np.concatenate([one.sense, other.sense], axis=1),
-        one.kinds,
-    )
+def at_lower_level(mesh, shifts, phases):
+    """Return whether (coast, drive) sides are at the lower stiffness level, shape (2, p).
+
+    `shifts` are the phases of the stiffness of both, `phases` those of the mesh, in mesh periods.
+    """
+    if not mesh.varies:
+        return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
+    away = np.abs(np.mod(phases - np.array(shifts)[:, None] + 0.5, 1.0) - 0.5)
+    return away > (mesh.contact_ratio - 1.0) / 2.0
+
+
+def _distinct(cuts, marks):
+    """Return ascending cuts without those of the same phase, of which a mark stays."""
+    kept = [0.0]
+    for cut in cuts.tolist():
+        if cut - kept[-1] > SAME_PHASE:
+            kept.append(cut)
+        elif cut in marks:
+            kept[-1] = cut
+    return np.array(kept)
 
 
 def stiffness_harmonic(mesh, order, phase):

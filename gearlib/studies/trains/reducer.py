@@ -1,7 +1,7 @@
 """All meshes of the paper's reducer, its Fig. 1 a, over speed: branches alike, and with errors.
 
 The paper prints no number of the machine beyond those of one mesh; what is chosen stands in the
-section `reducer` of the configuration and in `gearlib.models.trains.reducer_train`. The tuning is
+section `reducer` of the configuration and in `gearlib.models.trains.ready_made`. The tuning is
 that of the pair alone, mesh frequency of the first stage over the mean eigenfrequency of its
 `GearPair`. Every motion has many starts, see `gearlib.studies.trains.motions`.
 """
@@ -12,7 +12,7 @@ import xarray as xr
 from gearlib.data.lost_contact import ROUNDING, lost_share
 from gearlib.data.result import result
 from gearlib.models.pair import GearPair
-from gearlib.models.trains.reducer_train import split_power_reducer
+from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.sweeping import DIRECTIONS
 from gearlib.studies.trains import motions
 

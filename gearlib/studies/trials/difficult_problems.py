@@ -29,7 +29,7 @@ from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.models.trains.ready_made import planetary
+from gearlib.models.trains.planetary import planetary
 
 QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")
 

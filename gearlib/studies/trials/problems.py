@@ -12,7 +12,7 @@ from gearlib.engines.orbit import Span
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
-from gearlib.models.trains.reducer_train import split_power_reducer
+from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`

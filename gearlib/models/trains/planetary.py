@@ -1,0 +1,324 @@
+"""Planetary trains: by numbers, and by the drawing of their gears."""
+
+import dataclasses
+import math
+from typing import Annotated
+
+from gearlib import checks, parameters
+from gearlib.engines.pair.stiffness import mean_over_max
+from gearlib.models.geometry.drawings import equal_positions, planets_of
+from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.trains.ready_made import (
+    STRUCTURAL_DAMPING,
+    PinErrors,
+    StructuralDamping,
+    damping_of,
+    train_of,
+)
+from gearlib.parameters import (
+    ANGLE,
+    CONTACT_RATIO,
+    FINITE,
+    FORCE,
+    LENGTH,
+    MASS,
+    STIFFNESS,
+    STIFFNESS_RATIO,
+    SUPPORT,
+    TEETH,
+    TRUTH,
+    WORKING_ANGLE,
+    Backlash,
+    BacklashDamping,
+    Integer,
+    Many,
+    MaterialDamping,
+    OneOf,
+    checked,
+)
+
+#: Largest pressure angle of a ring's mesh, rad.
+_MAX_RING_ANGLE = math.radians(45.0)
+
+Planets = Annotated[int, Integer(1, limit=100), "Number of planets"]
+Positions = Annotated[tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"]
+Supports = Annotated[tuple, Many(SUPPORT, 4), "Of sun, ring, carrier and planets"]
+Twists = Annotated[
+    tuple, Many(SUPPORT, 3), "Of the supports of sun, ring and carrier at their radius"
+]
+Turning = Annotated[bool, TRUTH, "Whether the carrier turns and the ring stands: decides the rpm"]
+Driving = Annotated[
+    str,
+    OneOf(("sun", "ring")),
+    'Which gear drives, seen from the carrier; "ring" also where the carrier drives the sun',
+]
+Gyroscopic = Annotated[
+    bool, TRUTH, "Whether axes that can move feel the turning frame, Coriolis and centrifugal"
+]
+
+
+@checked
+def planetary(
+    *,
+    planets: Planets = 3,
+    teeth: Annotated[tuple, Many(TEETH, 2), "Of sun and ring"] = (27, 99),
+    planet_teeth: Annotated[
+        int | None, TEETH, "Of a planet; by default half the difference of the others"
+    ] = None,
+    positions: Positions = None,
+    masses: Annotated[tuple, Many(MASS, 4), "Of sun, ring, carrier and one planet"] = (
+        0.4,
+        2.35,
+        5.43,
+        0.66,
+    ),
+    reduced_inertias: Annotated[
+        tuple, Many(MASS, 4), "I / r^2 of the same; r: base radius, of the carrier that of the pins"
+    ] = (0.39, 3.0, 6.29, 0.61),
+    sun_base_radius: Annotated[
+        float, LENGTH, "Of the sun; those of ring and planets follow from the teeth"
+    ] = 0.0387,
+    pressure_angle: Annotated[
+        float, WORKING_ANGLE, "Of the sun's meshes in operation; that of the ring's follows"
+    ] = math.radians(24.6),
+    support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
+    torsional_stiffness: Twists = (0.0, 1e9, 0.0),
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    mean_stiffness: Annotated[tuple, Many(STIFFNESS, 2), "Of the meshes of sun and ring"] = (
+        5e8,
+        5e8,
+    ),
+    stiffness_ratio: Annotated[tuple, Many(STIFFNESS_RATIO, 2), "Of the same, kappa"] = (1.0, 1.0),
+    contact_ratio: Annotated[tuple, Many(CONTACT_RATIO, 2), "Of the same, epsilon"] = (1.4, 1.6),
+    material_damping: MaterialDamping = 1000.0,
+    backlash_damping: BacklashDamping = 300.0,
+    backlash: Backlash = 30e-6,
+    load: Annotated[float, FORCE, "On every mesh of the sun"] = 2000.0,
+    ring_phase: Annotated[
+        float | None, FINITE, "Phase of the first ring mesh; by default from the planets' teeth"
+    ] = None,
+    pin_errors: PinErrors = None,
+    turning: Turning = False,
+    driving: Driving = "sun",
+    gyroscopic: Gyroscopic = False,
+    **options,
+):
+    """Return a planetary train: sun, ring, carrier and planets, by default of Lin and Parker.
+
+    J. Vib. Acoust. 121 (1999) 316-321, where the mesh data beside the mean stiffness are choices.
+    Bodies are called ``sun``, ``ring``, ``carrier``, ``planet 1``, ..., meshes ``sun 1``, ...,
+    ``ring 1``, .... The sun's torque is counterclockwise; those of ring and carrier, where they can
+    turn freely, are in balance with it. Other options are those of `GearTrain`.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible or the planets do not fit between sun and ring.
+    """
+    n, (sun, ring) = planets, teeth
+    planet_teeth = _planet_teeth(teeth, planet_teeth)
+    positions = equal_positions(sun, ring, n) if positions is None else positions
+    positions = checks.numbers("positions", positions, n)
+    if ring_phase is not None:
+        checks.number("ring_phase", ring_phase, "finite", math.isfinite)
+    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    centre, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
+    r_sun, twists = sun_base_radius, (*torsional_stiffness, 0.0)
+    radii = r_sun, r_sun * ring / sun, centre, r_sun * planet_teeth / sun
+    torque = n * load * r_sun
+    torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
+
+    def body(i, name, z, **more):
+        # A support takes the torque itself.
+        stands = i in (1, 2) and twists[i] > 0.0
+        return Body(
+            name=name,
+            teeth=z,
+            mass=masses[i],
+            inertia=reduced_inertias[i] * radii[i] ** 2,
+            base_radius=radii[i],
+            torque=0.0 if stands else torques[i],
+            support_stiffness=support_stiffness[i],
+            support_damping=damping_of(support_stiffness[i], structural_damping),
+            torsional_stiffness=twists[i] * radii[i] ** 2,
+            torsional_damping=damping_of(twists[i], structural_damping) * radii[i] ** 2,
+            **more,
+        )
+
+    bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
+    meshes = []
+    for k, central in enumerate(("sun", "ring")):
+        for i, psi in enumerate(positions):
+            planet, phase = f"planet {i + 1}", None
+            if k == 0:
+                bodies.append(
+                    body(3, planet, planet_teeth, carrier="carrier", angle=psi, offset=errors[i])
+                )
+            elif ring_phase is not None:
+                phase = ring_phase - ring * (psi - positions[0]) / (2.0 * math.pi)
+            mesh = Mesh(
+                name=f"{central} {i + 1}",
+                pinion=planet if k else central,
+                wheel=central if k else planet,
+                internal=bool(k),
+                driving=None if driving == "sun" else ("ring" if k else planet),
+                position=psi,
+                pressure_angle=angles[k],
+                max_stiffness=mean_stiffness[k]
+                / mean_over_max(contact_ratio[k], stiffness_ratio[k]),
+                stiffness_ratio=stiffness_ratio[k],
+                contact_ratio=contact_ratio[k],
+                phase=phase,
+                material_damping=material_damping,
+                backlash_damping=backlash_damping,
+                backlash=backlash,
+            )
+            meshes.append(mesh)
+    return train_of(
+        bodies=bodies,
+        meshes=meshes,
+        carrier_ratio=sun / ring if turning else 0.0,
+        gyroscopic=gyroscopic,
+        **options,
+    )
+
+
+def _planet_teeth(teeth, planet_teeth):
+    """Return the number of teeth of a planet, by default from those of (sun, ring)."""
+    sun, ring = teeth
+    if planet_teeth is None:
+        if ring <= sun or (ring - sun) % 2:
+            raise ValueError(
+                f"teeth = {teeth!r} is not allowed: the ring must have an even number of teeth "
+                "more than the sun, unless planet_teeth is given"
+            )
+        planet_teeth = (ring - sun) // 2
+    return checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
+
+
+def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
+    """Return the radius of the pins and the pressure angles of the sun's and the ring's meshes."""
+    sun, ring = teeth
+    r_planet, r_ring = sun_base_radius * planet_teeth / sun, sun_base_radius * ring / sun
+    centre = (sun_base_radius + r_planet) / math.cos(pressure_angle)
+    cosine = (r_ring - r_planet) / centre
+    if not math.cos(_MAX_RING_ANGLE) <= cosine <= 1.0:
+        raise ValueError(
+            f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
+            "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
+        )
+    equal = planet_teeth * 2 == ring - sun
+    return centre, (pressure_angle, pressure_angle if equal else math.acos(cosine))
+
+
+@checked
+def planetary_set(
+    sun,
+    planet,
+    ring,
+    *,
+    torque: Annotated[
+        float,
+        parameters.DRIVING_TORQUE,
+        "Of the sun; those of ring and carrier, where they turn, balance it",
+    ],
+    planets: Planets = 3,
+    positions: Positions = None,
+    centre_distance: Annotated[
+        float | None, parameters.DIAMETER, "; by default that of sun and planet without backlash"
+    ] = None,
+    backlashes: Annotated[
+        tuple | None,
+        Many(parameters.RUN_OUT, 2),
+        "Normal backlash of the meshes of sun and ring; by default what the gears leave",
+    ] = None,
+    carrier_mass: Annotated[
+        float | None, MASS, "Without planets; by default of a disc, see the inertia"
+    ] = None,
+    carrier_inertia: Annotated[
+        float | None,
+        parameters.INERTIA,
+        "Without planets; by default of a disc of the planet's material through the pins, as wide "
+        "as the planet",
+    ] = None,
+    support_stiffness: Supports = (math.inf,) * 4,
+    torsional_stiffness: Twists = (0.0, math.inf, 0.0),
+    structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
+    damping_ratio: parameters.DampingRatio = None,
+    logarithmic_decrement: parameters.Decrement = None,
+    material_damping: parameters.DrawnDamping = None,
+    backlash_damping_ratio: parameters.BacklashDampingRatio = 0.0,
+    stiffness="iso",
+    options=None,
+    pin_errors: PinErrors = None,
+    turning: Turning = True,
+    driving: Driving = "sun",
+    gyroscopic: Gyroscopic = False,
+    **more,
+):
+    """Return the `GearTrain` of a drawn sun, planets and ring, each a `gearlib.geometry.SpurGear`.
+
+    Stiffness, contact ratios, backlash, inertias, pressure angles and phases are those of the
+    drawing, the ring's with its `outer_diameter`; bodies and meshes have the names that
+    `gearlib.planetary` gives them. `stiffness`, `options` and the damping, which only motions need,
+    are as of `gearlib.Mesh.from_geometry`, others of `GearTrain`.
+
+    Raises
+    ------
+    ValueError
+        If gears do not mesh, planets cannot be assembled or strike each other, or a value is
+        impossible.
+    """
+    drawn = planets_of(
+        sun,
+        planet,
+        ring,
+        planets=planets,
+        positions=positions,
+        centre_distance=centre_distance,
+        backlashes=backlashes,
+    )
+    n = len(drawn.positions)
+    centre = drawn.sun_mesh.centre_distance
+    disc = math.pi * centre**2 * planet.width * planet.material.density
+    mass = disc if carrier_mass is None else carrier_mass
+    inertia = disc * centre**2 / 2.0 if carrier_inertia is None else carrier_inertia
+    reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)]
+    reduced.insert(2, inertia / centre**2)
+    # On each pinion: of the sun its share, of a planet the same force at its own base circle.
+    share = torque / n
+    torques = share, share * planet.teeth / sun.teeth
+    derivation = {
+        "stiffness": stiffness,
+        "options": options,
+        "stated": ("torque", torque, "N m"),
+        "damping_ratio": damping_ratio,
+        "logarithmic_decrement": logarithmic_decrement,
+        "material_damping": material_damping,
+        "backlash_damping_ratio": backlash_damping_ratio,
+    }
+    flanks = [
+        mesh.train_parameters(torque=pinion_torque, **derivation)
+        for mesh, pinion_torque in zip((drawn.sun_mesh, drawn.ring_mesh), torques, strict=True)
+    ]
+    train = planetary(
+        planets=n,
+        teeth=(sun.teeth, ring.teeth),
+        planet_teeth=planet.teeth,
+        positions=list(drawn.positions),
+        masses=(sun.mass, ring.mass, mass, planet.mass),
+        reduced_inertias=reduced,
+        sun_base_radius=sun.base_diameter / 2.0,
+        pressure_angle=drawn.sun_mesh.working_pressure_angle,
+        support_stiffness=support_stiffness,
+        torsional_stiffness=torsional_stiffness,
+        structural_damping=structural_damping,
+        load=share / (sun.base_diameter / 2.0),
+        pin_errors=pin_errors,
+        turning=turning,
+        driving=driving,
+        gyroscopic=gyroscopic,
+        **more,
+    )
+    meshes = [dataclasses.replace(mesh, **flanks[mesh.internal]) for mesh in train.meshes]
+    return dataclasses.replace(train, meshes=tuple(meshes))
