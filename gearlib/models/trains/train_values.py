@@ -164,6 +164,7 @@ def with_values(train, changes):
             else:
                 fields[key][field] = new
     parts: dict = {"body": (), "shaft": (), "mesh": ()}
-    for (kind, label), element in elements.items():
-        parts[kind] += (dataclasses.replace(element, **fields[kind, label]),)
+    for key, element in elements.items():
+        changed = dataclasses.replace(element, **fields[key]) if fields[key] else element
+        parts[key[0]] += (changed,)
     return train.replace(bodies=parts["body"], shafts=parts["shaft"], meshes=parts["mesh"])
