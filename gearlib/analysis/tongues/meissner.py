@@ -117,11 +117,12 @@ def _excess(m, k, order):
 
 def _growth(m, k, order):
     """Return the logarithm of the largest multiplier in the gap of an order."""
-    return _log_multiplier(*_excess(m, k, order), math.pi * m.damping * k)
+    return _log_multiplier(_excess(m, k, order), math.pi * m.damping * k)
 
 
-def _log_multiplier(excess, scale, loss):
-    """Return the logarithm of the largest multiplier; excess and scale as of `_excess`."""
+def _log_multiplier(scaled_excess, loss):
+    """Return the logarithm of the largest multiplier from a result of `_excess`."""
+    excess, scale = scaled_excess
     root = math.sqrt(0.5 * max(excess, 0.0))
     if scale < _MAX_EXPONENT:
         half = math.asinh(root * math.exp(scale))
@@ -130,14 +131,11 @@ def _log_multiplier(excess, scale, loss):
     return 2.0 * (half - loss)
 
 
-def _margin(excess, scale, loss):
+def _margin(scaled_excess, loss):
     """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled: > 0 where deviations grow."""
-    root = (
-        math.sinh(loss)
-        if scale == 0.0
-        else 0.5 * (math.exp(loss - scale) - math.exp(-loss - scale))
-    )
-    return excess - 2.0 * root * root
+    excess, scale = scaled_excess
+    sine = -0.5 * math.exp(loss - scale) * math.expm1(-2.0 * loss)
+    return excess - 2.0 * sine * sine
 
 
 def angle(m, k, odd):
@@ -185,7 +183,10 @@ def gap(m, order):
 def tongue(m, order):
     """Return the `Tongue` of an order, None where all is over-damped."""
     ends = gap(m, order)
-    return ends and within_gap(order, *ends, m.damping, lambda k: _excess(m, k, order))
+    if ends is None:
+        return None
+    low, high = ends
+    return within_gap(order, low, high, m.damping, lambda k: _excess(m, k, order))
 
 
 def within_gap(order, low, high, damping, excess):
@@ -195,10 +196,10 @@ def within_gap(order, low, high, damping, excess):
     """
 
     def growth(k):
-        return _log_multiplier(*excess(k), math.pi * damping * k)
+        return _log_multiplier(excess(k), math.pi * damping * k)
 
     def margin(k):
-        return _margin(*excess(k), math.pi * damping * k)
+        return _margin(excess(k), math.pi * damping * k)
 
     sign = -1 if order % 2 else 1
     closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
@@ -287,8 +288,8 @@ def growth(contact_ratio, stiffness_ratio, damping, tuning):
     """
     half_high, low_length = segment_lengths(np.asarray(contact_ratio, float))
     high_length = 2.0 * half_high
-    squares = np.array(levels(contact_ratio, stiffness_ratio)) - np.square(damping)
-    high, low = np.sqrt(squares + 0j) / tuning
+    stiffnesses = levels(contact_ratio, stiffness_ratio)
+    high, low = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
     a, b = high * high_length, low * low_length
     # sin(a) / a by numpy's sinc, which knows its limit.
     sines = high_length * np.sinc(a / np.pi) * low_length * np.sinc(b / np.pi)
