@@ -70,7 +70,7 @@ _PUBLIC = {
     "split_power_reducer": "models.trains.ready_made",
     "sweep": "runs.sweeping",
     "switch_branch": "analysis.orbits.continuation",
-    "tongues": "analysis.tongues",
+    "tongues": "analysis.tongues.search",
     "trust": "analysis.trust",
     "two_stage": "models.trains.ready_made",
 }

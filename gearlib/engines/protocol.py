@@ -5,17 +5,21 @@ mesh phase. Runs begin at the start of a mesh period. They end with a status of 
 up after so many events in one mesh period.
 """
 
+import math
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from gearlib.engines.codes import OK, OVERFLOW
-from gearlib.engines.orbit import X_MAX, X_MIN, Record, Rows, Span
+from gearlib.engines.orbit import SAMPLE_V, SAMPLE_X, X_MAX, X_MIN, Record, Rows, Span
 from gearlib.engines.stable_repeats import proven
 
 #: Events for which a record has room before it grows.
 _FIRST_EVENTS = 64
+#: Most equal steps in which `Base.sections` samples a mesh period.
+_MAX_SECTION_SAMPLES = 360
 
 
 class Base:
@@ -29,9 +33,6 @@ class Base:
     components, pieces = 2, 0
     #: Whether periods of `run` are proven; else `stable_repeats` proves them.
     proves_periods = False
-    #: ``sections(states, settle, phase, max_events, table, ends, codes)`` fills a table, shape
-    #: (n, periods, 2), with states at one phase of every period; None: there is no fast way.
-    sections: Callable | None = None
 
     def __init__(self, model: Any, tuning: float):
         self.model, self.tuning = model, tuning
@@ -85,6 +86,26 @@ class Base:
         records = [self.run(z, span, keep_events=False) for z in states]
         codes = np.array([record.status for record in records], np.int64)
         return np.array([record.state for record in records]).reshape(np.shape(states)), codes
+
+    def sections(self, states, settle, phase, max_events: int, table, ends, codes) -> None:
+        """Fill a table, shape (n, periods, 2), with states at one phase of every period.
+
+        The n orbits start in `states`, shape (n, 2), and run `settle` periods before; `ends`, shape
+        (n, 2), are their states after all periods. Here `phase` is a multiple of one degree.
+        """
+        share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
+        if abs(share - phase / (2.0 * math.pi)) > 1e-12:
+            raise ValueError(
+                f"phase = {phase!r} is not allowed for this {type(self.model).__name__}: it must "
+                "be a multiple of one degree, pi / 180"
+            )
+        periods, samples = table.shape[1], share.denominator
+        span = Span(settle + periods, periods, max_events)
+        for i, state in enumerate(states):
+            record = self.run(self.start(state), span, samples, keep_events=False)
+            ends[i], codes[i] = record.final[:2], record.status
+            if record.status == OK:
+                table[i] = record.samples[share.numerator :: samples, [SAMPLE_X, SAMPLE_V]]
 
     def sweep(self, tunings, order, state, carry: bool, span: Span, rows: Rows) -> None:
         """Run ``tunings[order]`` and fill their rows, with `carry` from the state before each.

@@ -13,8 +13,8 @@ from gearlib.integrators.method import MissingPackage
 from gearlib.models.model import is_model
 from gearlib.removed import REMOVED, sentence
 
-if TYPE_CHECKING:  # what any run may load by name, for `workflow.sources`: that of AUTOMATIC
-    from gearlib.integrators import propagators  # noqa: F401
+if TYPE_CHECKING:  # loaded by name in any run, for `workflow.sources`: that of AUTOMATIC
+    from gearlib.integrators import method  # noqa: F401
 
 
 class _Methods(UserDict):
@@ -25,8 +25,8 @@ class _Methods(UserDict):
 
 
 METHODS = _Methods(
-    exact="propagators",
-    taylor="propagators",
+    exact="method",
+    taylor="method",
     rk4="fixed_steps",
     rk45="embedded_pair",
     newmark="fixed_steps",
@@ -67,6 +67,7 @@ def about(name):
 
 
 def _takers(model):
+    """Return the names of the methods that take a model."""
     return [name for name, method in METHODS.items() if method.takes(model)]
 
 

@@ -7,7 +7,7 @@ one gear pair, against its exact orbits.
 import numpy as np
 
 from gearlib.analysis.harmonics.equation import MeshEquation
-from gearlib.analysis.harmonics.harmonic_balance import harmonic_balance
+from gearlib.analysis.harmonics.harmonic_balance import first_coefficients, harmonic_balance
 from gearlib.analysis.harmonics.schmidt import (
     contraction,
     degenerate_harmonics,
@@ -15,7 +15,7 @@ from gearlib.analysis.harmonics.schmidt import (
     schmidt,
     search,
 )
-from gearlib.analysis.harmonics.solution import errors, exact_course, first_coefficients
+from gearlib.analysis.harmonics.solution import errors, exact_course
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair

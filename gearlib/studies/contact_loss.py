@@ -10,7 +10,8 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from gearlib.analysis.tongues import closing_damping, find, meissner
+from gearlib.analysis.tongues import meissner
+from gearlib.analysis.tongues.search import closing_damping, find
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.models.pair import GearPair

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gearlib.analysis.tongues import closing_damping, find, meissner, varied
+from gearlib.analysis.tongues import meissner
+from gearlib.analysis.tongues.search import closing_damping, find, varied
 from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 

@@ -23,16 +23,16 @@ PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 #: Longest orbit that is looked for, in cycles.
 MAX_CYCLES = 32
 #: A guess for shooting: states that come back this close, in shares of the size of the motion.
-_CLOSE = 1e-2
-#: Points closer than this, static deflections (over the size of the motion), are one.
-SAME = 1e-6
+_CLOSE_RETURN = 1e-2
+#: Points closer than this, static deflections (over the size of the motion), count as equal.
+_SAME_POINT = 1e-6
 #: Multipliers nearer to the unit circle attract too slowly to tell.
-_LEAST_DECAY = 1e-6
+_MIN_DECAY = 1e-6
 # The linearised map shrinks the form to _SHRINK, rings are _RING apart, between rounding and the
 # size of the motion.
 _SHRINK, _RING, _RINGS = 0.5, 0.7, 40
-_DIRECTIONS = {2: 32}
-_MORE_DIRECTIONS = 128
+#: Directions in which the ellipses of two coordinates, and of more, are sampled.
+_PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
 
 
 @dataclass(frozen=True)
@@ -84,48 +84,42 @@ def find(strobe, states, known):
         series.append(strobe(series[-1], 1)[0])
     # From the latest to the earliest: the latest is settled best.
     series = np.array(series[::-1])
-    seen = strobe.seen(series)
-    new = []
+    seen, all_known = strobe.seen(series), list(known)
     for k in range(len(states)):
         if not np.isfinite(seen[:, k]).all():
             continue
-        if any(attractor.ellipses.holds(seen[:1, k])[0] for attractor in known + new):
+        if any(attractor.ellipses.holds(seen[:1, k])[0] for attractor in all_known):
             continue
         attractor = _at(strobe, series[0, k], seen[:, k])
-        if attractor and not any(_same(attractor, other) for other in known + new):
-            new.append(attractor)
-    return new
+        if attractor and not any(_same(attractor, other) for other in all_known):
+            all_known.append(attractor)
+    return all_known[len(known) :]
 
 
 def _same(first, second):
-    size = max(1.0, np.abs(first.ellipses.points).max())
-    return bool(
-        (np.abs(second.ellipses.points - first.ellipses.points[0]).max(axis=1) < SAME * size).any()
-    )
+    """Return whether two periodic attractors are one orbit."""
+    points, size = first.ellipses.points, max(1.0, np.abs(first.ellipses.points).max())
+    distances = np.abs(second.ellipses.points - points[0]).max(axis=1)
+    return bool((distances < _SAME_POINT * size).any())
 
 
 def _at(strobe, state, seen):
     """Return the attractor at a settled state, or None; `seen`: it and the states before it."""
     size = max(1.0, np.ptp(seen, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
-        if np.abs(seen[n] - seen[0]).max() > _CLOSE * size:
+        if np.abs(seen[n] - seen[0]).max() > _CLOSE_RETURN * size:
             continue
+        period, max_events = n * strobe.cycle, strobe.max_events
         try:
             orbit = periodic_orbit(
-                strobe.pair,
-                strobe.tuning,
-                guess=state,
-                period=n * strobe.cycle,
-                max_events=strobe.max_events,
+                strobe.pair, strobe.tuning, guess=state, period=period, max_events=max_events
             )
         except NoOrbit:
             continue
         largest = np.abs(orbit.multipliers).max()
-        if largest < 1.0 - _LEAST_DECAY:
-            return attractor_of(strobe, orbit)
-        if largest <= 1.0 + _LEAST_DECAY:
-            # As without damping in contact: it draws nothing on, nor do its neighbours.
-            return None
+        if largest <= 1.0 + _MIN_DECAY:
+            # Without damping in contact an orbit draws nothing on, nor do its neighbours.
+            return attractor_of(strobe, orbit) if largest < 1.0 - _MIN_DECAY else None
     return None
 
 
@@ -180,14 +174,14 @@ def _ellipses(strobe, points, seen, size):
         failed = np.flatnonzero(~inside[j])
         first = failed[-1] + 1 if failed.size else 0
         # Below the last ring rounding rules: there only the states of the orbit itself.
-        radii[j] = rings[first] if first < rings.size else SAME * size
+        radii[j] = rings[first] if first < rings.size else _SAME_POINT * size
     return TrappingEllipses(seen, forms, radii)
 
 
 def _directions(n):
     """Return unit vectors, shape (k, n), spread over all directions."""
     if n == 2:
-        angles = 2.0 * np.pi * np.arange(_DIRECTIONS[2]) / _DIRECTIONS[2]
+        angles = 2.0 * np.pi * np.arange(_PLANE_DIRECTIONS) / _PLANE_DIRECTIONS
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    directions = np.random.default_rng(0).normal(size=(_MORE_DIRECTIONS, n))
+    directions = np.random.default_rng(0).normal(size=(_SPACE_DIRECTIONS, n))
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)

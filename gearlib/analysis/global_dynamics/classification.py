@@ -12,11 +12,13 @@ from gearlib.models.model import FAR
 #: Random states that run first, to find the attractors.
 _SCOUTS = 128
 #: States without an attractor that are looked at more closely, at a time, and how often.
-_CLOSER, _LOOKS = 8, 6
-#: Cycles of the first rounds after which states that are caught leave.
-_ROUND = 24
-_EXPONENT_PERIODS = 2000
-_RECORD = 256
+_SAMPLED, _MAX_LOOKS = 8, 6
+#: Cycles of the first rounds after which states in a trapping ellipse leave.
+_FIRST_CYCLES = 24
+#: Mesh periods of exponents, and of the extrema of motions that are not periodic.
+_EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
+#: Labels of states without an attractor: none yet, and those that have left all bounds.
+_NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
 def check_model(model):
@@ -38,32 +40,33 @@ def classify(strobe, states, cycles, *, stop_early=True, seed=0):
     ends in a trapping ellipse. `seed` chooses the states that are looked at first.
     """
     rng = np.random.default_rng(seed)
-    run = _Run(strobe, states, rng)
+    motions = _Motions(strobe, states, rng)
     scouts = rng.choice(len(states), min(_SCOUTS, len(states)), replace=False)
-    run.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
-    run.advance(cycles, stop_early)
-    run.let_grow()
-    run.look_closer()
-    if run.left.size and not run.all_chaotic():
-        run.advance(cycles, True)
-        run.look_closer()
-    run.name_the_rest()
-    return run.sorted()
+    motions.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
+    motions.advance(cycles, stop_early)
+    bounds = motions.bounds[motions.left]
+    gone, motions.at = strobe.unbounded(motions.at, 0.0, bounds, _EXPONENT_PERIODS)
+    motions.leave(gone, _UNBOUNDED_LABEL)
+    motions.look_closer()
+    chaos = motions.chaos()
+    if motions.left.size and not chaos:
+        motions.advance(cycles, True)
+        motions.look_closer()
+        chaos = motions.chaos()
+    return motions.sorted(chaos)
 
 
-class _Run:
-    """The states of one classification, on their way."""
+class _Motions:
+    """The motions of one classification, on their way."""
 
     def __init__(self, strobe, states, rng):
         self.strobe, self.states, self.rng = strobe, states, rng
         self.known = []
-        self.labels = np.full(len(states), -1)
-        self.unbounded = np.zeros(len(states), bool)
-        #: Sizes beyond which each has left all bounds, as of `Model.bound`.
-        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(strobe.start(states)))
+        self.labels = np.full(len(states), _NO_LABEL)
         #: States without a label: their numbers, where they are.
         self.left, self.at = np.arange(len(states)), strobe.start(states)
-        self.others = {}
+        #: Sizes beyond which each has left all bounds, as of `Model.bound`.
+        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(self.at))
 
     def learn(self, ends):
         """Add the attractors near `ends`; return whether there is a new one."""
@@ -71,62 +74,57 @@ class _Run:
         ends = ends[np.isfinite(ends).all(axis=1)]
         while len(ends):
             # A few at a time: most of the others are then in a trapping ellipse.
-            few, ends = ends[:_CLOSER], ends[_CLOSER:]
+            few, ends = ends[:_SAMPLED], ends[_SAMPLED:]
             self.known += attractors.find(self.strobe, few, self.known)
             for attractor in self.known:
                 ends = ends[~attractor.ellipses.holds(self.strobe.seen(ends))]
         return len(self.known) > before
 
+    def leave(self, chosen, label):
+        """Give the chosen ones of the states that are left, a mask, a label."""
+        self.labels[self.left[chosen]] = label
+        self.left, self.at = self.left[~chosen], self.at[~chosen]
+
     def catch(self):
         """Label the states that are in a trapping ellipse, and those that have left all bounds."""
-        seen = self.strobe.seen(self.at)
-        gone = self.strobe.size(self.at) > self.bounds[self.left]
-        self.unbounded[self.left[gone]] = True
-        caught = gone.copy()
+        self.leave(self.strobe.size(self.at) > self.bounds[self.left], _UNBOUNDED_LABEL)
         for i, attractor in enumerate(self.known):
-            inside = attractor.ellipses.holds(seen) & ~caught
-            self.labels[self.left[inside]] = i
-            caught |= inside
-        self.left, self.at = self.left[~caught], self.at[~caught]
+            self.leave(attractor.ellipses.holds(self.strobe.seen(self.at)), i)
 
     def advance(self, cycles, stop_early):
         """Take the states on, for `cycles` cycles or to a trapping ellipse."""
-        done, step = 0, _ROUND if stop_early else cycles
+        done, step = 0, _FIRST_CYCLES if stop_early else cycles
         while done < cycles and self.left.size:
             step = min(step, cycles - done)
             self.at, codes = self.strobe(self.at, step)
-            stopped = (codes != status.OK) & (codes != status.OVERFLOW)
-            if stopped.any():
-                raise RuntimeError(status.MESSAGES[int(codes[stopped][0])])
+            stopped = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
+            if stopped.size:
+                raise RuntimeError(status.MESSAGES[int(stopped[0])])
             self.catch()
             done += step
             step = done
 
-    def let_grow(self):
-        """Follow what is far out for as long as it grows; label what leaves all bounds."""
-        bounds = self.bounds[self.left]
-        gone, self.at = self.strobe.unbounded(self.at, 0.0, bounds, _EXPONENT_PERIODS)
-        self.unbounded[self.left[gone]] = True
-        self.left, self.at = self.left[~gone], self.at[~gone]
-
     def sample(self):
         """Return places in `left` of a few states."""
-        count = min(_CLOSER, self.left.size)
+        count = min(_SAMPLED, self.left.size)
         return np.sort(self.rng.choice(self.left.size, count, replace=False))
 
     def look_closer(self):
         """Look for attractors that the scouts have missed."""
-        for _ in range(_LOOKS):
+        for _ in range(_MAX_LOOKS):
             if not self.left.size or not self.learn(self.at[self.sample()]):
                 return
             self.catch()
 
-    def all_chaotic(self):
-        """Return whether deviations grow exponentially in a few states; note the rate.
+    def chaos(self):
+        """Return the chaotic attractor of the states that are left, else None.
 
-        All must grow, and the mean of their rates be positive beyond its error.
+        Deviations must grow exponentially in each of a few, and the mean of their rates be
+        positive beyond its error.
         """
         strobe, rates = self.strobe, []
+        if not self.left.size:
+            return None
         for i in self.left[self.sample()]:
             rate = lyapunov.largest(
                 strobe.pair,
@@ -137,43 +135,40 @@ class _Run:
                 max_events=strobe.max_events,
             )
             if not rate.growth > 0.0:
-                return False
+                return None
             rates.append(rate)
         value, uncertainty, growth, periods, _ = np.array(rates).T
         # Of weak chaos one motion alone may not suffice to tell.
-        error = np.sqrt((uncertainty**2).sum()) / len(rates)
-        mean = lyapunov.Exponent(value.mean(), error, growth.sum(), int(periods.sum()))
-        if mean.positive:
-            self.others[attractors.CHAOTIC] = self._extent(
-                attractors.CHAOTIC, float(mean.value), float(error)
-            )
-        return bool(mean.positive)
+        error = float(np.sqrt((uncertainty**2).sum()) / len(rates))
+        mean = lyapunov.Exponent(float(value.mean()), error, growth.sum(), int(periods.sum()))
+        if not mean.positive:
+            return None
+        return self.extent(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
-    def _extent(self, kind, exponent=np.nan, uncertainty=np.nan):
+    def extent(self, kind, **rate):
         """Return an attractor that is not periodic, with the extrema of a few of its motions."""
-        high, low = -np.inf, np.inf
-        for state in self.at[self.sample()]:
-            strobe = self.strobe
-            summary = strobe.propagator.record(state, _RECORD, strobe.max_events).summary
-            high = max(high, float(summary[columns.X_MAX]))
-            low = min(low, float(summary[columns.X_MIN]))
-        return attractors.Attractor(kind, high, low, exponent=exponent, uncertainty=uncertainty)
+        strobe = self.strobe
+        summaries = np.array(
+            [
+                strobe.propagator.record(state, _EXTREMA_PERIODS, strobe.max_events).summary
+                for state in self.at[self.sample()]
+            ]
+        )
+        high, low = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
+        return attractors.Attractor(kind, float(high), float(low), **rate)
 
-    def name_the_rest(self):
-        """Label what has no periodic attractor."""
+    def sorted(self, chaos):
+        """Return (attractors, labels) in the order of `Attractor.order`.
+
+        States without a periodic attractor belong to the chaotic one, or are undecided.
+        """
+        known = list(self.known)
         if self.left.size:
-            if attractors.CHAOTIC not in self.others and not self.all_chaotic():
-                self.others[attractors.UNDECIDED] = self._extent(attractors.UNDECIDED)
-            kind = attractors.CHAOTIC if attractors.CHAOTIC in self.others else attractors.UNDECIDED
-            self.labels[self.left] = len(self.known)
-            self.known.append(self.others[kind])
-        if self.unbounded.any():
-            self.labels[self.unbounded] = len(self.known)
-            self.known.append(attractors.Attractor(attractors.UNBOUNDED))
-
-    def sorted(self):
-        """Return (attractors, labels) in the order of `Attractor.order`."""
-        order = sorted(range(len(self.known)), key=lambda i: self.known[i].order)
-        places = np.empty(len(order), np.int64)
-        places[order] = np.arange(len(order))
-        return [self.known[i] for i in order], places[self.labels]
+            self.labels[self.left] = len(known)
+            known.append(chaos or self.extent(attractors.UNDECIDED))
+        unbounded = self.labels == _UNBOUNDED_LABEL
+        if unbounded.any():
+            self.labels[unbounded] = len(known)
+            known.append(attractors.Attractor(attractors.UNBOUNDED))
+        order = sorted(range(len(known)), key=lambda i: known[i].order)
+        return [known[i] for i in order], np.argsort(order)[self.labels]

@@ -25,9 +25,7 @@ def check_one_mesh(model):
 def initial_states(grid):
     """Return (displacements, velocities) of a grid of initial states, as float arrays.
 
-    Of each the grid has a tuple (first, last, count) or an array of different values,
-    displacements in static deflections, velocities dx/dtau. A ValueError names what is not
-    allowed; too many states are refused before any is made.
+    Too many states are refused before any is made.
     """
     try:
         first, second = grid
@@ -55,7 +53,7 @@ def _is_range(axis):
 
 
 def _axis(name, axis):
-    """Return one axis of a grid as a float array."""
+    """Return one axis of a grid, (first, last, count) or different values, as a float array."""
     if not _is_range(axis):
         return values(name, axis)
     first, last = (
@@ -83,15 +81,15 @@ def values(name, given):
 def region(given):
     """Return ((x0, x1), (v0, v1)) of a region of initial states, checked."""
     try:
-        (x0, x1), (v0, v1) = given
-        array = np.array([[x0, x1], [v0, v1]], float)
-        if not (np.isfinite(array).all() and (array[:, 0] < array[:, 1]).all()):
-            raise ValueError
+        array = np.array([[low, high] for low, high in given], float)
+        valid = array.shape == (2, 2) and np.isfinite(array).all() and (np.diff(array) > 0.0).all()
     except (TypeError, ValueError):
+        valid = False
+    if not valid:
         raise ValueError(
             f"region = {given!r} is not allowed: it must be ((lowest, highest displacement), "
             "(lowest, highest dx/dtau)), finite, the second greater"
-        ) from None
+        )
     return array
 
 

@@ -1,7 +1,6 @@
 """`poincare_section`: states at one mesh phase; `bifurcation_diagram`: these over a parameter."""
 
 import math
-from fractions import Fraction
 
 import numpy as np
 
@@ -14,11 +13,8 @@ from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
-from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import DIRECTIONS
 
-#: Models without closed forms sample a period in so many equal steps at most.
-_MOST_SAMPLES = 360
 #: Most states of one section.
 MAX_POINTS = 50_000_000
 
@@ -54,7 +50,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    tuning, phase = check_tuning("tuning", tuning), check_phase(phase)
+    tuning, phase = check_tuning("tuning", tuning), _check_phase(phase)
     rows = np.atleast_2d(floats(states))
     if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows) or not np.isfinite(rows).all():
         raise checks.refusal(
@@ -69,8 +65,8 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
             f"most {MAX_POINTS:,} states in a section"
         )
     max_events = checks.integer("max_events", max_events, 1)
-    choose(pair, None, None)
-    table, ends, codes = section(pair, tuning, rows, settle, periods, phase, max_events)
+    method = choose(pair, None, None)[0]
+    table, ends, codes = _section(pair, tuning, rows, settle, periods, phase, max_events)
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
         "velocity": (("orbit", "strobe"), table[..., 1]),
@@ -90,7 +86,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         pair,
         data,
         coords,
-        method=choose(pair, None, None)[0],
+        method=method,
         tuning=tuning,
         phase=phase,
         periods=periods,
@@ -98,41 +94,19 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     )
 
 
-def check_phase(phase):
+def _check_phase(phase):
     """Return the mesh phase of a section: from 0 to less than 2 pi."""
     return checks.number(
         "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
     )
 
 
-def section(model, tuning, states, settle, periods, phase, max_events):
+def _section(model, tuning, states, settle, periods, phase, max_events):
     """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
+    grids.check_one_mesh(model)
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
-    grids.check_one_mesh(model)
-    propagator = model.propagator(tuning)
-    if propagator.sections is not None:
-        propagator.sections(states, settle, phase, max_events, table, ends, codes)
-    else:
-        share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MOST_SAMPLES)
-        if abs(share - phase / (2.0 * math.pi)) > 1e-12:
-            raise ValueError(
-                f"phase = {phase!r} is not allowed for this {type(model).__name__}: it must be a "
-                "multiple of one degree, pi / 180"
-            )
-        for i, state in enumerate(states):
-            run = simulate(
-                model,
-                tuning,
-                periods=settle + periods,
-                record_periods=periods,
-                samples_per_period=share.denominator,
-                initial_state=tuple(state),
-                max_events=max_events,
-            )
-            chosen = slice(share.numerator, None, share.denominator)
-            table[i, :, 0], table[i, :, 1] = run.displacement[chosen], run.velocity[chosen]
-            ends[i], codes[i] = run.final_state, run.status
+    model.propagator(tuning).sections(states, settle, phase, max_events, table, ends, codes)
     for i, state in enumerate(states):
         if codes[i] == status.OK and np.abs(table[i, :, 0]).max() > model.bound(tuning, state):
             table[i], codes[i] = math.nan, status.OVERFLOW
@@ -186,7 +160,7 @@ def bifurcation_diagram(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    choose(pair, None, None)
+    method = choose(pair, None, None)[0]
     values = grids.values("values", values)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and pair.size > 2:
@@ -196,7 +170,7 @@ def bifurcation_diagram(
         )
     settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
     initial_state = checks.state("initial_state", initial_state)
-    phase, max_events = check_phase(phase), checks.integer("max_events", max_events, 1)
+    phase, max_events = _check_phase(phase), checks.integer("max_events", max_events, 1)
     words = f"strobes = {strobes} at {values.size} values"
     check_memory(words, strobes * values.size, 2, "in all")
     cases = varied(pair, tuning, parameter, values)
@@ -220,7 +194,7 @@ def bifurcation_diagram(
         pair,
         data,
         coords,
-        method=choose(pair, None, None)[0],
+        method=method,
         parameter=parameter,
         tuning=tuning,
         direction=direction,
@@ -235,7 +209,7 @@ def bifurcation_diagram(
 def _diagram(cases: list, values: np.ndarray, direction: str, record: tuple, start: tuple) -> tuple:
     """Return (states, ends, codes) of the section of each case, (model, tuning).
 
-    `record` is (settle, strobes, phase, max_events) of `section`.
+    `record` is (settle, strobes, phase, max_events) of `_section`.
     """
     states = np.full((values.size, record[1], 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
@@ -245,7 +219,7 @@ def _diagram(cases: list, values: np.ndarray, direction: str, record: tuple, sta
     state = start
     for i in notebook.counted("values", order, order.size):
         model, tuning = cases[i]
-        table, end, code = section(model, tuning, np.array([state]), *record)
+        table, end, code = _section(model, tuning, np.array([state]), *record)
         states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
         # Only whole records repeat; their range is the scale of the comparison.
         height = float(np.ptp(table[0, :, 0]))

@@ -17,7 +17,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: A motion this many times as large as its model grows without bound if it becomes as many times
 #: as large in so many periods as are counted, again and again, up to `Model.bound`.
-_LARGE, _GROWN = 1e2, 1.5
+_MANY_EXTENTS, _GROWTH = 1e2, 1.5
 
 
 class Stroboscope:
@@ -54,12 +54,12 @@ class Stroboscope:
         Shapes (k,) and (k, n); `before` are their sizes so many mesh periods ago.
         """
         states, size = states.copy(), self.size(states)
-        growing = (size > _LARGE * self.pair.extent) & (size > _GROWN * before)
+        growing = (size > _MANY_EXTENTS * self.pair.extent) & (size > _GROWTH * before)
         while (follow := growing & (size <= bounds)).any():
             ends, codes = self(states[follow], -(-periods // self.cycle))
             stopped = ~np.isin(codes, (status.OK, status.OVERFLOW))
             after = np.where(stopped, 0.0, self.size(ends))
-            growing[follow] = grows = after > _GROWN * size[follow]
+            growing[follow] = grows = after > _GROWTH * size[follow]
             states[follow], size[follow] = np.where(grows[:, None], ends, states[follow]), after
         return size > bounds, states
 

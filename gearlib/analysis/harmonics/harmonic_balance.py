@@ -10,12 +10,26 @@ that of Hill's method.
 
 import numpy as np
 
-from gearlib.analysis.harmonics import solution
+from gearlib import checks
+from gearlib.analysis.harmonics.equation import (
+    LEAST_SAMPLES,
+    MeshEquation,
+    from_real_parts,
+    real_parts,
+)
+from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.data.numbers_given import floats
+from gearlib.models.model import is_model
+from gearlib.runs.run_arguments import check_tuning
 
 #: Residual over the load that counts as none; times the size of the inertia terms if larger.
-RESIDUAL = 1e-11
+_RESIDUAL = 1e-11
 _MAX_NEWTON, _MAX_HALVINGS = 60, 12
+#: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
+#: that of the mesh itself; on so many harmonics, enough to tell contacts, to so small an error.
+_ADDED_DAMPING = (1.0, 0.3, 0.1, 0.03, 0.0)
+_GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
 def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, period=1):
@@ -50,20 +64,20 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method found none near the guess; the message says what to try.
     """
-    equation = solution.check_problem(pair, tuning, harmonics, samples, period)
-    coefficients = solution.first_coefficients(equation, guess)
+    equation = check_problem(pair, tuning, harmonics, samples, period)
+    coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for stage, tolerance in solution.stages(equation, guess, RESIDUAL):
-        first = solution.resized(coefficients, stage)
-        coefficients, size, *cost = _newton(stage, first, tolerance)
-        steps, evaluations = steps + cost[0], evaluations + cost[1]
-    if not size <= _least(equation, coefficients, RESIDUAL):
+    for stage, tolerance in stages(equation, guess, _RESIDUAL):
+        first = resized(coefficients, stage)
+        coefficients, size, more_steps, more_evaluations = _newton(stage, first, tolerance)
+        steps, evaluations = steps + more_steps, evaluations + more_evaluations
+    if not size <= _negligible_residual(equation, coefficients, _RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "
             f"tuning = {equation.tuning!r}, the best residual is {size:.2g}: guess the solution of "
             "a neighbouring tuning or the displacements of a run, or take another period"
         )
-    return solution.PeriodicSolution(
+    return PeriodicSolution(
         pair,
         equation.tuning,
         equation.period,
@@ -73,22 +87,25 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         size,
         steps,
         evaluations,
-        solution.hill_multipliers(equation, coefficients),
+        hill_multipliers(equation, coefficients),
     )
 
 
 def _newton(equation, coefficients, tolerance):
     """Return (coefficients, residual, steps, evaluations) where Newton's method ends."""
-    residual, force = equation.residual(coefficients)
+    force = equation.force(coefficients)
+    residual = equation.residual(coefficients, force)
     size, steps, evaluations = equation.size(residual), 0, equation.samples
-    while steps < _MAX_NEWTON and size > _least(equation, coefficients, tolerance):
+    while steps < _MAX_NEWTON and size > _negligible_residual(equation, coefficients, tolerance):
         try:
-            step = -_complex(np.linalg.solve(jacobian(equation, force), _real(residual)))
+            step = np.linalg.solve(equation.jacobian(force), -real_parts(residual))
         except np.linalg.LinAlgError:
             break
-        steps += 1
+        step, steps = from_real_parts(step), steps + 1
         for _ in range(_MAX_HALVINGS):
-            new_residual, new_force = equation.residual(coefficients + step)
+            new = coefficients + step
+            new_force = equation.force(new)
+            new_residual = equation.residual(new, new_force)
             new_size = equation.size(new_residual)
             evaluations += equation.samples
             if new_size < size:
@@ -96,44 +113,70 @@ def _newton(equation, coefficients, tolerance):
             step *= 0.5
         else:
             break
-        coefficients, residual, force, size = coefficients + step, new_residual, new_force, new_size
+        coefficients, force, residual, size = new, new_force, new_residual, new_size
     return coefficients, size, steps, evaluations
 
 
-def _least(equation, coefficients, tolerance):
+def _negligible_residual(equation, coefficients, tolerance):
     """Return the residual that counts as none."""
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.unit
     return tolerance * max(1.0, inertia)
 
 
-def jacobian(equation, force):
-    """Return the derivative of the residual by the harmonics, real, square.
+def check_problem(model, tuning, harmonics, samples, period):
+    """Return the `MeshEquation` of checked arguments, else ValueError."""
+    if not (is_model(model) and model.one_mesh):
+        raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
+    tuning = check_tuning("tuning", tuning)
+    period = checks.integer("period", period, 1)
+    harmonics = checks.integer("harmonics", harmonics, period)
+    if samples is not None:
+        samples = checks.integer("samples", samples, LEAST_SAMPLES * harmonics + 1)
+    return MeshEquation(model, tuning, harmonics, samples, period)
 
-    Unknowns and equations are X_0, then the real parts, then the imaginary parts of X_1 ... X_h.
+
+def stages(equation, guess, tolerance):
+    """Return the equations that are solved one after the other, each with its tolerance.
+
+    Without a guess these are first, roughly and of few harmonics, those of a strongly damped mesh.
     """
-    k = np.arange(equation.harmonics + 1)
-    b = np.fft.fft(force.by_displacement, norm="forward")
-    a = np.fft.fft(force.by_velocity, norm="forward")
-    rate = 1j * equation.orders
-    plus, minus = k[:, None] - k, k[:, None] + k
-    direct = b[plus] + a[plus] * rate - np.diag(equation.orders**2)
-    mirrored = b[minus] - a[minus] * rate
-    by_real, by_imaginary = direct + mirrored, 1j * (direct - mirrored)
-    by_real[:, 0] = direct[:, 0]
-    return np.block(
-        [
-            [by_real.real, by_imaginary[:, 1:].real],
-            [by_real[1:].imag, by_imaginary[1:, 1:].imag],
-        ]
-    )
+    pair, tuning, period = equation.pair, equation.tuning, equation.period
+    harmonics = min(equation.harmonics, _GUESS_HARMONICS * period)
+    damped = [
+        (MeshEquation(pair, tuning, harmonics, None, period, added), _GUESS_TOLERANCE)
+        for added in (_ADDED_DAMPING if guess is None else ())
+    ]
+    return [*damped, (equation, tolerance)]
 
 
-def _real(coefficients):
-    return np.concatenate([coefficients.real, coefficients[1:].imag])
+def first_coefficients(equation, guess):
+    """Return the harmonics from which a search starts, shape (harmonics + 1,).
+
+    The guess is a `PeriodicSolution` of the same period; displacements at n equal steps of
+    phase over the period; or None, the static deflection. A ValueError names it.
+    """
+    if guess is None:
+        return resized(np.ones(1, complex), equation)
+    if isinstance(guess, PeriodicSolution):
+        if guess.period != equation.period:
+            raise ValueError(
+                f"guess with period = {guess.period} is not allowed: its period must be "
+                f"{equation.period}"
+            )
+        return resized(guess.coefficients, equation)
+    values = floats(guess)
+    if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
+        raise ValueError(
+            f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
+            "finite displacements over the period"
+        )
+    # The highest harmonic of an even number of points has no phase: left out.
+    return resized(np.fft.rfft(values, norm="forward")[: (values.size + 1) // 2], equation)
 
 
-def _complex(values):
-    half = values.size // 2 + 1
-    result = values[:half].astype(complex)
-    result[1:] += 1j * values[half:]
+def resized(coefficients, equation):
+    """Return harmonics cut, or filled with zeros, to those of an equation."""
+    result = np.zeros(equation.harmonics + 1, complex)
+    count = min(coefficients.size, result.size)
+    result[:count] = coefficients[:count]
     return result

@@ -1,7 +1,7 @@
 """The paper's analytic method: an integral equation, its kernel split after E. Schmidt.
 
-With the periodic Green's function G of the mean-stiffness oscillator (`.green`) the periodic
-problem is the integro-differential equation
+With the periodic Green's function G of the mean-stiffness oscillator, on harmonics one over its
+symbol 1 / nu^2 - k^2 + 2 i beta k / nu, the periodic problem is the equation
 
     x(tau) = int G(tau - sigma) [e(sigma) - n(sigma, x, x')] dsigma,
 
@@ -24,36 +24,35 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics.equation import Force, remainder_norm, weights
-from gearlib.analysis.harmonics.solution import (
-    PeriodicSolution,
+from gearlib.analysis.harmonics.equation import Force, from_real_parts, real_parts
+from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
     first_coefficients,
-    hill_multipliers,
     resized,
     stages,
 )
+from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 
 #: Bound of the norm of the remainder that the automatic choice of degenerate terms keeps.
-CONTRACTION = 0.5
-#: Successive approximations stop for a step of the algebraic system at this share of its rest.
-_LOOSE = 0.01
+_MAX_NORM = 0.5
+#: Successive approximations stop for a step of the algebraic system at this share of its residual.
+_REMAINDER_SHARE = 0.01
 #: Accuracy of the Neumann series in the derivative; more would only spare a step at the end.
-_SERIES = 1e-6
-_MOST_TERMS = 200
-_MAX_HALVINGS = 8
+_SERIES_TOLERANCE = 1e-6
+_MAX_SERIES_TERMS, _MAX_HALVINGS = 200, 8
 #: Growth of the motion over the static deflection that counts as divergence.
-_LARGEST = 1e6
+_DIVERGED = 1e6
+#: Powers of the kernel from which its spectral radius is estimated.
 _POWERS = 60
 
 
 @dataclass(frozen=True)
 class SchmidtSolution(PeriodicSolution):
-    """What E. Schmidt's method found: a periodic motion, or how far it came."""
+    """Result of E. Schmidt's method: a periodic motion, or the last iterate."""
 
     converged: bool
     degenerate: tuple  #: harmonics of the degenerate part
-    norm_bound: float  #: of the remainder, `.green.remainder_norm` along the motion
+    norm_bound: float  #: of the norm of the remainder, in mean squares, along the motion
     contraction: float  #: by which each iteration shrinks a deviation: spectral radius of R n'
 
     @property
@@ -125,43 +124,43 @@ def schmidt(
     equation = check_problem(pair, tuning, harmonics, samples, period)
     tolerance = checks.finite_positive("tolerance", tolerance)
     max_iterations = checks.integer("max_iterations", max_iterations, 1)
-    kept = degenerate_harmonics(equation, degenerate)
-    chosen = isinstance(degenerate, str)
+    terms = degenerate_harmonics(equation, degenerate)
+    automatic = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
     count, evaluations = 0, 0
     for stage, accuracy in stages(equation, guess, tolerance):
-        first = kept[kept <= stage.harmonics]
-        coefficients, more, converged, used = search(
-            stage, resized(coefficients, stage), first, chosen, accuracy, max_iterations - count
+        first, left = resized(coefficients, stage), max_iterations - count
+        resolved = terms[terms <= stage.harmonics]
+        coefficients, more, converged, applications = search(
+            stage, first, resolved, automatic, accuracy, left
         )
-        kept = np.union1d(kept, more)
-        count, evaluations = count + used, evaluations + used * stage.samples
-    return _solution(equation, coefficients, kept, converged, (count, evaluations))
+        terms = np.union1d(terms, more)
+        count, evaluations = count + applications, evaluations + applications * stage.samples
+    return _solution(equation, coefficients, terms, converged, count, evaluations)
 
 
-def search(equation, coefficients, degenerate, chosen, tolerance, most):
+def search(equation, coefficients, degenerate, automatic, tolerance, max_applications):
     """Return (coefficients, degenerate, whether they converged, applications of the kernel).
 
-    Where the choice is the method's (`chosen`), harmonics become degenerate as the motion asks.
+    If the choice is `automatic`, harmonics become degenerate as the motion asks.
     """
-    count, steps = 0, None
-    while count < most:
-        if steps is None:
-            steps = iterate(equation, coefficients, degenerate, tolerance)
+    count, steps = 0, iterate(equation, coefficients, degenerate, tolerance)
+    while count < max_applications:
         step = next(steps)
         coefficients, count = step.coefficients, count + step.applications
-        if not _norm(coefficients) < _LARGEST:
+        if not _norm(coefficients) < _DIVERGED:
             break
-        more = np.union1d(degenerate, _resonant(equation, step.force)) if chosen else degenerate
-        if more.size > degenerate.size:
-            degenerate, steps = more, None
+        more = _resonant(equation, step.force) if automatic else degenerate
+        if np.setdiff1d(more, degenerate).size:
+            degenerate = np.union1d(degenerate, more)
+            steps = iterate(equation, coefficients, degenerate, tolerance)
         elif step.correction <= tolerance and step.algebraic <= tolerance:
             return coefficients, degenerate, True, count
     return coefficients, degenerate, False, count
 
 
 class Iterate(NamedTuple):
-    """One step of the method."""
+    """A step of the method."""
 
     coefficients: np.ndarray  #: after the step
     force: Force  #: before it
@@ -172,24 +171,21 @@ class Iterate(NamedTuple):
 
 def iterate(equation, coefficients, degenerate, tolerance):
     """Yield the steps of the method from first coefficients, without end; see `Iterate`."""
-    remainder = np.ones(equation.harmonics + 1, bool)
-    remainder[degenerate] = False
-    gain = np.zeros(equation.harmonics + 1, complex)
-    gain[remainder] = 1.0 / equation.symbol[remainder]
+    gain = _remainder_gain(equation, degenerate)
     algebraic = np.inf if len(degenerate) else 0.0
-    # The last step of the degenerate part: from where, and what it left.
+    # The last step of the degenerate part: from where, and the residual that it left.
     base, step, least, halvings = coefficients, np.zeros_like(coefficients), np.inf, 0
     cost = 0
     while True:
-        force = equation.force(*equation.motion(coefficients))
+        force = equation.force(coefficients)
         balance = equation.excitation - _missing(equation, coefficients, force.value)
         residual = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
-        new = np.where(remainder, gain * balance, coefficients)
-        correction = _norm(new - coefficients)
-        coefficients = new
+        new = gain * balance
+        new[degenerate] = coefficients[degenerate]
+        correction, coefficients = _norm(new - coefficients), new
         yield Iterate(coefficients, force, correction, algebraic, cost + 1)
         cost = 0
-        if not len(degenerate) or correction > max(tolerance, _LOOSE * residual):
+        if not len(degenerate) or correction > max(tolerance, _REMAINDER_SHARE * residual):
             continue
         if residual > least and halvings < _MAX_HALVINGS:
             step, halvings = 0.5 * step, halvings + 1
@@ -199,42 +195,49 @@ def iterate(equation, coefficients, degenerate, tolerance):
         coefficients, algebraic = base + step, _norm(step)
 
 
+def _remainder_gain(equation, degenerate):
+    """Return the kernel of the remainder on the harmonics: 0 on the degenerate ones."""
+    gain = np.zeros(equation.harmonics + 1, complex)
+    remainder = np.delete(np.arange(gain.size), degenerate)
+    gain[remainder] = 1.0 / equation.symbol[remainder]
+    return gain
+
+
 def _algebraic_step(equation, coefficients, degenerate, gain):
     """Return Newton's step of the degenerate part with the remainder that follows, and its cost."""
-    force = equation.force(*equation.motion(coefficients))
-    missing = _missing(equation, coefficients, force.value)
-    residual = (equation.symbol * coefficients + missing - equation.excitation)[degenerate]
+    force = equation.force(coefficients)
+    residual = equation.residual(coefficients, force)
     # Unit changes of the real parts, and of the imaginary parts but that of the mean.
-    turned = degenerate[degenerate > 0]
-    units = np.zeros((degenerate.size + turned.size, coefficients.size), complex)
-    units[np.arange(degenerate.size), degenerate] = 1.0
-    units[degenerate.size + np.arange(turned.size), turned] = 1j
+    unknowns = np.concatenate([degenerate, equation.harmonics + degenerate[degenerate > 0]])
+    units = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
+    units[np.arange(unknowns.size), unknowns] = 1.0
+    units = from_real_parts(units)
     follow, terms = np.zeros_like(units), 0
-    while terms < _MOST_TERMS:
+    while terms < _MAX_SERIES_TERMS:
         # Neumann's series of (1 + R n')^-1, summed as successive approximations.
         new = -gain * _missing_change(equation, force, units + follow)
         change = np.abs(new - follow).max()
         follow, terms = new, terms + 1
-        if not _SERIES < change < _LARGEST:
+        if not _SERIES_TOLERANCE < change < _DIVERGED:
             break
     whole = units + follow
-    effect = (equation.symbol * whole + _missing_change(equation, force, whole))[:, degenerate]
-    matrix = np.hstack([effect.real, effect[:, degenerate > 0].imag]).T
-    right = np.concatenate([residual.real, residual[degenerate > 0].imag])
-    share, *_ = np.linalg.lstsq(matrix, -right, rcond=None)
+    effect = equation.symbol * whole + _missing_change(equation, force, whole)
+    matrix = real_parts(effect)[:, unknowns].T
+    share, *_ = np.linalg.lstsq(matrix, -real_parts(residual)[unknowns], rcond=None)
     return share @ whole, 1 + (terms + 1) * len(units)
 
 
 def _missing(equation, coefficients, force):
     """Return n, the force that the mean-stiffness oscillator lacks, on the harmonics."""
-    carried = (equation.unit + 1j * equation.rate * equation.orders) * coefficients
-    return equation.to_harmonics(force) - carried
+    linear = (equation.unit + 1j * equation.rate * equation.orders) * coefficients
+    return equation.to_harmonics(force) - linear
 
 
 def _missing_change(equation, force, changes):
     """Return the change of n by changes of the harmonics, shape (m, harmonics + 1)."""
     x, v = equation.motion(changes)
-    return _missing(equation, changes, force.by_displacement * x + force.by_velocity * v)
+    by_displacement = force.slope + force.impulse
+    return _missing(equation, changes, by_displacement * x + force.by_velocity * v)
 
 
 def contraction(equation, coefficients, degenerate):
@@ -242,9 +245,7 @@ def contraction(equation, coefficients, degenerate):
 
     By 60 powers from a fixed start, of which the last 20 count: good to about a percent.
     """
-    force = equation.force(*equation.motion(coefficients))
-    gain = 1.0 / equation.symbol
-    gain[degenerate] = 0.0
+    force, gain = equation.force(coefficients), _remainder_gain(equation, degenerate)
     change = np.where(np.arange(gain.size) % 2, 1.0, 0.7 + 0.4j) * np.abs(gain)
     change[0] = abs(change[0])
     sizes = []
@@ -261,8 +262,7 @@ def degenerate_harmonics(equation, degenerate):
     """Return the harmonics that an argument `degenerate` means, rising, else ValueError."""
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
-        force = equation.force(*equation.motion(first_coefficients(equation, None)))
-        return _resonant(equation, force)
+        return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if np.ndim(degenerate) == 0:
         count = checks.integer("degenerate", degenerate, 0, equation.harmonics + 1)
         return np.sort(np.argsort(np.abs(equation.symbol), kind="stable")[:count])
@@ -271,7 +271,8 @@ def degenerate_harmonics(equation, degenerate):
 
 
 def _resonant(equation, force):
-    return np.flatnonzero(weights(equation, force) > CONTRACTION)
+    """Return the harmonics on which the kernel may enlarge a deviation too much."""
+    return np.flatnonzero(equation.weights(force) > _MAX_NORM)
 
 
 def _norm(coefficients):
@@ -280,10 +281,15 @@ def _norm(coefficients):
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
-def _solution(equation, coefficients, degenerate, converged, cost):
-    residual, force = equation.residual(coefficients)
-    finite = _norm(coefficients) < _LARGEST
-    iterations, evaluations = cost
+def _solution(equation, coefficients, degenerate, converged, iterations, evaluations):
+    """Return the `SchmidtSolution` where a search ended; without numbers if it has diverged."""
+    force = equation.force(coefficients)
+    multipliers, norm_bound, factor = np.full(2, np.nan, complex), np.nan, np.nan
+    if _norm(coefficients) < _DIVERGED:
+        multipliers = hill_multipliers(equation, coefficients)
+        # Below 1 the Neumann series of the remainder converges.
+        norm_bound = float(np.delete(equation.weights(force), degenerate).max(initial=0.0))
+        factor = contraction(equation, coefficients, degenerate)
     return SchmidtSolution(
         equation.pair,
         equation.tuning,
@@ -291,12 +297,12 @@ def _solution(equation, coefficients, degenerate, converged, cost):
         "schmidt",
         coefficients,
         equation.samples,
-        equation.size(residual),
+        equation.size(equation.residual(coefficients, force)),
         iterations,
         evaluations,
-        hill_multipliers(equation, coefficients) if finite else np.full(2, np.nan, complex),
+        multipliers,
         converged,
         tuple(int(k) for k in degenerate),
-        remainder_norm(weights(equation, force), degenerate) if finite else np.nan,
-        contraction(equation, coefficients, degenerate) if finite else np.nan,
+        norm_bound,
+        factor,
     )

@@ -11,50 +11,34 @@ on a grid of tunings, pairs of them between two grid points included; where a co
 multipliers leaves the unit circle, the edge is bisected on the spectral radius.
 """
 
-import dataclasses
 import math
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from gearlib.analysis.tongues import meissner
-from gearlib.analysis.tongues.meissner import Tongue, linear_pair
-from gearlib.data import status
+from gearlib.analysis.tongues.meissner import Tongue, period_map
 from gearlib.models.harmonics import Harmonics
-from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Steps of the scan over 1 / nu; a tongue comes about every half.
-_STEP = 1.0 / 32.0
+_SCAN_STEP = 1.0 / 32.0
 #: |T| / 2 - 1 that counts as rounding.
 _ROUNDING = 2e-14
 #: Growth per mesh period that counts as none with many coordinates: of a double multiplier, whose
 #: places move by the square root of rounding.
-_NEUTRAL = 1e-6
-_LAST_PLACES = 4.0 * np.finfo(float).eps
-
-
-def one_degree_map(pair, tuning):
-    """Return the map of deviations over one mesh period, (2, 2), of a linear `OneDegreePair`."""
-    mesh = dataclasses.replace(
-        pair, pair=linear_pair(pair.pair), excitation=Harmonics(), deviation=Harmonics()
-    )
-    _, maps, code = mesh.propagator(tuning).maps(np.array([1.0, 0.0]), 1, MAX_EVENTS)
-    if code != status.OK:
-        raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
-    return maps[0]
+_NO_GROWTH = 1e-6
 
 
 def one_degree(pair, start, stop):
     """Return the `Tongue`s of a linear `OneDegreePair` whose gaps meet a range of tunings."""
     tongues = []
-    for order, (before, here, after) in _extrema(pair, 1.0 / start):
-        low, high = _gap(pair, order, before, here, after)
-        if high < 1.0 / stop:
-            continue
+    for order, places in _extrema(pair, 1.0 / start):
+        tongue, (low, high) = _gap_tongue(pair, order, *places)
         if low > 1.0 / start:
             break
-        tongues.append(_tongue(pair, order, low, high))
+        if high >= 1.0 / stop:
+            tongues.append(tongue)
     return tongues
 
 
@@ -63,7 +47,7 @@ def closing_damping(pair, tongue):
     free = with_damping(pair, 0.0)
     near = {order: places for order, places in _extrema(free, 1.0 / tongue.peak)}
     before, here, after = near[tongue.order]
-    undamped = _tongue(free, tongue.order, *_gap(free, tongue.order, before, here, after))
+    undamped, _ = _gap_tongue(free, tongue.order, before, here, after)
     if undamped.growth <= 0.0:
         return 0.0
 
@@ -73,8 +57,7 @@ def closing_damping(pair, tongue):
         damped = with_damping(pair, damping)
         low, high = shift * (before + here) / 2.0, shift * (here + after) / 2.0
         peak = _extremum(damped, tongue.order, low, high)
-        ends = _gap(damped, tongue.order, shift * before, peak, shift * after)
-        return _tongue(damped, tongue.order, *ends).growth
+        return _gap_tongue(damped, tongue.order, shift * before, peak, shift * after)[0].growth
 
     # Growth less loss, as if damping changed nothing else.
     about = min(undamped.growth * undamped.peak / (2.0 * math.pi), 0.3)
@@ -95,7 +78,7 @@ def closing_six(pair, tongue):
         if tongue.multiplier:
             over = lambda nu: inside * _miss(damped, nu, tongue.multiplier)  # noqa: E731
         else:
-            over = lambda nu: _growth(damped, nu) - _NEUTRAL  # noqa: E731
+            over = lambda nu: _growth(damped, nu) - _NO_GROWTH  # noqa: E731
         return meissner.strongest(over, tongue.start, tongue.stop)[0]
 
     # Growth less loss, as if damping changed nothing else.
@@ -116,7 +99,8 @@ def with_damping(pair, damping):
 def _half_trace(pair, k, order):
     """Return T / 2 of the map freed of the damping, > 1 in the gap of an order."""
     free = math.exp(2.0 * math.pi * pair.damping_ratio * k)
-    return 0.5 * (-1.0) ** order * free * float(np.trace(one_degree_map(pair, 1.0 / k)))
+    unforced = pair.replace(excitation=Harmonics(), deviation=Harmonics())
+    return 0.5 * (-1.0) ** order * free * float(np.trace(period_map(unforced, 1.0 / k)[0]))
 
 
 def _extremum(pair, order, low, high):
@@ -135,42 +119,33 @@ def _extrema(pair, most):
             "stiffness that is not rectangular"
         )
     places, order = [0.0], 1
-    k, before, here = 2.0 * _STEP, 1.0, _half_trace(pair, _STEP, 0)
+    k, before, here = 2.0 * _SCAN_STEP, 1.0, _half_trace(pair, _SCAN_STEP, 0)
     while True:
         after, sign = _half_trace(pair, k, 0), (-1) ** order
         if sign * (here - before) > 0.0 >= sign * (after - here):
-            places.append(_extremum(pair, order, k - 2.0 * _STEP, k))
+            places.append(_extremum(pair, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
                 yield order - 1, tuple(places[-3:])
                 if places[-2] > most:
                     return
             order += 1
-        k, before, here = k + _STEP, here, after
+        k, before, here = k + _SCAN_STEP, here, after
 
 
-def _gap(pair, order, before, here, after):
-    """Return (k, k) of the gap around an extremum of T, equal if it is too narrow to resolve."""
+def _gap_tongue(pair, order, before, here, after):
+    """Return the `Tongue` in the gap around an extremum of T, its ends (k, k) between the others.
+
+    The ends are equal if the gap is too narrow to resolve.
+    """
 
     def excess(k):
         return _half_trace(pair, k, order) - 1.0
 
-    if excess(here) <= _ROUNDING:
-        return here, here
-    before = max(before, _STEP)
-    return meissner.edge(excess, here, before), meissner.edge(excess, here, after)
-
-
-def _tongue(pair, order, low, high):
-    """Return the `Tongue` in the gap of an order, from `low` to `high` over k = 1 / nu."""
+    ends = here, here
+    if excess(here) > _ROUNDING:
+        ends = tuple(meissner.edge(excess, here, k) for k in (max(before, _SCAN_STEP), after))
     damping = pair.damping_ratio
-
-    def growth(k):
-        return math.acosh(max(_half_trace(pair, k, order), 1.0)) - 2.0 * math.pi * damping * k
-
-    def over(k):
-        return _half_trace(pair, k, order) - math.cosh(2.0 * math.pi * damping * k)
-
-    return meissner.within_gap(order, low, high, damping, growth, over)
+    return meissner.within_gap(order, *ends, damping, lambda k: (excess(k), 0.0)), ends
 
 
 def several_degrees(pair, start, stop, step):
@@ -181,22 +156,22 @@ def several_degrees(pair, start, stop, step):
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
     maps = np.array([pair.contact_map(nu) for nu in grid])
     edges = [(nu, sign) for sign in (1, -1) for nu in _zeros(pair, sign, grid, maps)]
-    unstable = [_log_radius(matrix) > _NEUTRAL for matrix in maps]
+    unstable = [_log_radius(matrix) > _NO_GROWTH for matrix in maps]
 
     def over(nu):
-        return _growth(pair, nu) - _NEUTRAL
+        return _growth(pair, nu) - _NO_GROWTH
 
     for i, (low, high) in enumerate(pairwise(grid)):
         if unstable[i] != unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
             # A complex pair leaves the unit circle.
-            edges.append((brentq(over, low, high, xtol=1e-300, rtol=_LAST_PLACES), 0))
+            edges.append((meissner.root(over, low, high), 0))
     edges = [(start, 0), *sorted(edges), (stop, 0)]
     tongues = []
     for (low, first), (high, last) in pairwise(edges):
         if high <= low:
             continue
         growth, peak = _strongest(pair, low, high, grid)
-        if growth <= _NEUTRAL:
+        if growth <= _NO_GROWTH:
             continue
         if tongues and tongues[-1].stop == low:
             before = tongues.pop()
@@ -214,7 +189,7 @@ def _strongest(pair, low, high, grid):
     inner = places[1:-1] or [0.5 * (low + high)]
     growths = [_growth(pair, nu) for nu in inner]
     best = int(np.argmax(growths))
-    if growths[best] <= _NEUTRAL:
+    if growths[best] <= _NO_GROWTH:
         return growths[best], inner[best]
     around = places if len(places) > 2 else [low, inner[0], high]
     return meissner.strongest(lambda nu: _growth(pair, nu), around[best], around[best + 2])
@@ -245,7 +220,7 @@ def _zeros(pair, sign, grid, maps):
     zeros = []
     for i, (low, high) in enumerate(pairwise(grid)):
         if values[i] * values[i + 1] < 0.0:
-            zeros.append(brentq(miss, low, high, xtol=1e-300, rtol=_LAST_PLACES))
+            zeros.append(meissner.root(miss, low, high))
         elif 0 < i and _turns(values[i - 1 : i + 2]):
             # Towards zero and back: a narrow tongue may hide here.
             side = math.copysign(1.0, values[i])
@@ -257,7 +232,7 @@ def _zeros(pair, sign, grid, maps):
             )
             if turn.fun < 0.0:
                 for end in (grid[i - 1], high):
-                    zeros.append(brentq(miss, *sorted((turn.x, end)), rtol=_LAST_PLACES))
+                    zeros.append(meissner.root(miss, *sorted((turn.x, end))))
     return zeros
 
 

@@ -35,16 +35,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from gearlib.data import status
 from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Relative tolerance of roots, the smallest that the solver takes.
-_LAST_PLACES = 4.0 * np.finfo(float).eps
+MACHINE_PRECISION = 4.0 * np.finfo(float).eps
 #: Beyond this exponent exp is taken apart, so that nothing overflows.
-_LARGE = 300.0
+_MAX_EXPONENT = 300.0
 #: Phase of the segment of C_min below which its angle is taken from the ends, not from its speed.
-_SLOW = 0.5
+_SMALL_ANGLE = 0.5
 #: Dampings at which the growth of a tongue is looked at to bracket the one that closes it.
-_SCAN = 40
+_SCANNED_DAMPINGS = 40
 
 
 class Meissner(NamedTuple):
@@ -71,9 +73,8 @@ class Tongue(NamedTuple):
 def equation(contact_ratio, stiffness_ratio, damping):
     """Return the `Meissner` equation of contact ratio, stiffness ratio and damping ratio."""
     half_high, whole_low = segment_lengths(contact_ratio)
-    high, low = levels(contact_ratio, stiffness_ratio)
-    square = damping * damping
-    return Meissner(half_high, 0.5 * whole_low, high - square, low - square, damping)
+    high, low = np.array(levels(contact_ratio, stiffness_ratio)) - damping * damping
+    return Meissner(half_high, 0.5 * whole_low, float(high), float(low), damping)
 
 
 def equation_of(pair):
@@ -114,23 +115,27 @@ def _excess(m, k, order):
     return product, scale
 
 
-def _over(m, k, order):
-    """Return |T| / 2 - 1 - 2 sinh^2(pi beta / nu), scaled: > 0 where deviations grow."""
-    product, scale = _excess(m, k, order)
-    x = math.pi * m.damping * k
-    loss = math.sinh(x) if scale == 0.0 else 0.5 * (math.exp(x - scale) - math.exp(-x - scale))
-    return product - 2.0 * loss * loss
-
-
 def _growth(m, k, order):
     """Return the logarithm of the largest multiplier in the gap of an order."""
-    product, scale = _excess(m, k, order)
-    root = math.sqrt(0.5 * max(product, 0.0))
-    if scale < _LARGE:
+    return _log_multiplier(_excess(m, k, order), math.pi * m.damping * k)
+
+
+def _log_multiplier(scaled_excess, loss):
+    """Return the logarithm of the largest multiplier from a result of `_excess`."""
+    excess, scale = scaled_excess
+    root = math.sqrt(0.5 * max(excess, 0.0))
+    if scale < _MAX_EXPONENT:
         half = math.asinh(root * math.exp(scale))
     else:
         half = scale + math.log(2.0 * root) if root > 0.0 else 0.0
-    return 2.0 * (half - math.pi * m.damping * k)
+    return 2.0 * (half - loss)
+
+
+def _margin(scaled_excess, loss):
+    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled: > 0 where deviations grow."""
+    excess, scale = scaled_excess
+    sine = -0.5 * math.exp(loss - scale) * math.expm1(-2.0 * loss)
+    return excess - 2.0 * sine * sine
 
 
 def angle(m, k, odd):
@@ -142,7 +147,7 @@ def angle(m, k, odd):
     a = w * k * m.half_high
     cosine, sine = math.cos(a), math.sin(a)
     b = math.sqrt(max(m.low, 0.0)) * k * m.half_low
-    if b > _SLOW:
+    if b > _SMALL_ANGLE:
         # On the segment of C_min the angle turns evenly once it is measured with its own speed.
         ratio = math.sqrt(m.high / m.low) ** (-1.0 if odd else 1.0)
         turn = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
@@ -152,12 +157,17 @@ def angle(m, k, odd):
     return a + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
 
 
+def _over_damped(m):
+    """Return whether all segments are over-damped, so that there is no gap."""
+    return m.high <= 0.0 or (m.half_high == 0.0 and m.low <= 0.0)
+
+
 def gap(m, order):
     """Return (k, k), the ends of the gap of an order over k = 1 / nu, in rising order.
 
     None where all is over-damped. Equal up to rounding: the gap is a point.
     """
-    if m.high <= 0.0 or m.half_high == 0.0 and m.low <= 0.0:
+    if _over_damped(m):
         return None
     level = 0.5 * math.pi * order
     ends = []
@@ -166,7 +176,7 @@ def gap(m, order):
         while angle(m, high, odd) <= level:
             high *= 2.0
         miss = lambda k, odd=odd: angle(m, k, odd) - level  # noqa: E731
-        ends.append(brentq(miss, 1e-3 * order / high, high, xtol=1e-300, rtol=_LAST_PLACES))
+        ends.append(root(miss, 1e-3 * order / high, high))
     return min(ends), max(ends)
 
 
@@ -176,32 +186,31 @@ def tongue(m, order):
     if ends is None:
         return None
     low, high = ends
-    return within_gap(
-        order,
-        low,
-        high,
-        m.damping,
-        lambda k: _growth(m, k, order),
-        lambda k: _over(m, k, order),
-    )
+    return within_gap(order, low, high, m.damping, lambda k: _excess(m, k, order))
 
 
-def within_gap(order, low, high, damping, growth, over):
+def within_gap(order, low, high, damping, excess):
     """Return the `Tongue` within a gap, `low` to `high` over k = 1 / nu.
 
-    `growth` is the logarithm of the growth at k, `over` a smooth function with its sign.
-    Without damping the tongue is the gap.
+    `excess` returns |T| / 2 - 1 at k as `_excess` does. Without damping the tongue is the gap.
     """
+
+    def growth(k):
+        return _log_multiplier(excess(k), math.pi * damping * k)
+
+    def margin(k):
+        return _margin(excess(k), math.pi * damping * k)
+
     sign = -1 if order % 2 else 1
     closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
-    if high - low <= 2.0 * _LAST_PLACES * high:
+    if high - low <= 2.0 * MACHINE_PRECISION * high:
         # A gap of width zero: without damping both edges lie there.
         return closed if damping else closed._replace(start=1.0 / high, stop=1.0 / low, growth=0.0)
     largest, peak = strongest(growth, low, high)
     if largest <= 0.0:
         return closed._replace(growth=largest, peak=1.0 / peak)
     if damping:
-        low, high = edge(over, peak, low), edge(over, peak, high)
+        low, high = edge(margin, peak, low), edge(margin, peak, high)
     return Tongue(order, sign, 1.0 / high, 1.0 / low, largest, 1.0 / peak)
 
 
@@ -218,21 +227,26 @@ def strongest(growth, low, high):
     return -float(maximum.fun), low + float(maximum.x) * width
 
 
-def edge(over, inside, outside):
-    """Return where `over` loses its sign > 0 between two places; `outside` if it does not.
+def edge(margin, inside, outside):
+    """Return where a margin > 0 is lost between two places; `outside` if it is not.
 
     `inside` where only rounding tells the tongue from a closed one.
     """
-    if over(outside) >= 0.0:
+    if margin(outside) >= 0.0:
         return outside
-    if over(inside) <= 0.0:
+    if margin(inside) <= 0.0:
         return inside
-    return float(brentq(over, inside, outside, xtol=1e-300, rtol=_LAST_PLACES))
+    return root(margin, inside, outside)
+
+
+def root(function, low, high):
+    """Return a zero between two places of opposite signs, to the last place."""
+    return float(brentq(function, low, high, xtol=1e-300, rtol=MACHINE_PRECISION))
 
 
 def orders(m, start, stop):
     """Return the orders of the gaps that meet the tunings from `start` to `stop`, a range."""
-    if m.high <= 0.0 or m.half_high == 0.0 and m.low <= 0.0:
+    if _over_damped(m):
         return range(0)
     first = 2.0 / math.pi * min(angle(m, 1.0 / stop, odd) for odd in (False, True))
     last = 2.0 / math.pi * max(angle(m, 1.0 / start, odd) for odd in (False, True))
@@ -247,7 +261,9 @@ def closing_damping(contact_ratio, stiffness_ratio, order):
         return -math.inf if widest is None else widest.growth
 
     most = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
-    return closing(growth, most * np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCAN)]))
+    return closing(
+        growth, most * np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCANNED_DAMPINGS)])
+    )
 
 
 def closing(growth, dampings):
@@ -270,17 +286,14 @@ def growth(contact_ratio, stiffness_ratio, damping, tuning):
     From the discriminant T, with complex speeds: under-damped, critical and over-damped segments
     alike. Stable motion decays by it; between the tongues it is -2 pi beta / nu.
     """
-    arrays = np.broadcast_arrays(contact_ratio, stiffness_ratio, damping, tuning)
-    contact_ratio, stiffness_ratio, damping, tuning = (np.asarray(a, float) for a in arrays)
-    mean = stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
-    speeds = [
-        np.sqrt(c / mean - damping**2 + 0j) / tuning for c in (np.ones_like(mean), stiffness_ratio)
-    ]
-    lengths = 2.0 * np.pi * (contact_ratio - 1.0), 2.0 * np.pi * (2.0 - contact_ratio)
-    a, b = (w * length for w, length in zip(speeds, lengths, strict=True))
+    half_high, low_length = segment_lengths(np.asarray(contact_ratio, float))
+    high_length = 2.0 * half_high
+    stiffnesses = levels(contact_ratio, stiffness_ratio)
+    high, low = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
+    a, b = high * high_length, low * low_length
     # sin(a) / a by numpy's sinc, which knows its limit.
-    sines = lengths[0] * np.sinc(a / np.pi) * lengths[1] * np.sinc(b / np.pi)
-    half = (np.cos(a) * np.cos(b) - 0.5 * (speeds[0] ** 2 + speeds[1] ** 2) * sines).real
+    sines = high_length * np.sinc(a / np.pi) * low_length * np.sinc(b / np.pi)
+    half = (np.cos(a) * np.cos(b) - 0.5 * (high**2 + low**2) * sines).real
     return np.arccosh(np.maximum(np.abs(half), 1.0)) - 2.0 * np.pi * damping / tuning
 
 
@@ -322,18 +335,12 @@ def go(state, stiffness, damping, tuning, phase):
     return equilibrium + u, v / tuning
 
 
-def period_map(pair, tuning):
-    """Return (M, b) of one mesh period, shapes (2, 2) and (2,), of a `GearPair`."""
-    high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-    half_high, whole_low = segment_lengths(pair.contact_ratio)
-
-    def whole(state):
-        for stiffness, length in ((high, half_high), (low, whole_low), (high, half_high)):
-            state = go(state, stiffness, pair.damping_ratio, tuning, length)
-        return np.array(state)
-
-    shift = whole((0.0, 0.0))
-    return np.column_stack([whole((1.0, 0.0)) - shift, whole((0.0, 1.0)) - shift]), shift
+def period_map(model, tuning):
+    """Return (M, b), shapes (2, 2) and (2,), of one mesh period without loss of contact."""
+    shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
+    if code != status.OK:
+        raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
+    return maps[0], shift
 
 
 def orbit(pair, tuning):
@@ -352,5 +359,5 @@ def orbit(pair, tuning):
 
 
 def linear_pair(pair):
-    """Return a `GearPair` as the linear mesh: no backlash, the damping of contact everywhere."""
+    """Return a pair as the linear mesh: no backlash, the damping of contact everywhere."""
     return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)
