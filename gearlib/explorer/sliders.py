@@ -45,8 +45,8 @@ def slider(label: str, start: float, low: float, high: float, unit: float = 1.0)
     step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1.0 + _EXACT))
     low = min(math.floor(low / step + _EXACT) * step, first)
     high = max(math.ceil(high / step - _EXACT) * step, first)
-    rounded = (float(f"{value:.12g}") for value in (low, high, step))
-    return Slider(label, start, *rounded, unit)
+    low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
+    return Slider(label, start, low, high, step, unit)
 
 
 def of_field(thing, name: str, start: float, low: float, high: float) -> Slider:
