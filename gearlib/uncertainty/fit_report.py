@@ -38,8 +38,8 @@ class Parameter:
     identifiable: bool
 
     @property
-    def interval(self):
-        """Lowest and highest value of the interval of 95 %."""
+    def interval(self) -> tuple[float, float]:
+        """Return the lowest and highest value of the interval of 95 %."""
         return self.value - self.half_width, self.value + self.half_width
 
 
@@ -119,16 +119,14 @@ class Fit:
         return result(title, self.model, data, coords, method="least squares", **more)
 
 
-def report(problem: Any, best: Any, derivatives: tuple, unbounded: tuple = ()) -> Fit:
+def report(problem: Any, best: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
     """Return the `Fit` at the best point of a `gearlib.uncertainty.fits.Problem`.
 
-    `derivatives`: Jacobian and its errors there; `unbounded`: parameters without a highest value.
+    `jacobian` and `errors` are the derivatives there and how far off they may be.
     """
-    residuals, (jacobian, errors) = best.fun, derivatives
     model, directions = problem.at(best.x), _unknown_directions(jacobian, errors)
     known = (np.abs(directions) < _LEAST_SHARE).all(axis=0)
-    known &= [name not in unbounded for name in problem.names]
-    squares, n, k = float(residuals @ residuals), residuals.size, int(known.sum())
+    squares, n, k = float(best.fun @ best.fun), best.fun.size, int(known.sum())
     eliminated = sum(channel.eliminated for channel in problem.channels)
     freedom = max(n - eliminated - k, 1)
     redchi = squares / freedom
@@ -138,23 +136,25 @@ def report(problem: Any, best: Any, derivatives: tuple, unbounded: tuple = ()) -
         covariance[np.ix_(known, known)] = np.linalg.pinv(columns.T @ columns)
     covariance *= 1.0 if problem.noise_known else redchi
     deviations = np.sqrt(np.diag(covariance))
-    errors = deviations * (problem.high - problem.low)
-    factor = float(student.ppf(0.975, freedom))
-    params = {
-        name: Parameter(
-            name,
-            float(model.value(name)),
-            float(errors[i]),
-            factor * float(errors[i]),
-            problem.low[i],
-            problem.high[i],
-            float(problem.model.value(name)),
-            known[i],
-        )
-        for i, name in enumerate(problem.names)
-    }
-    unknown = _about_parameters(problem, model, params, directions, unbounded)
-    unknown += _about_residuals(problem, model, residuals, redchi)
+    stderr = deviations * (problem.high - problem.low)
+    half_widths = stderr * float(student.ppf(0.975, freedom))
+    values, starts = (
+        [float(x.value(name)) for name in problem.names] for x in (model, problem.model)
+    )
+    rows = zip(
+        problem.names,
+        values,
+        stderr,
+        half_widths,
+        problem.low,
+        problem.high,
+        starts,
+        known,
+        strict=True,
+    )
+    params = {row[0]: Parameter(*row) for row in rows}
+    unknown = _about_parameters(problem, model, params, directions)
+    unknown += _about_residuals(problem, model, best.fun, redchi)
     # The noise is a parameter as well.
     k += 1
     likelihood = n * math.log(max(squares / n, 1e-300))
@@ -181,9 +181,7 @@ def _unknown_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return directions[sizes <= np.maximum(noise, _LEAST_DERIVATIVE * max(sizes.max(), 1.0))]
 
 
-def _about_parameters(
-    problem: Any, model: Any, params: dict, directions: np.ndarray, unbounded: tuple
-) -> list[str]:
+def _about_parameters(problem: Any, model: Any, params: dict, directions: np.ndarray) -> list[str]:
     """Return sentences on parameters that the data do not determine."""
     sentences = []
     for i, (name, parameter) in enumerate(params.items()):
@@ -195,7 +193,7 @@ def _about_parameters(
                 )
             continue
         if name == "backlash":
-            sentences.append(_about_backlash(problem, model, i, name in unbounded))
+            sentences.append(_about_backlash(problem, model, i))
             continue
         rows = np.abs(directions[np.abs(directions[:, i]) >= _LEAST_SHARE])
         together = (rows >= _LEAST_SHARE).any(axis=0)
@@ -207,17 +205,15 @@ def _about_parameters(
     return sentences
 
 
-def _about_backlash(problem: Any, model: Any, i: int, unbounded: bool) -> str:
-    """Return a sentence on how large the backlash is at least."""
-    value, model = model.value("backlash"), model.with_values({"backlash": problem.high[i]})
+def _about_backlash(problem: Any, model: Any, i: int) -> str:
+    """Return a sentence on how large the backlash, parameter number i, is at least."""
+    model = model.with_values({"backlash": problem.high[i]})
     depth = max(part.predict(model)[1] for part in problem.observations)
-    # Where a little less describes the data as well, no more than that is known.
-    bound = min(depth, value) if unbounded else depth
     reason = "the far flank is never struck" if depth > 0.0 else "contact is never lost"
     more = "nothing tells how large it is"
-    if bound > problem.low[i]:
+    if depth > problem.low[i]:
         more = (
-            f"it is at least {bound:.4g} m, the largest way into the backlash there, and nothing "
+            f"it is at least {depth:.4g} m, the largest way into the backlash there, and nothing "
             "tells how much more"
         )
     return f"backlash is not identifiable: {reason} in what is compared; {more}"

@@ -6,12 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
 
 from gearlib import checks
 from gearlib.analysis.sensitivities import richardson
 from gearlib.models.model import is_model
-from gearlib.uncertainty.fit_report import Fit, report
+from gearlib.uncertainty.fit_report import report
 from gearlib.uncertainty.observation import START_REFUSAL
 from gearlib.uncertainty.observations import observations_of
 
@@ -24,10 +23,6 @@ _ROUNDING = 1e-7
 _WIDTH_SCALE, _LEAST_WIDTH = 0.1, 1e-5
 #: Residuals where a motion could not go on, and sum of squares beyond which a start is refused.
 _FAILED_RESIDUAL, _MAX_START_COST = 1e6, 1e30
-#: -2 ln of the ratio of likelihoods at the ends of an interval of 95 %.
-_LIKELIHOOD_LEVEL = float(chi2.ppf(0.95, 1))
-#: Times the least sum of squares from which another fit cannot come near it.
-_MAX_COST_RATIO = 30.0
 #: Residuals over parameters from which on they tell their own noise, the least share of the range
 #: that it is taken for, and how often the residuals are weighted anew.
 _WEIGHTED_RATIO, _LEAST_NOISE, _MAX_WEIGHTINGS = 3, 1e-6, 3
@@ -71,21 +66,6 @@ class Problem(NamedTuple):
             if rows[-1] is None:
                 return None
         return np.concatenate(rows) * self.weights
-
-    def cost(self, shares: np.ndarray) -> float:
-        """Return the sum of squares, infinity where a motion could not go on."""
-        residuals = self.residuals(shares)
-        return math.inf if residuals is None else float(residuals @ residuals)
-
-    def without(self, name: str, value: float) -> "Problem":
-        """Return the problem with one parameter held at a value."""
-        i = self.names.index(name)
-        return self._replace(
-            model=self.model.with_values({name: value}),
-            names=self.names[:i] + self.names[i + 1 :],
-            low=np.delete(self.low, i),
-            high=np.delete(self.high, i),
-        )
 
 
 def fit(model, data, free):
@@ -133,14 +113,11 @@ def fit(model, data, free):
             "parameters; they must be as many at least"
         )
     start = (np.array([model.value(name) for name in names]) - low) / (high - low)
-    if not problem.cost(start) < _MAX_START_COST:
+    residuals = problem.residuals(start)
+    if residuals is None or not residuals @ residuals < _MAX_START_COST:
         raise ValueError(START_REFUSAL)
     problem, best = _optimum(problem, start)
-    derivatives = _precise_jacobian(problem, best)
-    result = report(problem, best, derivatives)
-    if _has_no_upper_bound(problem, best, result, "backlash"):
-        return report(problem, best, derivatives, ("backlash",))
-    return result
+    return report(problem, best, *_precise_jacobian(problem, best))
 
 
 def _checked(model: Any) -> Any:
@@ -278,21 +255,3 @@ def _precise_jacobian(problem: Problem, best: Any) -> tuple[np.ndarray, np.ndarr
         if np.isfinite(derivative).all():
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
-
-
-def _has_no_upper_bound(problem: Problem, best: Any, result: Fit, name: str) -> bool:
-    """Return whether the data allow a backlash that is never crossed as well as the best one."""
-    if name not in problem.names or not result.params[name].identifiable:
-        return False
-    i = problem.names.index(name)
-    shares = _moved(best.x, i, 1.0)
-    cost, least = problem.cost(shares), float(best.fun @ best.fun)
-    if not cost <= _MAX_COST_RATIO * least:
-        return False
-    model = problem.at(shares)
-    if max(part.predict(model)[1] for part in problem.observations) >= problem.high[i]:
-        return False
-    held = problem.without(name, float(problem.high[i]))
-    if held.names:
-        cost = 2.0 * _least_squares(held, np.delete(best.x, i)).cost
-    return (cost - least) / (1.0 if problem.noise_known else result.redchi) < _LIKELIHOOD_LEVEL
