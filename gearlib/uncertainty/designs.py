@@ -193,15 +193,11 @@ class Designs:
     """Many designs: the points of a scrambled Sobol' sequence, and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
-        if is_model(model):
-            self.source: Any = OfModel(model)
-        elif isinstance(model, DrawnPair):
-            self.source = model
-        elif callable(model):
-            self.source = OfFunction(model)
-        else:
-            words = "a model such as GearPair, a DrawnPair or a function that returns a model"
-            raise checks.refusal("model", model, words)
+        words = "a model such as GearPair, a DrawnPair or a function that returns a model"
+        checks.require(is_model(model) or callable(model), "model", model, words)
+        self.source: Any = model
+        if not isinstance(model, DrawnPair):
+            self.source = OfModel(model) if is_model(model) else OfFunction(model)
         self.tolerances = distributions.read(tolerances, self.source.known, self.source.value)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)

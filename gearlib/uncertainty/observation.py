@@ -72,20 +72,16 @@ class Observation(NamedTuple):
             predicted = self.predict(model)[0]
         except (NoOrbit, Lost, ArithmeticError, ValueError):
             return None
-        return [
-            channel.sensed(values)[0]
-            for channel, values in zip(self.channels, predicted, strict=True)
-        ]
+        pairs = zip(self.channels, predicted, strict=True)
+        return [channel.sensed(values)[0] for channel, values in pairs]
 
     def residuals(self, model: Any) -> np.ndarray | None:
         """Return predicted less measured values over their deviations, None as `sensed`."""
         sensed = self.sensed(model)
         if sensed is None:
             return None
-        rows = [
-            (values - channel.values) / channel.deviations
-            for channel, values in zip(self.channels, sensed, strict=True)
-        ]
+        pairs = zip(self.channels, sensed, strict=True)
+        rows = [(values - channel.values) / channel.deviations for channel, values in pairs]
         return np.nan_to_num(np.concatenate(rows), nan=MISSING_RESIDUAL)
 
 
