@@ -45,12 +45,13 @@ class DesignQuantities:
         self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
         duty = _DUTY & set(self.quantities)
         _check_model(model, set(self.quantities) - duty)
-        self.speed, self._orbit = speed, None
+        self.speed = speed
+        self._orbit: Any = None
         if duty:
             duty_model = at_duty() if at_duty else model
             _check_duty(duty_model, duty, speed)
             tuning = check_speed(duty_model, "speed", speed)
-            self._orbit: Any = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
+            self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         self._resonant = [_SPEEDS.get(name, name) for name in self.quantities if name not in duty]
         self.nominal = self(model, at_duty)[0]
 

@@ -93,7 +93,7 @@ def _plain(given: dict) -> Marginal:
 def _named(key: str, given: Any) -> Marginal:
     """Return a distribution of `scipy.stats` by its name and parameters."""
     name = given["distribution"]
-    kind = getattr(stats, name, None) if isinstance(name, str) else None
+    kind: Any = getattr(stats, name, None) if isinstance(name, str) else None
     words = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
     checks.require(isinstance(kind, stats.rv_continuous), f"{key}.distribution", name, words)
     shapes = [shape.strip() for shape in (kind.shapes or "").split(",") if shape]

@@ -164,8 +164,7 @@ def _read_uff(path: Path, rig: Any) -> dict:
     except Exception as error:  # whatever a damaged file leads pyuff to
         words = " ".join(str(error).split())
         raise checks.refusal("data", rig.data, f"a universal file ({words})") from None
-    if not sets:
-        raise checks.refusal("data", rig.data, "a universal file with sets 58: it has none")
+    checks.require(sets, "data", rig.data, "a universal file with sets 58: it has none")
     names = [str(table["id1"]).strip() for table in sets]
     columns: dict = {}
     for name in [key for key in rig.channels if key != "time"]:
@@ -275,7 +274,7 @@ def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tup
     return (), values[0] * factor, {"units": units, "long_name": words, "noise_std": deviation}
 
 
-def check_finite(where, values, gaps=False, endless=False):
+def check_finite(where: str, values: np.ndarray, gaps: Any = False, endless: bool = False) -> None:
     """Raise ValueError unless numbers are finite; NaN is a gap where there may be some.
 
     endless: whether infinity is allowed, PEtab's time of a steady state.
@@ -292,17 +291,15 @@ def check_finite(where, values, gaps=False, endless=False):
         raise checks.refusal(where, float(values[row]), "finite")
 
 
-def directions(where, given):
+def directions(where: str, given: Any) -> np.ndarray:
     """Return directions, texts or numbers, as integers; ValueError for any other."""
-    numbers = []
-    for word in given.categories:
-        if str(word).strip().lower() not in _DIRECTIONS:
-            raise checks.refusal(where, word, "up, down or rest, or 1, -1, 0")
-        numbers.append(_DIRECTIONS[str(word).strip().lower()])
-    return np.array(numbers, np.int8)[complete(where, given)]
+    words = [str(word).strip().lower() for word in given.categories]
+    for word, category in zip(words, given.categories, strict=True):
+        checks.require(word in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
+    return np.array([_DIRECTIONS[word] for word in words], np.int8)[complete(where, given)]
 
 
-def complete(where, given):
+def complete(where: str, given: Any) -> np.ndarray:
     """Return the codes of a column of texts; ValueError where a cell is empty."""
     codes = np.asarray(given.codes)
     if (codes < 0).any():
@@ -311,7 +308,7 @@ def complete(where, given):
     return codes
 
 
-def in_order(where, time, group):
+def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
     """Return the order in which time rises within each group, None where it does already.
 
     group: number of the condition of each sample; ValueError where a time is there twice.
@@ -331,7 +328,7 @@ def in_order(where, time, group):
     return None if (np.diff(order) > 0).all() else order
 
 
-def dates(where, given):
+def dates(where: str, given: Any) -> tuple[np.ndarray, str]:
     """Return seconds since the first of the dates of a column, and that date as ISO 8601."""
     import pandas as pd
 

@@ -221,12 +221,12 @@ def _samples(
     if runs:
         dims = "sample", "direction", runs.key.removesuffix("s")
         data |= {name: (dims, x) for name, x in rows.items()}
-    for i, name in enumerate(search.quantities if search else ()):
+    for i, name in enumerate(search.quantities) if search else ():
         units, words = QUANTITIES[name]
         data[name] = _described(("sample",), results[:, i], units, words)
         status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
         data[f"{name}_status"] = status
-        nominal = float(search.nominal[i])
+        nominal = float(search.nominal[i]) if search else np.nan
         data[f"{name}_nominal"] = _described((), nominal, units, f"of the nominal design: {words}")
     return data | {"refusal": (("sample",), refusals)}
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 import gearlib
 from gearlib.uncertainty import orbit_values
-from gearlib.uncertainty.fit_report import correlated
+from gearlib.uncertainty.fits import correlated
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
