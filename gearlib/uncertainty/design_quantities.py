@@ -103,20 +103,19 @@ def _check_duty(model: Any, duty: set, speed: float | None) -> None:
 
 def _check_model(model: Any, resonant: set) -> None:
     """Refuse quantities of the resonance that a model does not have."""
+    kind = type(model).__name__
     if model.speed is None:
-        raise ValueError(
-            f"model = {type(model).__name__} is not allowed: nothing turns in this model"
-        )
+        raise ValueError(f"model = {kind} is not allowed: nothing turns in this model")
     one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
     if resonant and not one_degree and model.equation is not None:
         raise ValueError(
-            f"quantities = {min(resonant)!r} is not allowed for this {type(model).__name__}: "
+            f"quantities = {min(resonant)!r} is not allowed for this {kind}: "
             "the main resonance is searched of models whose excitation repeats every mesh period"
         )
     if _PEAKS & resonant and not one_degree:
         raise ValueError(
-            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this "
-            f"{type(model).__name__}: peaks are searched of models with one degree of freedom"
+            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this {kind}: "
+            "peaks are searched of models with one degree of freedom"
         )
 
 

@@ -83,30 +83,16 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     return -half, half
 
 
-def by_class(mesh, *, thickness=None, centre_distance=None, form=False):
+def by_class(
+    mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
+) -> dict:
     """Return tolerances by the classes of a drawing, for `gearlib.scatter` and a `DrawnPair`.
 
-    Parameters
-    ----------
-    mesh : gearlib.geometry.Mesh
-    thickness : str or pair of str, optional
-        Of both gears, or of pinion and wheel, by DIN 3967: "27cd". What backlash there is follows
-        from it where the `DrawnPair` has ``backlash=None``.
-    centre_distance : str, optional
-        By DIN 3964: "js7".
-    form : bool, default False
-        Whether the form of the profile deviates, by the `quality` of the gears. Its tolerance
-        limits the height of a wave and says nothing of its shape: here the first mesh harmonic of
-        the flanks takes all of it, cosine and sine within half of the larger tolerance.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    `thickness` is by DIN 3967, "27cd", of both gears or a pair of pinion and wheel; the backlash
+    follows from it where the `DrawnPair` has ``backlash=None``. `centre_distance` is by DIN 3964,
+    "js7". With `form` the profile deviates by the `quality` of the gears. That tolerance limits the
+    height of a wave and says nothing of its shape: here the first mesh harmonic of the flanks takes
+    all of it, cosine and sine within half of the larger tolerance.
     """
     mesh = checks.drawn_mesh(mesh)
     tolerances: dict = {}
