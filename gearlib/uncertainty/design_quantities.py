@@ -18,7 +18,7 @@ CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
 NO_DESIGN = -1
 #: Names of speeds of the main resonance in `MainResonance`.
-_SPEEDS = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
+RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 _PEAKS = {"peak", "peak_dynamic_factor"}
 #: Quantities of the duty point that are shares of the load, and those whose least value counts.
 _SHARES = {"load_sharing", "least_load_sharing"}
@@ -52,7 +52,9 @@ class DesignQuantities:
             _check_duty(duty_model, duty, speed)
             tuning = check_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
-        self._resonant = [_SPEEDS.get(name, name) for name in self.quantities if name not in duty]
+        self._resonant = [
+            RESONANCE_NAMES.get(name, name) for name in self.quantities if name not in duty
+        ]
         self.nominal = self(model, at_duty)[0]
 
     def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
@@ -69,7 +71,7 @@ class DesignQuantities:
                 values[i] = _of_resonance(name, model, resonance)
             if np.isfinite(values[i]):
                 codes[i] = FOUND
-            elif name in _DUTY or _SPEEDS.get(name, name) in resonance.lost:
+            elif name in _DUTY or RESONANCE_NAMES.get(name, name) in resonance.lost:
                 codes[i] = LOST
         return values, codes
 
@@ -125,7 +127,7 @@ def _of_resonance(name: str, model: Any, resonance: Any) -> float:
         return resonance.peak_displacement * model.static_deflection
     if name == "peak_dynamic_factor":
         return resonance.peak_force
-    return float(model.speed(1.0)) * getattr(resonance, _SPEEDS[name])
+    return float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
 
 
 def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:

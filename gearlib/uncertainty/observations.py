@@ -14,10 +14,10 @@ from gearlib import checks
 from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.course_observations import courses_of
+from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 from gearlib.uncertainty.observation import JUMP_SHARE, Channel, Curve, Observation, Place
 from gearlib.uncertainty.orbit_values import (
     ORDER,
-    RESONANCE_NAMES,
     SAMPLES,
     SETTLING,
     SHARING,

@@ -16,6 +16,7 @@ from gearlib.data.status import OK
 from gearlib.engines import orbit as columns
 from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
+from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 
 #: Values of an orbit that can be compared.
 STATISTICS = (
@@ -31,8 +32,6 @@ STATISTICS = (
 SHARING, ORDER = "load_sharing", "order_amplitude"
 #: Samples in a mesh period of which mesh orders are sums.
 SAMPLES = 64
-#: Name of a speed -> name of the quantity of `main_resonance`.
-RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 #: Shares of the tunings of the highest and the lowest jump between which a branch is followed.
 _ABOVE, _BELOW = 1.5, 0.7
 #: Shares of a measured onset of contact loss at which that of a model is searched.
