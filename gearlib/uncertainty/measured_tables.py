@@ -195,15 +195,24 @@ def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     measured it is NaN. At a time of infinity, or without times, an observable may be there several
     times: these are samples of their own.
     """
-    import pandas as pd
-
     where = f"{rig.data}, column "
     codes = complete(f"{where}{LONG[0]!r}", columns[LONG[0]])
     observables = [str(name) for name in columns[LONG[0]].categories]
     values = columns[LONG[1]]
     noise = columns.get(NOISE, np.full(values.size, np.nan))
     numbers = {key: i for i, key in enumerate(observables) if key in rig.channels}
-    _check_long(rig, codes, numbers, observables, values, noise, columns)
+    for key in rig.channels:
+        if key not in numbers and key not in columns:
+            raise ValueError(
+                f"the observableId {key!r} of {rig.data} is missing: it must be one of "
+                f"{', '.join(map(repr, observables[:12]))}"
+            )
+    gaps = np.isin(codes, [i for key, i in numbers.items() if rig.channels[key].gaps])
+    check_finite(f"{where}{LONG[1]!r}", np.where(gaps & np.isnan(values), 0.0, values))
+    wrong = np.flatnonzero((noise < 0) | np.isinf(noise))
+    if wrong.size:
+        row = f"{where}{NOISE!r}, row {wrong[0] + 1}"
+        raise checks.refusal(row, noise[wrong[0]], "a finite number >= 0")
     speeds = xr.Dataset()
     for key in list(numbers):
         name = rig.channels[key].observableId or key
@@ -213,21 +222,7 @@ def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     kept = np.isin(codes, list(numbers.values()))
     wide = {name: columns[name][kept] for name in columns if name not in (*LONG, NOISE)}
     codes, values, noise = codes[kept], values[kept], noise[kept]
-    keys = {name: getattr(column, "codes", column) for name, column in wide.items()}
-    frame = pd.DataFrame(keys | {LONG[0]: codes})
-    endless = np.isinf(wide["time"]) if "time" in wide else np.ones(codes.shape, bool)
-    again = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
-    twice = (again > 0) & ~endless
-    if twice.any():
-        i = int(twice.argmax())
-        raise ValueError(
-            f"{where}'time' = {wide['time'][i]:.12g} is there twice for the observableId "
-            f"{observables[codes[i]]!r}, {int(twice.sum())} times in all: it must be once in each "
-            "condition"
-        )
-    frame = frame.drop(columns=LONG[0]).assign(again=again)
-    sample = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
-    first = np.unique(sample, return_index=True)[1]
+    sample, first = _sample_numbers(where, wide, codes, observables)
     wide, noises = {name: column[first] for name, column in wide.items()}, {}
     for key, i in numbers.items():
         rows = codes == i
@@ -236,29 +231,25 @@ def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     return wide, noises, speeds
 
 
-def _check_long(
-    rig: Any,
-    codes: np.ndarray,
-    numbers: dict,
-    observables: list,
-    values: np.ndarray,
-    noise: np.ndarray,
-    columns: dict,
-) -> None:
-    """Refuse a long table without an observable, with a gap, or with a noise that cannot be."""
-    for key in rig.channels:
-        if key not in numbers and key not in columns:
-            raise ValueError(
-                f"the observableId {key!r} of {rig.data} is missing: it must be one of "
-                f"{', '.join(map(repr, observables[:12]))}"
-            )
-    gaps = np.isin(codes, [i for key, i in numbers.items() if rig.channels[key].gaps])
-    where = f"{rig.data}, column {LONG[1]!r}"
-    check_finite(where, np.where(gaps & np.isnan(values), 0.0, values))
-    wrong = np.flatnonzero((noise < 0) | np.isinf(noise))
-    if wrong.size:
-        row = f"{rig.data}, column {NOISE!r}, row {wrong[0] + 1}"
-        raise checks.refusal(row, noise[wrong[0]], "a finite number >= 0")
+def _sample_numbers(where: str, keys: dict, codes: np.ndarray, observables: list) -> tuple:
+    """Return the number of the sample of each row, and the first row of each sample."""
+    import pandas as pd
+
+    plain = {name: getattr(column, "codes", column) for name, column in keys.items()}
+    frame = pd.DataFrame(plain | {LONG[0]: codes})
+    endless = np.isinf(keys["time"]) if "time" in keys else np.ones(codes.shape, bool)
+    again = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
+    twice = (again > 0) & ~endless
+    if twice.any():
+        i = int(twice.argmax())
+        raise ValueError(
+            f"{where}'time' = {keys['time'][i]:.12g} is there twice for the observableId "
+            f"{observables[codes[i]]!r}, {int(twice.sum())} times in all: it must be once in each "
+            "condition"
+        )
+    frame = frame.drop(columns=LONG[0]).assign(again=again)
+    sample = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
+    return sample, np.unique(sample, return_index=True)[1]
 
 
 def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
@@ -313,9 +304,10 @@ def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | No
 
     group: number of the condition of each sample; ValueError where a time is there twice.
     """
-    # Groups by the order in which they come first.
-    _, first, numbers = np.unique(group, return_index=True, return_inverse=True)
-    order = np.lexsort((time, np.argsort(np.argsort(first))[numbers]))
+    import pandas as pd
+
+    # Groups are numbered by the order in which they come first.
+    order = np.lexsort((time, pd.factorize(group)[0]))
     time, group = time[order], group[order]
     same = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
     if same.any():
