@@ -334,7 +334,8 @@ def gather(shards: Any) -> xr.Dataset:
     kept["refused"] = provenance.canonical_json(counted(data.refusal.values))
     if "source_hash" in attributes:
         kept["source_hash"] = attributes["source_hash"]
-    return describe(data).assign_attrs(kept)
+    # Shards that come from files have encodings of theirs.
+    return describe(data.drop_encoding().drop_attrs(deep=False)).assign_attrs(kept)
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
