@@ -16,9 +16,16 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_sums import Turning
 from gearlib.runs.run_up import run_up, speeds_of
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty import orbit_values
-from gearlib.uncertainty.observation import JUMP_SHARE, START_REFUSAL, Channel, Curve, Observation
-from gearlib.uncertainty.orbit_values import ORDER, SETTLING
+from gearlib.uncertainty.observation import (
+    JUMP_SHARE,
+    ORDER,
+    SETTLING,
+    START_REFUSAL,
+    Channel,
+    Curve,
+    Observation,
+    at_speed,
+)
 
 #: How a speed was reached -> direction of the sweep, its first speed as a share, number of speeds.
 _SWEEPS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
@@ -136,7 +143,7 @@ def _of_steady(model: Any, data: Any, mesh: int) -> Observation:
         tunings = np.sort(np.linspace(first * tuning, tuning, count))
         run = sweep(model, tunings, direction=direction, **SETTLING)
         state = run.final_state.values[0 if direction == "down" else -1]
-        point = orbit_values.at_speed(model, speed, state, _STEADY_SAMPLES)
+        point = at_speed(model, speed, state, _STEADY_SAMPLES)
         orders = point[ORDER][1 : ORDERS + 1, mesh]
         return [_flat(orders * shift)], max(0.0, -point["displacement_min"].min())
 

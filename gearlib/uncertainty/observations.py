@@ -15,13 +15,17 @@ from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.course_observations import courses_of
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
-from gearlib.uncertainty.observation import JUMP_SHARE, Channel, Curve, Observation, Place
-from gearlib.uncertainty.orbit_values import (
+from gearlib.uncertainty.observation import (
+    JUMP_SHARE,
     ORDER,
     SAMPLES,
     SETTLING,
     SHARING,
     STATISTICS,
+    Channel,
+    Curve,
+    Observation,
+    Place,
     at_speed,
     pick,
     special_speeds,
