@@ -10,21 +10,28 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_maps import Turning
 from gearlib.runs.run_up import run_up, speeds_of
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty import orbit_values
-from gearlib.uncertainty.observation import JUMP_SHARE, START_REFUSAL, Channel, Curve, Observation
-from gearlib.uncertainty.orbit_values import ORDER, SETTLING
+from gearlib.uncertainty.observation import (
+    JUMP_SHARE,
+    ORDER,
+    SETTLING,
+    START_REFUSAL,
+    Channel,
+    Curve,
+    Observation,
+    at_speed,
+)
 
 #: How a speed was reached -> direction of the sweep, its first speed as a share, number of speeds.
 _SWEEPS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
 #: Mesh orders of a time course that are compared.
 ORDERS = 4
+_ORDER_NUMBERS = np.arange(1, ORDERS + 1)
 #: Orders of the shaft that are regressed beside them, and least samples for each mesh order.
 _SHAFT_ORDERS, _LEAST_SAMPLES = 3, 2.5
 #: Samples of the model in a mesh period: at constant speed, and in a run-up.
@@ -44,8 +51,7 @@ def courses_of(model: Any, data: Any, mesh: int) -> list[Observation]:
     parts = [data]
     if "condition" in data.coords:
         names = data.condition.values
-        groups = [np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())]
-        parts = [data.isel(sample=group) for group in groups]
+        parts = [data.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
     steady = ["speed" in part.coords and np.ptp(part.speed.values) == 0.0 for part in parts]
     if len(parts) > 1 and not all(steady):
         raise ValueError(
@@ -63,11 +69,10 @@ def _facts(data: Any) -> dict:
     text = data.attrs.get("known", "{}")
     try:
         facts = json.loads(text)
-        if isinstance(facts, dict):
-            return facts
     except (TypeError, ValueError):
-        pass
-    raise checks.refusal("known", text, "a mapping as a text, of json.dumps")
+        facts = None
+    checks.require(isinstance(facts, dict), "known", text, "a mapping as a text, of json.dumps")
+    return facts
 
 
 def _course_of(facts: dict) -> tuple[list, dict]:
@@ -86,56 +91,35 @@ def _course_of(facts: dict) -> tuple[list, dict]:
         raise ValueError(f"known.course: {error}") from None
 
 
-class _Course:
-    """A measured time course as mesh orders of blocks of revolutions."""
+def _signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return a displacement, the shift of a model's mesh orders, and mesh periods a revolution."""
+    phase = _facts(data).get("phase", 0.0)
+    phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
+    values = np.asarray(data.displacement.values, float)
+    checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "rising")
+    checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
+    teeth = checks.number(
+        "mesh periods of a revolution",
+        round(model.periods_per_revolution, 9),
+        "a whole number, as of a train whose carrier stands",
+        float.is_integer,
+    )
+    return values, np.exp(1j * phase * _ORDER_NUMBERS), teeth
 
-    def __init__(self, model: Any, data: Any):
-        phase = _facts(data).get("phase", 0.0)
-        phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
-        #: Factor on the mesh orders of a model, which begins at the phase 0.
-        self.shift = np.exp(1j * phase * np.arange(1, ORDERS + 1))
-        self.sensor = data.displacement.attrs
-        self.values = np.asarray(data.displacement.values, float)
-        checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "rising")
-        constant = np.ptp(self.values) == 0.0
-        checks.require(not constant, "displacement", float(self.values[0]), "no constant")
-        #: Mesh periods of a revolution.
-        self.teeth = checks.number(
-            "mesh periods of a revolution",
-            round(model.periods_per_revolution, 9),
-            "a whole number, as of a train whose carrier stands",
-            float.is_integer,
-        )
 
-    def regress(self, turns: np.ndarray, bounds: np.ndarray, complete: Any = True) -> None:
-        """Take the mesh orders from the samples, which lie at `turns` revolutions."""
-        #: Mesh orders, shape (blocks, ORDERS), and what lowers the variance of the noise.
-        self.orders, self.share = regressed(turns, self.values, bounds, self.teeth, complete)
-
-    def channel(self, kind: str, kept: np.ndarray) -> Channel:
-        """Return the channel of the mesh orders of the blocks that are `kept`, a mask."""
-        self.kept = kept
-        noise = float(self.sensor.get("noise_std", 0.0))
-        size = (noise or float(np.std(self.values))) * np.sqrt(0.5 * self.share[kept])
-        values = _flat(self.orders[kept])
-        return Channel(
-            kind,
-            values,
-            np.repeat(size, 2 * ORDERS),
-            bool(noise),
-            unknown_gain=bool(self.sensor.get("unknown_gain", 0)),
-            sequences=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
-        )
-
-    def compared(self, orders: np.ndarray) -> np.ndarray:
-        """Return the mesh orders of a model as values of the channel."""
-        return _flat((orders * self.shift)[self.kept])
-
-    def drawn(self, sensed: np.ndarray) -> np.ndarray:
-        """Return values of the channel as mesh orders; NaN of blocks that are left out."""
-        orders = np.full(self.orders.shape, complex(np.nan))
-        orders[self.kept] = sensed.view(complex).reshape(-1, ORDERS)
-        return orders
+def _channel(kind: str, displacement: Any, orders: np.ndarray, share: np.ndarray) -> Channel:
+    """Return the channel of mesh orders; `share` lowers the variance of the displacement."""
+    noise = float(displacement.attrs.get("noise_std", 0.0))
+    size = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * share)
+    values = _flat(orders)
+    return Channel(
+        kind,
+        values,
+        np.repeat(size, 2 * ORDERS),
+        bool(noise),
+        unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
+        sequences=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
+    )
 
 
 def _flat(orders: np.ndarray) -> np.ndarray:
@@ -145,113 +129,108 @@ def _flat(orders: np.ndarray) -> np.ndarray:
 
 def _of_steady(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a time course at constant speed, the mesh orders of its orbit."""
-    course, speed = _Course(model, data), float(data.speed.values[0])
+    (values, shift, teeth), speed = _signal(model, data), float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     way = int(data.direction.values[0]) if "direction" in data.coords else 0
     direction, first, count = _SWEEPS[way]
     # The phase that is known is that at the time 0.
     turns = data.time.values * speed / 60.0
-    course.regress(turns, np.array([turns[0], np.nextafter(turns[-1], np.inf)]))
-    channel = course.channel("time course", np.ones(1, bool))
+    bounds = np.array([turns[0], np.nextafter(turns[-1], np.inf)])
+    channel = _channel("time course", data.displacement, *regressed(turns, values, bounds, teeth))
 
     def predict(model: Any) -> tuple:
         tuning = speed / float(model.speed(1.0))
         tunings = np.sort(np.linspace(first * tuning, tuning, count))
         run = sweep(model, tunings, direction=direction, **SETTLING)
         state = run.final_state.values[0 if direction == "down" else -1]
-        point = orbit_values.at_speed(model, speed, state, _STEADY_SAMPLES)
+        point = at_speed(model, speed, state, _STEADY_SAMPLES)
         orders = point[ORDER][1 : ORDERS + 1, mesh]
-        return [course.compared(orders[None])], max(0.0, -point["displacement_min"].min())
+        return [_flat(orders * shift)], max(0.0, -point["displacement_min"].min())
 
     def draw(sensed: list) -> list:
         phase = np.linspace(0.0, 1.0, _DRAWN_POINTS)
-        waves = np.exp(2j * np.pi * np.outer(phase, np.arange(1, ORDERS + 1)))
-        rows = course.orders[0], course.drawn(sensed[0])[0]
-        heights = tuple(2.0 * (waves @ orders).real for orders in rows)
-        name, units = f"displacement at {speed:.5g} rpm", course.sensor.get("units", "m")
-        return [Curve(name, units, "phase", phase, heights, np.zeros(_DRAWN_POINTS, bool))]
+        waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
+        heights = [2.0 * (waves @ x.view(complex)).real for x in (channel.values, sensed[0])]
+        name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
+        return [Curve(name, units, "phase", phase, (*heights,), np.zeros(phase.size, bool))]
 
     return Observation("time course", [channel], predict, draw)
 
 
 def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps."""
-    course, (rows, options) = _Course(model, data), _course_of(_facts(data))
+    (values, shift, teeth), (rows, options) = _signal(model, data), _course_of(_facts(data))
     turning = Turning(rows)
     turns = turning.revolutions(data.time.values)
     blocks = _whole_revolutions(turning, rows, data.time.values, turns)
-    kept, heights, jumps, warning = _revolutions(course, turns, blocks)
+    measured, share, warning = _revolutions(turns, values, teeth, blocks)
+    kept, heights, jumps = _parts(measured, share)
     speeds = turning.at(np.arange(blocks) + 0.5)[1]
-    channels = [course.channel("run-up", kept)]
+    channels = [_channel("run-up", data.displacement, measured[kept], share[kept])]
     if jumps:
         places = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
         widths = [_BEHIND * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
         noise_known = channels[0].noise_known
         channels.append(Channel("jumps", places, np.array(widths), noise_known, joined=True))
 
-    def run_of(model: Any) -> Any:
-        return run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES, **options)
-
-    run = run_of(model)
-    if int(run.status):
-        raise ValueError(START_REFUSAL)
-    # The phases are those of the course, whatever the parameters of the model are.
-    matrix = _fourier_matrix(run.phase.values, blocks, math.tau * course.teeth)
-
     def predict(model: Any) -> tuple:
-        run = run_of(model)
+        run = run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES, **options)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
-        orders = (matrix @ displacement).reshape(blocks, ORDERS)
-        values = [course.compared(orders)]
+        orders = _fourier(run.phase.values, displacement, blocks, math.tau * teeth)
+        values = [_flat((orders * shift)[kept])]
         if jumps:
-            gain = channels[0].sensed(values[0])[1] or 1.0
-            levels = np.abs(orders[:, 0])
-            values.append(np.array([_crossing(levels, i, heights / gain, speeds) for i in jumps]))
+            levels = np.abs(orders[:, 0]) * (channels[0].sensed(values[0])[1] or 1.0)
+            values.append(np.array([_crossing(levels, i, heights, speeds) for i in jumps]))
         least = run.displacement_min.values[:blocks]
         return values, max(0.0, -float(least[kept[: least.shape[0]]].min()))
 
     def draw(sensed: list) -> list:
-        units, falls = course.sensor.get("units", "m"), np.gradient(speeds) < 0.0
-        amplitudes = 2.0 * np.abs([course.orders.T, course.drawn(sensed[0]).T])
+        fitted = np.full(measured.shape, complex(np.nan))
+        fitted[kept] = sensed[0].view(complex).reshape(-1, ORDERS)
+        units, falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
+        amplitudes = 2.0 * np.abs([measured.T, fitted.T])
+        names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
-            Curve(
-                f"order {k if k > 1 else ''}z",
-                units,
-                "speed",
-                speeds,
-                tuple(amplitudes[:, k - 1]),
-                falls,
-            )
-            for k in range(1, ORDERS + 1)
+            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), falls)
+            for k, name in enumerate(names)
         ]
 
+    try:
+        predict(model)
+    except NoOrbit:
+        raise ValueError(START_REFUSAL) from None
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _revolutions(course: _Course, turns: np.ndarray, blocks: int) -> tuple:
-    """Return which revolutions are compared, heights of their first order, jumps, and a warning.
-
-    Around a jump, where the deviations of a motion grow, nothing is compared but its speed.
-    """
-    bounds = np.arange(blocks + 1)
-    complete, count = complete_blocks(turns, bounds, course.teeth), blocks - _FIRST
+def _revolutions(turns: np.ndarray, values: np.ndarray, teeth: float, blocks: int) -> tuple:
+    """Return mesh orders of each revolution, NaN beside gaps, their share of noise, a warning."""
+    bounds, count = np.arange(blocks + 1), blocks - _FIRST
+    complete = complete_blocks(turns, bounds, teeth)
     allowed = f"of one without a gap behind the first {_FIRST}"
     gaps = f"of {count} revolutions with gaps"
     checks.require(complete[_FIRST:].any(), "time", gaps, allowed)
-    course.regress(turns, bounds, complete)
-    present = np.isfinite(course.share)
-    kept = present & (bounds[:-1] >= _FIRST)
-    missing, warning = count - int(kept.sum()), ""
+    orders, share = regressed(turns, values, bounds, teeth, complete)
+    missing, warning = int(np.isnan(share[_FIRST:]).sum()), ""
     if missing:
         warning = (
             f"{missing} of {count} revolutions are left out of the run-up: they have gaps or too "
             "few samples"
         )
+    return orders, share, warning
+
+
+def _parts(orders: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, list]:
+    """Return which revolutions are compared, heights of their first order, and the jumps.
+
+    Around a jump, where the deviations of a motion grow, nothing is compared but its speed.
+    """
+    present, numbers = np.isfinite(share), np.arange(share.size)
+    kept = present & (numbers >= _FIRST)
     # A revolution without samples has the height of the one before it.
-    last = np.maximum.accumulate(np.where(present, bounds[:-1], present.argmax()))
-    heights = np.abs(course.orders[last, 0])
+    last = np.maximum.accumulate(np.where(present, numbers, present.argmax()))
+    heights = np.abs(orders[last, 0])
     steps, jumps = np.abs(np.log(heights[1:] / heights[:-1])), []
     for i in np.argsort(-steps):
         if steps[i] < JUMP_SHARE or i < _FIRST:
@@ -260,7 +239,7 @@ def _revolutions(course: _Course, turns: np.ndarray, blocks: int) -> tuple:
             jumps.append(int(i + 1))
     for i in jumps:
         kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
-    return kept, heights, sorted(jumps), warning
+    return kept, heights, sorted(jumps)
 
 
 def _whole_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: np.ndarray) -> int:
@@ -294,24 +273,15 @@ def _crossing(levels: np.ndarray, i: int, heights: np.ndarray, speeds: np.ndarra
     return float(speeds[j - 1] + share * (speeds[j] - speeds[j - 1]))
 
 
-def _fourier_matrix(phase: np.ndarray, blocks: int, span: float) -> csr_array:
-    """Return the matrix, shape (blocks * ORDERS, samples), from samples to mesh orders.
-
-    It integrates each block, `span` of the phase, by the trapezoidal rule.
-    """
+def _fourier(phase: np.ndarray, values: np.ndarray, blocks: int, span: float) -> np.ndarray:
+    """Return mesh orders, (blocks, ORDERS), of samples by the trapezoidal rule."""
     edges = span * np.arange(blocks + 1)
+    # The last sample closes a course that ends before its last edge.
+    phase, values = np.append(phase, max(phase[-1], edges[-1])), np.append(values, values[-1])
+    waves = values * np.cumprod([np.exp(-1j * phase)] * ORDERS, axis=0)
     places = np.searchsorted(phase, edges - _SAME_PHASE)
-    intervals, samples = np.arange(places[-1]), phase.size
-    phase = np.append(phase[: places[-1]], edges[-1])
-    ends = np.array([intervals, intervals + 1])
-    rows, columns, weights = np.broadcast_arrays(
-        ORDERS * np.repeat(np.arange(blocks), np.diff(places)) + np.arange(ORDERS)[:, None, None],
-        # The last sample closes a course that ends before its last edge.
-        np.minimum(ends, samples - 1),
-        np.diff(phase) * np.exp(-1j * phase[ends] * np.arange(1, ORDERS + 1)[:, None, None]),
-    )
-    entries = weights.ravel() / (2.0 * span), (rows.ravel(), columns.ravel())
-    return csr_array(entries, (ORDERS * blocks, samples))
+    areas = 0.5 * (waves[:, 1:] + waves[:, :-1]) * np.diff(phase)
+    return np.add.reduceat(areas[:, : places[-1]], places[:-1], axis=1).T / span
 
 
 def complete_blocks(turns: np.ndarray, bounds: np.ndarray, teeth: float) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Quantities of many designs: jumps, onset, peak, duty point; each design is one search."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
 NO_DESIGN = -1
 #: Names of speeds of the main resonance in `MainResonance`.
-_SPEEDS = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
+RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 _PEAKS = {"peak", "peak_dynamic_factor"}
 #: Quantities of the duty point that are shares of the load, and those whose least value counts.
 _SHARES = {"load_sharing", "least_load_sharing"}
@@ -26,32 +27,21 @@ _DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SH
 
 
 class DesignQuantities:
-    """Quantities of designs near a nominal one.
+    """Search for quantities of designs near a nominal one, whose values are `nominal`, (q,).
 
-    Parameters
-    ----------
-    model : Model
-        The nominal design; of a train quantities of the duty point are those of the worst mesh,
-        the transmission error is that of the reference mesh.
-    quantities : sequence of str
-        Names of `QUANTITIES`.
-    speed : float, optional
-        Speed of the duty point, rpm.
-    at_duty : callable, optional
-        Returns the nominal design for its duty point, where that is another model.
-
-    Attributes
-    ----------
-    nominal : ndarray, shape (q,)
-        Values of the nominal design, NaN where it has none.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    Of a train quantities of the duty point are those of the worst mesh, the transmission error is
+    that of the reference mesh. `speed` is that of the duty point, rpm; `at_duty` returns the
+    nominal design for it, where that is another model. Quantities without a value are NaN.
     """
 
-    def __init__(self, model, quantities, *, speed=None, at_duty=None):
+    def __init__(
+        self,
+        model: Any,
+        quantities: Any,
+        *,
+        speed: float | None = None,
+        at_duty: Callable | None = None,
+    ):
         self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
         duty = _DUTY & set(self.quantities)
         _check_model(model, set(self.quantities) - duty)
@@ -62,14 +52,13 @@ class DesignQuantities:
             _check_duty(duty_model, duty, speed)
             tuning = check_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
-        self._resonant = [_SPEEDS.get(name, name) for name in self.quantities if name not in duty]
+        self._resonant = [
+            RESONANCE_NAMES.get(name, name) for name in self.quantities if name not in duty
+        ]
         self.nominal = self(model, at_duty)[0]
 
-    def __call__(self, model, at_duty=None):
-        """Return the values of a design, (q,), and their codes, (q,) int8; NaN if not found.
-
-        `at_duty` returns the model of its duty point, by default the same.
-        """
+    def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
+        """Return the values of a design, (q,), NaN if not found, and their codes, (q,) int8."""
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
         resonance: Any = main_resonance(model, self._resonant) if self._resonant else None
@@ -82,7 +71,7 @@ class DesignQuantities:
                 values[i] = _of_resonance(name, model, resonance)
             if np.isfinite(values[i]):
                 codes[i] = FOUND
-            elif name in _DUTY or _SPEEDS.get(name, name) in resonance.lost:
+            elif name in _DUTY or RESONANCE_NAMES.get(name, name) in resonance.lost:
                 codes[i] = LOST
         return values, codes
 
@@ -116,20 +105,19 @@ def _check_duty(model: Any, duty: set, speed: float | None) -> None:
 
 def _check_model(model: Any, resonant: set) -> None:
     """Refuse quantities of the resonance that a model does not have."""
+    kind = type(model).__name__
     if model.speed is None:
-        raise ValueError(
-            f"model = {type(model).__name__} is not allowed: nothing turns in this model"
-        )
+        raise ValueError(f"model = {kind} is not allowed: nothing turns in this model")
     one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
     if resonant and not one_degree and model.equation is not None:
         raise ValueError(
-            f"quantities = {min(resonant)!r} is not allowed for this {type(model).__name__}: "
+            f"quantities = {min(resonant)!r} is not allowed for this {kind}: "
             "the main resonance is searched of models whose excitation repeats every mesh period"
         )
     if _PEAKS & resonant and not one_degree:
         raise ValueError(
-            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this "
-            f"{type(model).__name__}: peaks are searched of models with one degree of freedom"
+            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this {kind}: "
+            "peaks are searched of models with one degree of freedom"
         )
 
 
@@ -139,7 +127,7 @@ def _of_resonance(name: str, model: Any, resonance: Any) -> float:
         return resonance.peak_displacement * model.static_deflection
     if name == "peak_dynamic_factor":
         return resonance.peak_force
-    return float(model.speed(1.0)) * getattr(resonance, _SPEEDS[name])
+    return float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
 
 
 def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
@@ -165,17 +153,16 @@ def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
     return float((np.fmin if name in _LEAST else np.fmax).reduce(values))
 
 
-def search_of(designs, quantities, speed):
+def search_of(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
     """Return the `DesignQuantities` near the nominal one of `Designs`."""
     duty = designs.at_duty(designs.tolerances.centres)
     return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
 
 
-def names_of(key, given, allowed):
+def names_of(key: str, given: Any, allowed: tuple) -> tuple:
     """Return names as a tuple, each once."""
     if isinstance(given, str) or not hasattr(given, "__iter__"):
-        words = f"a sequence of {', '.join(map(repr, allowed))}"
-        raise checks.refusal(key, given, words)
+        raise checks.refusal(key, given, f"a sequence of {', '.join(map(repr, allowed))}")
     names = tuple(given)
     for name in names:
         checks.one_of(key, name, allowed)

@@ -9,6 +9,7 @@ import inspect
 import re
 import warnings
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -57,27 +58,16 @@ class OfModel:
 
 
 class DrawnPair:
-    """Two drawn gears whose drawing scatters.
+    """Two drawn gears, a `gearlib.geometry.Mesh`, whose drawing scatters.
 
-    Parameters
-    ----------
-    mesh : gearlib.geometry.Mesh
-        Names of what scatters are its own, ``centre_distance`` and ``backlash``, those of a
-        `SpurGear`, as ``pinion.thickness_allowance``, and those of the load and damping. Without a
-        backlash that scatters, it is what shifts, centre distance and allowances leave where
-        ``backlash`` is None.
-    backlash : "drawing" or None, default "drawing"
-        "drawing": that of the mesh; None: what its gears leave, sample by sample.
-    **options
-        torque, damping_ratio and so on, as of `GearPair.from_geometry`.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    Names of what scatters are those of the mesh, ``centre_distance`` and ``backlash``, those of a
+    `SpurGear`, as ``pinion.thickness_allowance``, and those of the load and damping. Without a
+    backlash that scatters it is that of the mesh ("drawing"), or what shifts, centre distance and
+    allowances leave in each sample (None). Options are torque, damping_ratio and so on, those of
+    `GearPair.from_geometry`.
     """
 
-    def __init__(self, mesh, *, backlash="drawing", **options):
+    def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
         self.mesh = checks.drawn_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
@@ -87,14 +77,14 @@ class DrawnPair:
             for name, parameter in self.known.items()
         }
 
-    def value(self, name):
+    def value(self, name: str) -> Any:
         """Return what the drawing has of a name, None where it has nothing."""
         part, _, field = name.rpartition(".")
         if not part and name in OF_LOAD | OF_FLANKS:
             return self.options.get(name)
         return getattr(getattr(self.mesh, part) if part else self.mesh, field)
 
-    def __call__(self, changes):
+    def __call__(self, changes: dict) -> Any:
         """Return the `GearPair` of the gears with parts of the drawing changed."""
         mesh, options, (cosine, sine) = self._changed(changes)
         options["stiffness"] = options.get("stiffness") or "iso"
@@ -103,7 +93,7 @@ class DrawnPair:
             return pair
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
-    def at_duty(self, changes):
+    def at_duty(self, changes: dict) -> Any:
         """Return the `LoadSharingPair` of the same gears, for their duty point."""
         mesh, options, (cosine, sine) = self._changed(changes)
         if cosine or sine:
@@ -153,20 +143,16 @@ class OfFunction:
     """A function that returns a model, and takes what scatters as keyword arguments."""
 
     def __init__(self, function: Callable):
-        self.function = function
-        try:
+        self.function, arguments = function, []
+        with suppress(TypeError, ValueError):
             arguments = list(inspect.signature(function).parameters.values())
-        except (TypeError, ValueError):
-            arguments = []
         # What is given by position, or by any name, has no name here.
         arguments = [x for x in arguments if x.kind in (x.POSITIONAL_OR_KEYWORD, x.KEYWORD_ONLY)]
+        checks.require(arguments, "model", function, "a function with arguments that have names")
         self.needed = [x.name for x in arguments if x.default is x.empty]
-        if not arguments:
-            raise checks.refusal("model", function, "a function with arguments that have names")
-        try:
+        declared: dict = {}
+        with suppress(AttributeError, TypeError):
             declared = parameters.declared(function)
-        except (AttributeError, TypeError):
-            declared = {}
         self.known = {x.name: declared.get(x.name) for x in arguments}
         self.described = {
             name: (parameters.cf_units(x.unit), _words(name, x)) if x else ("1", name)
@@ -193,20 +179,16 @@ class Designs:
     """Many designs: the points of a scrambled Sobol' sequence, and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
-        if is_model(model):
-            self.source: Any = OfModel(model)
-        elif isinstance(model, DrawnPair):
-            self.source = model
-        elif callable(model):
-            self.source = OfFunction(model)
-        else:
-            words = "a model such as GearPair, a DrawnPair or a function that returns a model"
-            raise checks.refusal("model", model, words)
+        words = "a model such as GearPair, a DrawnPair or a function that returns a model"
+        checks.require(is_model(model) or callable(model), "model", model, words)
+        self.source: Any = model
+        if not isinstance(model, DrawnPair):
+            self.source = OfModel(model) if is_model(model) else OfFunction(model)
         self.tolerances = distributions.read(tolerances, self.source.known, self.source.value)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)
-        for name, field in RATIOS.items():
-            if is_model(model) and {name, field} <= {*self.names}:
+        for name, field in RATIOS.items() if is_model(model) else ():
+            if {name, field} <= {*self.names}:
                 raise ValueError(
                     f"tolerances.{field} is not allowed beside tolerances.{name}: both set the "
                     "same; give one of them"
@@ -233,9 +215,8 @@ class Designs:
     def model(self, values: np.ndarray) -> Any:
         """Return the model of one row of values; ValueError if there is none."""
         model = self.source(dict(zip(self.names, map(float, values), strict=True)))
-        if not is_model(model):
-            words = "a model such as GearPair, of each sample"
-            raise checks.refusal("the value of the function", model, words)
+        words = "a model such as GearPair, of each sample"
+        checks.require(is_model(model), "the value of the function", model, words)
         return model
 
     def at_duty(self, values: np.ndarray) -> Callable | None:

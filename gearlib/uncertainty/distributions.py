@@ -5,7 +5,7 @@ to be as likely, of ``{min, max}`` and of ``{nominal, upper, lower}``.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,12 +51,14 @@ class Tolerances:
         return np.stack([law.ppf(u) for law, u in zip(laws, points.T, strict=True)], axis=1)
 
 
-def read(tolerances, known, value_of=lambda name: None, keys=None):
-    """Return the `Tolerances` of a mapping, or raise ValueError with key, value and allowed range.
+def read(
+    tolerances: Any,
+    known: Mapping,
+    value_of: Callable = lambda name: None,
+    keys: Mapping | None = None,
+) -> Tolerances:
+    """Return the `Tolerances` of a mapping as `gearlib.scatter` takes it, or raise ValueError.
 
-    A name of a parameter maps to ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
-    deviations from the nominal value, or ``{distribution, ...}`` with a name of `scipy.stats` and
-    its parameters; ``correlations``, a list of [name, name, rho], are those of the normal scores.
     `known` maps names to their `gearlib.parameters.Parameter` or None, `value_of` returns the value
     that the model has of a name, `keys` maps names to those in refusals, by default
     ``tolerances.<name>``.
@@ -91,32 +93,28 @@ def _plain(given: dict) -> Marginal:
 def _named(key: str, given: Any) -> Marginal:
     """Return a distribution of `scipy.stats` by its name and parameters."""
     name = given["distribution"]
-    kind = getattr(stats, name, None) if isinstance(name, str) else None
-    if not isinstance(kind, stats.rv_continuous):
-        words = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
-        raise checks.refusal(f"{key}.distribution", name, words)
+    kind: Any = getattr(stats, name, None) if isinstance(name, str) else None
+    words = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
+    checks.require(isinstance(kind, stats.rv_continuous), f"{key}.distribution", name, words)
     shapes = [shape.strip() for shape in (kind.shapes or "").split(",") if shape]
-    allowed = [*shapes, "loc", "scale"]
-    numbers = {}
-    for parameter, value in given.items():
-        if parameter == "distribution":
-            continue
+    allowed, numbers = [*shapes, "loc", "scale"], {}
+    for parameter in [parameter for parameter in given if parameter != "distribution"]:
         if parameter not in allowed:
             raise ValueError(
                 f"{key}.{parameter} is not allowed: the parameters of {name!r} are "
                 f"{', '.join(allowed)}"
             )
-        words = "a finite number"
-        numbers[parameter] = checks.number(f"{key}.{parameter}", value, words, math.isfinite)
+        where, value = f"{key}.{parameter}", given[parameter]
+        numbers[parameter] = checks.number(where, value, "a finite number", math.isfinite)
     for shape in shapes:
         if shape not in numbers:
             raise ValueError(f"{key}.{shape} is missing: {name!r} needs {', '.join(shapes)}")
     law = kind(**numbers)
     with np.errstate(all="ignore"):
         middle, mean, std = (float(x) for x in (law.median(), law.mean(), law.std()))
-    if not all(map(math.isfinite, (middle, mean, std))) or std <= 0.0:
-        words = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
-        raise checks.refusal(key, given, words)
+    fits = all(map(math.isfinite, (middle, mean, std))) and std > 0.0
+    words = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
+    checks.require(fits, key, given, words)
     # Ends of a support need not be met, as 0 of a lognormal one.
     return Marginal(law, middle)
 

@@ -9,8 +9,7 @@ chance and nothing else.
 from typing import Any
 
 import numpy as np
-from scipy import stats
-from scipy.stats import qmc
+from scipy.stats import bootstrap, qmc
 
 from gearlib import checks, notebook
 from gearlib.data.result import result
@@ -113,8 +112,8 @@ def _values(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
 
 def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
     """Return indices, (2, k), and their intervals, (2, k, 2), of values, shape (k + 2, n)."""
-    complete = np.isfinite(table).all(axis=0)
-    n, count = complete.size, int(complete.sum())
+    n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
+    count = complete.size
     if count < 2:
         raise ValueError(
             f"quantities = {name!r} is not allowed with these tolerances: of {n} samples {count} "
@@ -122,19 +121,17 @@ def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
         )
     # As many as before, as the balance of the points asks for: each that is missing gives its place
     # to one that is there.
-    missing = n - count
-    samples = np.arange(n)
-    samples[~complete] = samples[complete][np.arange(missing) * count // max(missing, 1) % count]
+    samples, missing = np.arange(n), np.isnan(table).any(axis=0)
+    samples[missing] = complete[np.arange(n - count) * count // max(n - count, 1) % count]
     table = table[:, samples]
 
     def indices(rows):
-        # Twice, since of one parameter and one quantity scipy makes no arrays.
-        a, b = (np.stack([values[rows]] * 2) for values in table[:2])
-        ab = np.stack([table[2:, rows]] * 2, axis=1)
-        shares = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=rows.size)
-        return np.array([shares.first_order, shares.total_order]).reshape(2, 2, -1)[:, 0]
+        shifted = table[:, rows] - table[:2, rows].mean()
+        a, b, ab = shifted[0], shifted[1], shifted[2:]
+        shares = (b * (ab - a)).mean(axis=1), 0.5 * ((ab - a) ** 2).mean(axis=1)
+        return np.array(shares) / (shifted[:2].var() or np.inf)
 
-    interval = stats.bootstrap(
+    interval = bootstrap(
         (np.arange(n),),
         indices,
         n_resamples=_RESAMPLES,

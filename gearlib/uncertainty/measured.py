@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -121,27 +120,22 @@ def _dataset(rig: Any, folder: Path) -> xr.Dataset:
 
 def _of_table(rig: Any, path: Path) -> xr.Dataset:
     """Return the table of a description as a dataset."""
-    if not path.is_file():
-        raise checks.refusal("data", rig.data, "a file beside its YAML")
-    if path.stat().st_size == 0:
-        raise checks.refusal("data", rig.data, "a file with rows: it is empty")
+    checks.require(path.is_file(), "data", rig.data, "a file beside its YAML")
+    checks.require(path.stat().st_size, "data", rig.data, "a file with rows: it is empty")
     if rig.sha256 is not None:
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        if digest != rig.sha256:
-            raise checks.refusal("sha256", rig.sha256, f"{digest}, that of {rig.data}")
-    texts = {
-        key
-        for key, channel in rig.channels.items()
-        if (channel.observableId or key) in ("direction", "condition")
-        or channel.unit == measured_description.DATES
-    }
-    columns = measured_tables.read(path, rig, texts | {LONG[0], CONDITION})
+        checks.require(digest == rig.sha256, "sha256", rig.sha256, f"{digest}, that of {rig.data}")
+    texts = {LONG[0], CONDITION}
+    for key, channel in rig.channels.items():
+        is_text = (channel.observableId or key) in ("direction", "condition")
+        texts |= {key} if is_text or channel.unit == measured_description.DATES else set()
+    columns = measured_tables.read(path, rig, texts)
     lengths = {name: len(values) for name, values in columns.items()}
-    if not lengths or min(lengths.values()) == 0:
-        raise checks.refusal("data", rig.data, "a file with samples: it has none")
-    if len(set(lengths.values())) > 1:
-        raise checks.refusal("data", rig.data, f"of columns of one length, not {lengths}")
+    empty = not lengths or min(lengths.values()) == 0
+    checks.require(not empty, "data", rig.data, "a file with samples: it has none")
+    allowed = f"of columns of one length, not {lengths}"
+    checks.require(len(set(lengths.values())) == 1, "data", rig.data, allowed)
     is_csv = path.suffix.lower() == ".csv"
     if is_csv and set(LONG) <= columns.keys():
         data = _of_columns(rig, *measured_tables.long_samples(rig, columns))
@@ -154,10 +148,7 @@ def _of_table(rig: Any, path: Path) -> xr.Dataset:
 
 
 def _of_columns(rig: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return the dataset of columns by their keys; noises: key -> that of each sample.
-
-    `data` is what there is beside the samples.
-    """
+    """Return `data` with columns by their keys; noises: key -> that of each sample."""
     keys = {rig.channels[key].observableId or key: key for key in rig.channels if key in columns}
     # PEtab's columns, and the times that a format knows, need no channel.
     for name, key in (("time", "time"), ("condition", CONDITION)):
@@ -168,13 +159,15 @@ def _of_columns(rig: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.D
     for name, key in keys.items():
         if name in measured_names.COORDINATES:
             continue
-        if name in measured_names.SPEEDS:
-            where = f"{rig.data}, column {key!r}"
-            raise checks.refusal(where, name, "none of a wide table: speeds has it")
-        if rig.channels[key].gaps and (empty := int(np.isnan(columns[key]).sum())):
+        where, values = f"{rig.data}, column {key!r}", columns[key]
+        is_speed = name in measured_names.SPEEDS
+        checks.require(not is_speed, where, name, "none of a wide table: speeds has it")
+        gaps = bool(rig.channels[key].gaps)
+        if gaps and (empty := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty} empty cells are not measured")
-        for variable, values in _variables(rig, name, key, columns[key][order], noises, order):
-            data[variable] = values
+        noise = noises[key][order] if key in noises else None
+        measured_tables.check_finite(where, values[order], gaps=gaps or noise is not None)
+        data = data.assign(_variables(rig.channels[key], name, key, values[order], noise))
     if not data.data_vars:
         raise checks.refusal("channels", list(rig.channels), "at least one that was measured")
     for name, values in coords.items():
@@ -190,9 +183,10 @@ def _order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return the order in which the time of each condition rises, and what that repairs."""
     if "time" not in coords:
         return slice(None), []
-    groups = [name for name in ("condition", "direction") if name in coords]
-    codes = [np.unique(coords[name], return_inverse=True)[1] for name in groups]
-    group = sum(code * 3**i for i, code in enumerate(codes[::-1])) + np.zeros(len(coords["time"]))
+    groups = [coords[name] for name in ("condition", "direction") if name in coords]
+    group = np.zeros(len(coords["time"]), int)
+    for values in groups:
+        group = 3 * group + np.unique(values, return_inverse=True)[1]
     where = f"{rig.data}, column {keys['time']!r}"
     order = measured_tables.in_order(where, coords["time"], group)
     if order is None:
@@ -200,13 +194,8 @@ def _order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     return order, ["samples sorted by time" + ", each condition apart" * bool(groups)]
 
 
-def _variables(
-    rig: Any, name: str, key: str, values: np.ndarray, noises: dict, order: Any
-) -> Iterator[tuple]:
-    """Yield the variable of an observable, and its noise where it differs from sample to sample."""
-    channel = rig.channels[key]
-    where = f"{rig.data}, column {key!r}"
-    measured_tables.check_finite(where, values, gaps=bool(channel.gaps) or key in noises)
+def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
+    """Return the variable of an observable, and its noise where it differs between samples."""
     factor, cf = channel.scale(key)
     attrs = {
         "units": cf,
@@ -217,40 +206,38 @@ def _variables(
         "unknown_gain": int(channel.gain == "unknown"),
         "unknown_offset": int(channel.offset == "unknown"),
     }
-    if key in noises and np.isfinite(noises[key]).any():
-        noise = noises[key][order] * abs(factor)
-        noise[np.isnan(noise)] = channel.noise_std(key)
+    variables = {}
+    if noise is not None and np.isfinite(noise).any():
+        noise = np.where(np.isnan(noise), channel.noise_std(key), noise * abs(factor))
         known = noise[np.isfinite(values)]
         attrs["noise_std"] = math.sqrt(float(np.mean(known**2)))
         if known.min() != known.max():
             words = f"standard deviation of {name}"
-            yield f"{name}_noise_std", ("sample", noise, {"units": cf, "long_name": words})
-    yield name, ("sample", values * factor, attrs)
+            variables[f"{name}_noise_std"] = "sample", noise, {"units": cf, "long_name": words}
+    return variables | {name: ("sample", values * factor, attrs)}
 
 
 def _coordinates(rig: Any, columns: dict, keys: dict) -> tuple[dict, str]:
     """Return name -> values of the coordinates, and when the first sample was taken, or ""."""
     coords, start = {}, ""
-    for name in ("time", "speed"):
-        if name in keys:
-            key = keys[name]
-            where, channel = f"{rig.data}, column {key!r}", rig.channels.get(key)
-            values = columns[key]
-            if channel is not None and channel.unit == measured_description.DATES:
-                values, start = measured_tables.dates(where, values)
-            measured_tables.check_finite(where, values, endless=name == "time")
-            coords[name] = values * (1.0 if channel is None else channel.scale(key)[0])
+    places = {name: f"{rig.data}, column {key!r}" for name, key in keys.items()}
+    for name in [name for name in ("time", "speed") if name in keys]:
+        channel, values = rig.channels.get(keys[name]), columns[keys[name]]
+        if channel is not None and channel.unit == measured_description.DATES:
+            values, start = measured_tables.dates(places[name], values)
+        measured_tables.check_finite(places[name], values, endless=name == "time")
+        coords[name] = values * (1.0 if channel is None else channel.scale(keys[name])[0])
     if "direction" in keys:
-        where = f"{rig.data}, column {keys['direction']!r}"
-        coords["direction"] = measured_tables.directions(where, columns[keys["direction"]])
+        words = columns[keys["direction"]]
+        coords["direction"] = measured_tables.directions(places["direction"], words)
     conditions, codes = list(rig.conditions.values()), np.zeros(len(next(iter(columns.values()))))
     if "condition" in keys:
-        given = columns[keys["condition"]]
-        codes = measured_tables.complete(f"{rig.data}, column {keys['condition']!r}", given)
-        names = [str(name) for name in given.categories]
+        column = columns[keys["condition"]]
+        codes = measured_tables.complete(places["condition"], column)
+        names = [str(name) for name in column.categories]
         for name in names if rig.conditions else ():
-            if name not in rig.conditions:
-                raise checks.refusal(CONDITION, name, f"one of {', '.join(rig.conditions)}")
+            allowed = f"one of {', '.join(rig.conditions)}"
+            checks.require(name in rig.conditions, CONDITION, name, allowed)
         coords["condition"] = np.array(names)[codes]
         conditions = [rig.conditions.get(name) for name in names]
     elif len(conditions) != 1:

@@ -4,7 +4,7 @@ A CSV is wide, a column for each channel, or long as PEtab has them, a row for e
 """
 
 import csv
-from collections.abc import Iterator
+from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,26 +20,18 @@ PYUFF = Package("pyuff", "pyuff")
 #: Columns of a long table, by PEtab.
 LONG = ("observableId", "measurement")
 CONDITION, NOISE = "simulationConditionId", "noiseParameters"
-#: Rows that are read at once in the search for a cell that is no number.
-_CHUNK = 200_000
 #: Directions, texts or numbers.
 _DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
-def read(path, rig, texts):
+def read(path: Path, rig: Any, texts: set) -> dict:
     """Return the columns that a description names; texts: names of those that are no numbers."""
-    reader = _READERS[path.suffix.lower()]
-    try:
-        return reader(path, rig, texts)
-    except (ValueError, MemoryError):
-        raise
-    except Exception as error:  # whatever a damaged file leads other packages to
-        words = " ".join(str(error).split())
-        raise checks.refusal("data", rig.data, f"a file that can be read ({words})") from None
+    is_csv = path.suffix.lower() == ".csv"
+    return _read_csv(path, rig, texts) if is_csv else _read_uff(path, rig)
 
 
-def header(path, rig):
+def header(path: Path, rig: Any) -> tuple[list[str], int]:
     """Return the names of the columns of a CSV and the line they stand in, from 1."""
     try:
         with open(path, encoding=_encoding(rig), newline="") as file:
@@ -86,61 +78,54 @@ def _wanted(names: list[str], rig: Any) -> list[str]:
     return wanted
 
 
-class _Rows:
-    """The rows of a CSV below a first line that names columns 0, 1, ... and one more."""
-
-    def __init__(self, file: Any, line: int, count: int, separator: str):
-        for _ in range(line):
-            file.readline()
-        self.file, self.first = file, separator.join(map(str, range(count + 1))) + "\n"
-
-    def read(self, size: int = -1) -> str:
-        first, self.first = self.first, ""
-        return first or self.file.read(size)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.read, "")
-
-
-def _tables(path: Path, rig: Any, kinds: dict, names: list, line: int, **how: Any) -> Iterator:
-    """Yield the table of a CSV, or parts of it; kinds: number of a column -> its type."""
+def _frame(path: Path, rig: Any, kinds: dict, count: int, line: int) -> Any:
+    """Return numbered columns of a CSV below a line; kinds: number of a column -> its type."""
     import pandas as pd
 
-    how |= {"sep": rig.separator, "decimal": rig.decimal, "comment": rig.comment}
-    how |= {"skipinitialspace": True, "engine": "c", "low_memory": False, "index_col": False}
-    count = len(names)
+    # Versions from 3.1 on round numbers correctly without being asked.
+    exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+    # A cell behind the last column would be dropped in silence: it gets a column of its own.
+    names = rig.separator.join(map(str, range(count + 1)))
     with open(path, encoding=_encoding(rig), newline="") as file:
-        # A cell behind the last column would be dropped in silence: it gets a column of its own.
-        rows = _Rows(file, line, count, rig.separator)
-        kinds = {str(i): kind for i, kind in kinds.items()} | {str(count): "category"}
-        if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):
-            # Later ones round numbers correctly without being asked.
-            how["float_precision"] = "round_trip"
-        frame = pd.read_csv(rows, dtype=kinds, usecols=[*kinds], **how)
-        yield from frame if "chunksize" in how else [frame]
+        for _ in range(line):
+            file.readline()
+        table = StringIO(f"{names}\n{file.read()}", newline="")
+    kinds = {str(i): kind for i, kind in kinds.items()} | {str(count): "category"}
+    frame = pd.read_csv(
+        table,
+        dtype=kinds,
+        usecols=[*kinds],
+        sep=rig.separator,
+        decimal=rig.decimal,
+        comment=rig.comment,
+        skipinitialspace=True,
+        low_memory=False,
+        index_col=False,
+        **({} if exact else {"float_precision": "round_trip"}),
+    )
+    return frame.rename(columns=int)
 
 
 def _read_csv(path: Path, rig: Any, texts: set) -> dict:
     """Return columns of a CSV."""
     names, line = header(path, rig)
-    wanted = _wanted(names, rig)
-    kinds = {names.index(name): "category" if name in texts else float for name in wanted}
+    wanted = {name: names.index(name) for name in _wanted(names, rig)}
+    kinds = {i: "category" if name in texts else float for name, i in wanted.items()}
     try:
-        (frame,) = _tables(path, rig, kinds, names, line)
+        frame = _frame(path, rig, kinds, len(names), line)
     except UnicodeDecodeError as error:
         raise checks.refusal("data", rig.data, f"{rig.encoding} text ({error.reason})") from None
     except ValueError:
         raise _no_number(path, rig, kinds, names, line) from None
-    if frame.empty:
-        raise checks.refusal("data", rig.data, "a file with rows: it has none")
-    beyond = frame[str(len(names))].notna().to_numpy()
+    checks.require(len(frame), "data", rig.data, "a file with rows: it has none")
+    beyond = frame[len(names)].notna().to_numpy()
     if beyond.any():
         hint = " (a decimal comma needs another separator)" if rig.separator == "," else ""
         raise ValueError(
             f"{rig.data}, row {int(beyond.argmax()) + 1}: it must have {len(names)} cells as its "
             f"names of columns have, not more{hint}"
         )
-    columns = {name: frame.pop(str(names.index(name))) for name in wanted}
+    columns = {name: frame.pop(i) for name, i in wanted.items()}
     return {name: c.array if name in texts else c.to_numpy() for name, c in columns.items()}
 
 
@@ -148,25 +133,22 @@ def _no_number(path: Path, rig: Any, kinds: dict, names: list, line: int) -> Val
     """Return the refusal of the first cell that is no number."""
     import pandas as pd
 
-    first, numbers = 0, [i for i, kind in kinds.items() if kind is float]
-    texts = dict.fromkeys(numbers, str)
+    numbers = [i for i, kind in kinds.items() if kind is float]
     try:
-        for part in _tables(path, rig, texts, names, line, chunksize=_CHUNK):
-            for i in numbers:
-                cells = part[str(i)]
-                plain = cells.str.replace(rig.decimal, ".", regex=False)
-                wrong = (pd.to_numeric(plain, errors="coerce").isna() & cells.notna()).to_numpy()
-                if wrong.any():
-                    row = int(wrong.argmax())
-                    where = f"{rig.data}, column {names[i]!r}, row {first + row + 1}"
-                    return checks.refusal(where, cells.iloc[row], "a number")
-            first += len(part)
+        frame = _frame(path, rig, dict.fromkeys(numbers, str), len(names), line)
     except ValueError as error:
         return checks.refusal("data", rig.data, f"a table ({' '.join(str(error).split())})")
+    for i in numbers:
+        plain = frame[i].str.replace(rig.decimal, ".", regex=False)
+        wrong = (pd.to_numeric(plain, errors="coerce").isna() & frame[i].notna()).to_numpy()
+        if wrong.any():
+            row = int(wrong.argmax())
+            where = f"{rig.data}, column {names[i]!r}, row {row + 1}"
+            return checks.refusal(where, frame[i].iloc[row], "a number")
     return checks.refusal("data", rig.data, "a table of numbers")
 
 
-def _read_uff(path: Path, rig: Any, texts: set) -> dict:
+def _read_uff(path: Path, rig: Any) -> dict:
     """Return columns of the sets 58 and 58b of a universal file, named by their first line."""
     if not PYUFF.available():
         raise MissingPackage(
@@ -182,8 +164,7 @@ def _read_uff(path: Path, rig: Any, texts: set) -> dict:
     except Exception as error:  # whatever a damaged file leads pyuff to
         words = " ".join(str(error).split())
         raise checks.refusal("data", rig.data, f"a universal file ({words})") from None
-    if not sets:
-        raise checks.refusal("data", rig.data, "a universal file with sets 58: it has none")
+    checks.require(sets, "data", rig.data, "a universal file with sets 58: it has none")
     names = [str(table["id1"]).strip() for table in sets]
     columns: dict = {}
     for name in [key for key in rig.channels if key != "time"]:
@@ -207,18 +188,13 @@ def _read_uff(path: Path, rig: Any, texts: set) -> dict:
     return columns
 
 
-_READERS = {".csv": _read_csv, ".uff": _read_uff, ".unv": _read_uff}
-
-
-def long_samples(rig, columns):
+def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     """Return columns over samples, the noise of each sample, and the single speeds.
 
     Measurements at the same condition, time and speed are one sample; where an observable was not
     measured it is NaN. At a time of infinity, or without times, an observable may be there several
     times: these are samples of their own.
     """
-    import pandas as pd
-
     where = f"{rig.data}, column "
     codes = complete(f"{where}{LONG[0]!r}", columns[LONG[0]])
     observables = [str(name) for name in columns[LONG[0]].categories]
@@ -244,12 +220,23 @@ def long_samples(rig, columns):
             rows = codes == numbers.pop(key)
             speeds[name] = _single_speed(rig, key, name, values[rows], noise[rows])
     kept = np.isin(codes, list(numbers.values()))
-    keys = {
-        name: columns[name].codes[kept] if name == CONDITION else columns[name][kept]
-        for name in columns if name not in (*LONG, NOISE)
-    }  # fmt: skip
+    wide = {name: columns[name][kept] for name in columns if name not in (*LONG, NOISE)}
     codes, values, noise = codes[kept], values[kept], noise[kept]
-    frame = pd.DataFrame(keys | {LONG[0]: codes})
+    sample, first = _sample_numbers(where, wide, codes, observables)
+    wide, noises = {name: column[first] for name, column in wide.items()}, {}
+    for key, i in numbers.items():
+        rows = codes == i
+        wide[key], noises[key] = np.full((2, first.size), np.nan)
+        wide[key][sample[rows]], noises[key][sample[rows]] = values[rows], noise[rows]
+    return wide, noises, speeds
+
+
+def _sample_numbers(where: str, keys: dict, codes: np.ndarray, observables: list) -> tuple:
+    """Return the number of the sample of each row, and the first row of each sample."""
+    import pandas as pd
+
+    plain = {name: getattr(column, "codes", column) for name, column in keys.items()}
+    frame = pd.DataFrame(plain | {LONG[0]: codes})
     endless = np.isinf(keys["time"]) if "time" in keys else np.ones(codes.shape, bool)
     again = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
     twice = (again > 0) & ~endless
@@ -262,14 +249,7 @@ def long_samples(rig, columns):
         )
     frame = frame.drop(columns=LONG[0]).assign(again=again)
     sample = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
-    first = np.unique(sample, return_index=True)[1]
-    wide = {name: columns[name][kept][first] for name in keys}
-    noises = {}
-    for key, i in numbers.items():
-        rows = codes == i
-        wide[key], noises[key] = np.full((2, first.size), np.nan)
-        wide[key][sample[rows]], noises[key][sample[rows]] = values[rows], noise[rows]
-    return wide, noises, speeds
+    return sample, np.unique(sample, return_index=True)[1]
 
 
 def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
@@ -285,7 +265,7 @@ def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tup
     return (), values[0] * factor, {"units": units, "long_name": words, "noise_std": deviation}
 
 
-def check_finite(where, values, gaps=False, endless=False):
+def check_finite(where: str, values: np.ndarray, gaps: Any = False, endless: bool = False) -> None:
     """Raise ValueError unless numbers are finite; NaN is a gap where there may be some.
 
     endless: whether infinity is allowed, PEtab's time of a steady state.
@@ -302,17 +282,15 @@ def check_finite(where, values, gaps=False, endless=False):
         raise checks.refusal(where, float(values[row]), "finite")
 
 
-def directions(where, given):
+def directions(where: str, given: Any) -> np.ndarray:
     """Return directions, texts or numbers, as integers; ValueError for any other."""
-    numbers = []
-    for word in given.categories:
-        if str(word).strip().lower() not in _DIRECTIONS:
-            raise checks.refusal(where, word, "up, down or rest, or 1, -1, 0")
-        numbers.append(_DIRECTIONS[str(word).strip().lower()])
-    return np.array(numbers, np.int8)[complete(where, given)]
+    words = [str(word).strip().lower() for word in given.categories]
+    for word, category in zip(words, given.categories, strict=True):
+        checks.require(word in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
+    return np.array([_DIRECTIONS[word] for word in words], np.int8)[complete(where, given)]
 
 
-def complete(where, given):
+def complete(where: str, given: Any) -> np.ndarray:
     """Return the codes of a column of texts; ValueError where a cell is empty."""
     codes = np.asarray(given.codes)
     if (codes < 0).any():
@@ -321,14 +299,15 @@ def complete(where, given):
     return codes
 
 
-def in_order(where, time, group):
+def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
     """Return the order in which time rises within each group, None where it does already.
 
     group: number of the condition of each sample; ValueError where a time is there twice.
     """
-    # Groups by the order in which they come first.
-    _, first, numbers = np.unique(group, return_index=True, return_inverse=True)
-    order = np.lexsort((time, np.argsort(np.argsort(first))[numbers]))
+    import pandas as pd
+
+    # Groups are numbered by the order in which they come first.
+    order = np.lexsort((time, pd.factorize(group)[0]))
     time, group = time[order], group[order]
     same = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
     if same.any():
@@ -341,7 +320,7 @@ def in_order(where, time, group):
     return None if (np.diff(order) > 0).all() else order
 
 
-def dates(where, given):
+def dates(where: str, given: Any) -> tuple[np.ndarray, str]:
     """Return seconds since the first of the dates of a column, and that date as ISO 8601."""
     import pandas as pd
 

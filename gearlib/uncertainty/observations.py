@@ -13,13 +13,24 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty import orbit_values
 from gearlib.uncertainty.course_observations import courses_of
-from gearlib.uncertainty.observation import JUMP_SHARE, Channel, Curve, Observation, Place
-from gearlib.uncertainty.orbit_values import ORDER, SAMPLES, SETTLING, SHARING, STATISTICS
+from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
+from gearlib.uncertainty.observation import (
+    JUMP_SHARE,
+    ORDER,
+    SAMPLES,
+    SETTLING,
+    SHARING,
+    STATISTICS,
+    Channel,
+    Curve,
+    Observation,
+    Place,
+    at_speed,
+    pick,
+    special_speeds,
+)
 
-#: Names of measured speeds.
-SPEEDS = ("jump_up", "jump_down", "onset_of_contact_loss")
 #: A jump is so many times as large as the usual step from one point to the next.
 _JUMP_RATIO = 3.0
 #: Quantities that fall at a jump up, and ends of the names of those that grow.
@@ -38,20 +49,19 @@ def _of_set(model: Any, data: Any) -> list[Observation]:
     if not hasattr(data, "data_vars"):
         given = data if isinstance(data, int | float | str) else type(data).__name__
         raise checks.refusal("data", given, "datasets with a displacement over time or jump speeds")
-    speeds = {name: data[name] for name in SPEEDS if name in data}
-    observations = []
-    if "time" in data.coords:
-        quantities = quantities_of(model, data.data_vars, ("displacement",))
-        _check(data, quantities, speeds)
+    speeds = {name: data[name] for name in RESONANCE_NAMES if name in data}
+    timed, quantities, observations = "time" in data.coords, {}, []
+    if timed or "speed" in data.coords:
+        known = ("displacement",) if timed else (*STATISTICS, SHARING, ORDER)
+        quantities = quantities_of(model, data.data_vars, known)
+    _check(data, quantities, speeds)
+    if timed:
         for name, (quantity, mesh) in quantities.items():
             course = data.isel(sample=data[name].notnull().values).rename({name: quantity})
             observations += courses_of(model, course, mesh)
-    else:
-        quantities = quantities_of(model, data.data_vars) if "speed" in data.coords else {}
-        _check(data, quantities, speeds)
-        if quantities:
-            points, jumps = _of_sweeps(data, quantities)
-            observations, speeds = [points], jumps | speeds
+    elif quantities:
+        points, jumps = _of_sweeps(data, quantities)
+        observations, speeds = [points], jumps | speeds
     if speeds:
         observations.append(_of_speeds(speeds))
     if not observations:
@@ -129,7 +139,7 @@ def _of_speeds(speeds: dict) -> Observation:
     deviations = np.where(noise > 0.0, noise, 1e-3 * values)
 
     def predict(model: Any) -> tuple:
-        predicted = orbit_values.special_speeds(model, measured)
+        predicted = special_speeds(model, measured)
         return [np.array([predicted.get(name, math.nan) for name in measured])], 0.0
 
     def draw(sensed: list) -> list:
@@ -155,23 +165,18 @@ def _of_sweeps(data: Any, quantities: dict) -> tuple[Observation, dict]:
         for branch in branches:
             points[branch] = _followed(model, speeds[branch], samples)
         rows = [
-            np.array([orbit_values.pick(point, *which) for point in points])
-            for which in quantities.values()
+            np.array([pick(point, *which) for point in points]) for which in quantities.values()
         ]
         return rows, max(0.0, *(-point["displacement_min"].min() for point in points))
 
     def draw(sensed: list) -> list:
-        return [
-            Curve(
-                channel.name.replace("_", " "),
-                data[channel.name].attrs.get("units", ""),
-                "speed",
-                speeds,
-                (channel.values, fitted),
-                ways < 0,
-            )
-            for channel, fitted in zip(channels, sensed, strict=True)
-        ]
+        curves = []
+        for channel, fitted in zip(channels, sensed, strict=True):
+            name, units = channel.name, data[channel.name].attrs.get("units", "")
+            heights = channel.values, fitted
+            curve = Curve(name.replace("_", " "), units, "speed", speeds, heights, ways < 0)
+            curves.append(curve)
+        return curves
 
     return Observation("branches", channels, predict, draw), jumps
 
@@ -196,12 +201,11 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, ways: np.ndarray)
     Of a sweep that jumps the points before the jump are followed from its first speed, those
     behind it from its last one, back.
     """
-    quantity_names = {name: quantity for name, (quantity, _) in quantities.items()}
-    growing = [n for n, q in quantity_names.items() if q in _FALLING or q.endswith(_GROWING)]
-    names = growing or [*quantity_names]
-    signs = [-1.0 if quantity_names[name] in _FALLING else 1.0 for name in names]
-    table = np.array([s * data[n].values.astype(float) for s, n in zip(signs, names, strict=True)])
-    least = np.array([3.0 * float(data[name].attrs.get("noise_std", 0.0)) for name in names])
+    names = {name: quantity for name, (quantity, _) in quantities.items()}
+    growing = {n: q for n, q in names.items() if q in _FALLING or q.endswith(_GROWING)}
+    signs = {n: -1.0 if q in _FALLING else 1.0 for n, q in (growing or names).items()}
+    table = np.array([sign * data[n].values.astype(float) for n, sign in signs.items()])
+    least = np.array([3.0 * float(data[name].attrs.get("noise_std", 0.0)) for name in signs])
     branches, jumps = [], {}
     for way in np.unique(ways):
         points = np.flatnonzero(ways == way)
@@ -217,12 +221,11 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, ways: np.ndarray)
         a, b = speeds[points[i - 1]], speeds[points[i]]
         # Anywhere between two points: a rectangle's standard deviation.
         attrs = {"units": "min-1", "noise_std": abs(b - a) / math.sqrt(12.0)}
-        name = "jump_up" if way > 0 else "jump_down"
-        jumps[name] = xr.DataArray(0.5 * (a + b), attrs=attrs)
+        jumps["jump_up" if way > 0 else "jump_down"] = xr.DataArray(0.5 * (a + b), attrs=attrs)
     return branches, jumps
 
 
-def _jump(table: np.ndarray, least: np.ndarray, way: int) -> int | None:
+def _jump(table: np.ndarray, least: Any, way: int) -> int | None:
     """Return the first point behind the largest jump of rows of values, None without one.
 
     `way`: 1 of jumps up alone, -1 of jumps down, 0 of both; `least`: size of jumps of each row.
@@ -233,9 +236,8 @@ def _jump(table: np.ndarray, least: np.ndarray, way: int) -> int | None:
     steps = np.abs(changes)
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     usual = np.median(steps, axis=1)[:, None]
-    jumps = (steps > JUMP_SHARE * sizes) & (steps > _JUMP_RATIO * usual) & (steps > least[:, None])
-    if way:
-        jumps &= way * changes > 0.0
+    jumps = (steps > JUMP_SHARE * sizes) & (steps > _JUMP_RATIO * usual)
+    jumps &= (steps > np.reshape(least, (-1, 1))) & ((changes * way > 0.0) | (way == 0))
     if not jumps.any():
         return None
     return int(np.where(jumps, steps / sizes, 0.0).max(axis=0).argmax()) + 1
@@ -253,7 +255,7 @@ def _followed(model: Any, speeds: np.ndarray, samples: int) -> list[dict]:
     run = sweep(model, tunings, direction="up" if rising else "down", **SETTLING)
     states = run.final_state.values[order]
     heights = run.displacement_max.values[order].reshape(len(speeds), -1).T
-    end = _jump(heights, np.zeros(len(heights)), 1 if rising else -1)
+    end = _jump(heights, 0.0, 1 if rising else -1)
     count = len(speeds) if end is None else end
-    points = [orbit_values.at_speed(model, speeds[i], states[i], samples) for i in range(count)]
+    points = [at_speed(model, speeds[i], states[i], samples) for i in range(count)]
     return points + [points[-1]] * (len(speeds) - count)

@@ -7,6 +7,7 @@ given as limits, see `gearlib.scatter`.
 """
 
 import re
+from typing import Any
 
 from gearlib import checks
 
@@ -48,24 +49,14 @@ _LEAST_DISTANCE, _FIRST_DEGREE = 0.01, 5
 _THICKNESS = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s*(\d\d)")
 
 
-def thickness_limits(diameter, designation):
-    """Return (least, largest) allowance of the normal tooth thickness, m; DIN 3967.
+def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
+    """Return least and largest allowance of the normal tooth thickness, m, by DIN 3967.
 
-    Parameters
-    ----------
-    diameter : float
-        Of the reference circle, m; up to 2.5.
-    designation : str
-        Tolerance number and allowance series, such as "27cd".
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    `diameter` is that of the reference circle, m, up to 2.5; a designation is such as "27cd".
     """
     largest = _DIAMETERS[-1]
-    words = f"> 0 and <= {largest} m"
-    diameter = checks.number("diameter", diameter, words, lambda d: 0 < d <= largest)
+    allowed = f"> 0 and <= {largest} m"
+    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= largest)
     match = _THICKNESS.fullmatch(designation.strip()) if isinstance(designation, str) else None
     number, series = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
     number = int(number)
@@ -79,21 +70,8 @@ def thickness_limits(diameter, designation):
     return _UM * (upper - steps[begin + number - _FIRST]), _UM * upper
 
 
-def distance_limits(distance, designation):
-    """Return (lower, upper) deviation of a centre distance, m; DIN 3964.
-
-    Parameters
-    ----------
-    distance : float
-        m; from 0.01 to 0.5.
-    designation : str
-        "js5" to "js11".
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
-    """
+def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
+    """Return lower and upper deviation of a centre distance of 0.01 to 0.5 m by DIN 3964, m."""
     ends = tuple(_DISTANCES)
     low, high = _LEAST_DISTANCE, ends[-1]
     words = f"from {low} to {high} m"
@@ -105,30 +83,16 @@ def distance_limits(distance, designation):
     return -half, half
 
 
-def by_class(mesh, *, thickness=None, centre_distance=None, form=False):
+def by_class(
+    mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
+) -> dict:
     """Return tolerances by the classes of a drawing, for `gearlib.scatter` and a `DrawnPair`.
 
-    Parameters
-    ----------
-    mesh : gearlib.geometry.Mesh
-    thickness : str or pair of str, optional
-        Of both gears, or of pinion and wheel, by DIN 3967: "27cd". What backlash there is follows
-        from it where the `DrawnPair` has ``backlash=None``.
-    centre_distance : str, optional
-        By DIN 3964: "js7".
-    form : bool, default False
-        Whether the form of the profile deviates, by the `quality` of the gears. Its tolerance
-        limits the height of a wave and says nothing of its shape: here the first mesh harmonic of
-        the flanks takes all of it, cosine and sine within half of the larger tolerance.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and the allowed range.
+    `thickness` is by DIN 3967, "27cd", of both gears or a pair of pinion and wheel; the backlash
+    follows from it where the `DrawnPair` has ``backlash=None``. `centre_distance` is by DIN 3964,
+    "js7". With `form` the profile deviates by the `quality` of the gears. That tolerance limits the
+    height of a wave and says nothing of its shape: here the first mesh harmonic of the flanks takes
+    all of it, cosine and sine within half of the larger tolerance.
     """
     mesh = checks.drawn_mesh(mesh)
     tolerances: dict = {}

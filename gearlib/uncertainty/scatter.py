@@ -1,4 +1,4 @@
-"""`scatter`: what a model does where its parameters scatter, and the same in shards.
+"""`scatter`: motions of a model whose parameters scatter, computed at once or in shards.
 
 Each sample is worked out by itself, by the public functions, so any cut into shards gives the same
 bytes. Statistics never mix two motions: those met on the way up, on the way down and from other
@@ -9,6 +9,7 @@ import functools
 import json
 import os
 import warnings
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -54,20 +55,6 @@ _POINTS = {
     "settled": np.int8(0),
     "run_status": np.int8(-1),
 }
-
-
-class Question(NamedTuple):
-    """What is computed of every design, arguments of `scatter`."""
-
-    quantities: tuple = ("jump_up", "jump_down")
-    speed: float | None = None
-    speeds: Any = None
-    tunings: Any = None
-    directions: tuple = ("up", "down")
-    periods: int = 120
-    record_periods: int = 20
-    box: tuple = BOX
-    seed: int = 0
 
 
 class Runs(NamedTuple):
@@ -148,34 +135,69 @@ def scatter(
         Naming the argument, its value and the allowed range.
     """
     n = checks.integer("n", n, 1, MAX_SAMPLES)
-    question = Question(
-        quantities, speed, speeds, tunings, directions, periods, record_periods, box, seed
-    )
-    settings = {"threads": threads, "progress": progress, **question._asdict()}
-    return gather([shard(model, tolerances, n, 0, n, **settings)])
+    settings = {"speed": speed, "seed": seed, "threads": threads, "progress": progress}
+    runs = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
+    runs |= {"record_periods": record_periods, "box": box}
+    part = shard(model, tolerances, n, 0, n, quantities=quantities, **settings, **runs)
+    return gather([part])
 
 
-def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **settings):
-    """Return what `gather` takes of the samples first ... last - 1; `settings` are a `Question`."""
-    question = Question(**settings)
+def shard(
+    model: Any,
+    tolerances: Any,
+    n: int,
+    first: int,
+    last: int,
+    *,
+    quantities: Any = ("jump_up", "jump_down"),
+    speed: float | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable | None = None,
+    **runs_over_speed: Any,
+) -> xr.Dataset:
+    """Return what `gather` takes of the samples first ... last - 1 of a `scatter`."""
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    quantities = names_of("quantities", question.quantities, tuple(QUANTITIES))
+    quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    designs = Designs(model, tolerances, question.seed)
-    runs = _runs(designs.nominal, question)
+    designs = Designs(model, tolerances, seed)
+    runs = _runs(designs.nominal, **runs_over_speed)
     if runs is None and not quantities:
         raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
-    count, data = last - first, {}
+    search = search_of(designs, quantities, speed) if quantities else None
+    variables = _samples(designs, runs, search, range(first, last), threads, progress)
+    coords: dict = {"sample": np.arange(first, last)}
+    attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
+    attributes |= {"samples": n, "seed": designs.seed}
+    if runs:
+        coords |= {"direction": list(runs.directions), runs.key.removesuffix("s"): runs.rates}
+        attributes |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
+    if search:
+        attributes |= {"quantities": list(quantities)}
+        attributes |= {} if speed is None else {"speed": speed}
+    title = "Scatter of a gear mesh by its tolerances"
+    return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
+
+
+def _samples(
+    designs: Designs,
+    runs: Runs | None,
+    search: DesignQuantities | None,
+    samples: range,
+    threads: int | None,
+    progress: Callable | None,
+) -> dict:
+    """Return the variables of samples: parameters, runs, quantities, refusals."""
+    count, rows = len(samples), {}
     if runs:
         shape = count, len(runs.directions), runs.rates.size
         check_memory(f"{count:,} samples", count, 2 * shape[1] * shape[2], "samples")
-        data = {name: np.full(shape, fill) for name, fill in _POINTS.items()}
-    search = search_of(designs, quantities, question.speed) if quantities else None
-    results = np.full((count, len(quantities)), np.nan)
+        rows = {name: np.full(shape, fill) for name, fill in _POINTS.items()}
+    results = np.full((count, len(search.quantities) if search else 0), np.nan)
     codes, refusals = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
-    points = designs.points(first, last)
+    points = designs.points(samples.start, samples.stop)
     values = designs.values(points)
 
     def work(i: int) -> None:
@@ -185,34 +207,40 @@ def shard(model, tolerances, n, first, last, *, threads=None, progress=None, **s
             refusals[i] = str(error)
         else:
             if runs:
-                _sweep(design, runs, points[i, -2:], {name: x[i] for name, x in data.items()})
+                _sweep(design, runs, points[i, -2:], {name: x[i] for name, x in rows.items()})
             if search:
                 results[i], codes[i] = search(design, designs.at_duty(values[i]))
         newly(1)
 
     with notebook.telling("samples", count, progress) as newly, ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, range(count)))
-    attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
-    attributes |= {"samples": n, "seed": designs.seed}
-    coords: dict = {"sample": np.arange(first, last)}
-    variables = _of_parameters(designs, values)
+    data: dict = {
+        variable_of(name): _described(("sample",), column.copy(), *designs.units(name))
+        for name, column in zip(designs.names, values.T, strict=True)
+    }
     if runs:
-        over = runs.key.removesuffix("s")
-        variables |= {name: (("sample", "direction", over), x) for name, x in data.items()}
-        coords |= {"direction": list(runs.directions), over: runs.rates}
-        attributes |= {"periods": runs.periods, "record_periods": runs.recorded, "box": runs.box}
-    if search:
-        variables |= _of_quantities(search, results, codes)
-        attributes |= {"quantities": list(quantities)}
-        attributes |= {} if question.speed is None else {"speed": question.speed}
-    variables["refusal"] = ("sample",), refusals
-    title = "Scatter of a gear mesh by its tolerances"
-    return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
+        dims = "sample", "direction", runs.key.removesuffix("s")
+        data |= {name: (dims, x) for name, x in rows.items()}
+    for i, name in enumerate(search.quantities) if search else ():
+        units, words = QUANTITIES[name]
+        data[name] = _described(("sample",), results[:, i], units, words)
+        status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
+        data[f"{name}_status"] = status
+        nominal = float(search.nominal[i]) if search else np.nan
+        data[f"{name}_nominal"] = _described((), nominal, units, f"of the nominal design: {words}")
+    return data | {"refusal": (("sample",), refusals)}
 
 
-def _runs(model: Any, question: Question) -> Runs | None:
+def _runs(
+    model: Any,
+    speeds: Any = None,
+    tunings: Any = None,
+    directions: Any = ("up", "down"),
+    periods: int = 120,
+    record_periods: int = 20,
+    box: Any = BOX,
+) -> Runs | None:
     """Return the runs over speed, checked; None without speeds."""
-    speeds, tunings, box = question.speeds, question.tunings, question.box
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
@@ -222,12 +250,12 @@ def _runs(model: Any, question: Question) -> Runs | None:
     else:
         check = functools.partial(check_speed, model)
         rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = names_of("directions", question.directions, DIRECTIONS)
+    directions = names_of("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "one at least")
     if "seeded" in directions and model.size > 2:
         raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
-    periods = checks.integer("periods", question.periods, 1)
-    recorded = checks.integer("record_periods", question.record_periods, 1, periods)
+    periods = checks.integer("periods", periods, 1)
+    recorded = checks.integer("record_periods", record_periods, 1, periods)
     ends = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.many("box", box, 2))
     for low, high in ends:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")
@@ -260,7 +288,7 @@ def _sweep(model: Any, runs: Runs, start: np.ndarray, rows: dict) -> None:
         rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
 
 
-def variable_of(name):
+def variable_of(name: str) -> str:
     """Return the name of a parameter as netCDF and CF take it."""
     return "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
 
@@ -270,34 +298,10 @@ def _described(dims: Any, values: Any, units: str, long_name: str, **more: Any) 
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **more})
 
 
-def _of_parameters(designs: Designs, values: np.ndarray) -> dict:
-    """Return the variables of the parameters."""
-    return {
-        variable_of(name): _described(("sample",), column.copy(), *designs.units(name))
-        for name, column in zip(designs.names, values.T, strict=True)
-    }
-
-
-def _of_quantities(search: DesignQuantities, values: np.ndarray, codes: np.ndarray) -> dict:
-    """Return the variables of quantities, their status and their nominal values."""
-    data = {}
-    for i, name in enumerate(search.quantities):
-        units, words = QUANTITIES[name]
-        data[name] = _described(("sample",), values[:, i], units, words)
-        status = _described(("sample",), codes[:, i], "1", f"whether there is: {words}", **_FLAGS)
-        data[f"{name}_status"] = status
-        nominal = float(search.nominal[i])
-        data[f"{name}_nominal"] = _described((), nominal, units, f"of the nominal design: {words}")
-    return data
-
-
-def gather(shards):
-    """Return the dataset of `scatter` from its shards, in any order.
-
-    ValueError where they do not belong together, or samples are missing.
-    """
+def gather(shards: Any) -> xr.Dataset:
+    """Return the dataset of `scatter` from its shards, in any order; refuse other shards."""
     shards = sorted(shards, key=lambda part: int(part.sample[0]))
-    first, attributes = shards[0], shards[0].attrs
+    attributes = shards[0].attrs
     if any(part.attrs["parameters"] != attributes["parameters"] for part in shards):
         raise ValueError("shards are not allowed: they must be of one scatter")
     n = json.loads(attributes["parameters"])["samples"]
@@ -305,38 +309,33 @@ def gather(shards):
         raise ValueError(
             f"shards are not allowed: they must have the samples 0 to {n - 1}, each once"
         )
-    data: dict = {}
-    for name, variable in first.variables.items():
-        if variable.dims[:1] == ("sample",):
-            parts = [part[name].values for part in shards]
-            data[name] = (variable.dims, np.concatenate(parts), variable.attrs)
-        elif name not in first.dims:
-            data[name] = variable
-    coords = {name: first[name].variable for name in first.dims if name != "sample"}
-    coords["sample"] = data.pop("sample")
+    how: dict = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
+    data = xr.concat(shards, "sample", join="override", combine_attrs="override", **how)
     if "height" in data:
-        points = {name: data.pop(name)[1] for name in _POINTS}
-        over = "tuning" if "tuning" in first.dims else "speed"
-        data |= _statistics(points, first.direction.values.tolist(), over)
-        coords["quantile"] = list(QUANTILES)
+        over = "tuning" if "tuning" in data.dims else "speed"
+        points = {name: data[name].values for name in _POINTS}
+        data = data.drop_vars([*_POINTS]).assign_coords(quantile=list(QUANTILES))
+        data = data.assign(_statistics(points, data.direction.values.tolist(), over))
         if "motion_probability" in data:
-            coords["motion"] = list(MOTIONS)
+            data = data.assign_coords(motion=list(MOTIONS))
         if over == "tuning":
             words = "quantiles of the peak-to-peak displacement, in the length unit of the model"
-            dims, values = data["height_band"]
-            data["height_band"] = _described(dims, values, "1", words)
-    for name in QUANTITIES:
-        if name in data:
-            data |= _moments(name, data)
-    refused_samples = counted(data["refusal"][1])
-    dataset = xr.Dataset(data, coords)
-    describe(dataset)
+            data.height_band.attrs |= {"units": "1", "long_name": words}
+    for name in filter(data.__contains__, QUANTITIES):
+        values = data[name].values[data[f"{name}_status"].values == 0]
+        units, words = data[name].attrs["units"], data[name].attrs["long_name"]
+        mean = float(values.mean()) if values.size else np.nan
+        deviation = float(values.std(ddof=1)) if values.size > 1 else np.nan
+        data[f"{name}_mean"] = _described((), mean, units, f"mean: {words}")
+        words = f"standard deviation: {words}"
+        data[f"{name}_deviation"] = _described((), deviation, units, words)
     # Those of a file come last, where a file has them.
     kept = {name: x for name, x in attributes.items() if name not in ("source_hash", "history")}
-    kept["refused"] = provenance.canonical_json(refused_samples)
+    kept["refused"] = provenance.canonical_json(counted(data.refusal.values))
     if "source_hash" in attributes:
         kept["source_hash"] = attributes["source_hash"]
-    return dataset.assign_attrs(kept)
+    # Shards that come from files have encodings of theirs.
+    return describe(data.drop_encoding().drop_attrs(deep=False)).assign_attrs(kept)
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
@@ -358,35 +357,35 @@ def _statistics(points: dict, directions: list, over: str) -> dict:
     with warnings.catch_warnings():
         # Where no run could go on there are no quantiles.
         warnings.simplefilter("ignore", RuntimeWarning)
-        for name, key in (("height_band", "height"), ("factor_band", "factor")):
-            values = np.where(ran, points[key].astype(float), np.nan)
-            data[name] = ("quantile", *both), np.nanquantile(values, QUANTILES, axis=0)
-    if {"up", "down"} <= set(directions):
-        heights = {word: points["height"][:, k] for k, word in enumerate(directions)}
-        data |= _motions(heights, {word: ran[:, k] for k, word in enumerate(directions)}, over)
+        for name in ("height", "factor"):
+            values = np.where(ran, points[name].astype(float), np.nan)
+            data[f"{name}_band"] = ("quantile", *both), np.nanquantile(values, QUANTILES, axis=0)
+    if not {"up", "down"} <= set(directions):
+        return data
+    heights = {word: points["height"][:, k] for k, word in enumerate(directions)}
+    up, down = heights["up"], heights["down"]
+    of_both = ran[:, directions.index("up")] & ran[:, directions.index("down")]
+    two = of_both & ~_same(up, down)
+    data["two_motions_probability"] = (over,), _share(two, of_both)
+    if "seeded" in heights:
+        motions = _motions(heights["seeded"], np.minimum(up, down), np.maximum(up, down), two)
+        runs = of_both & ran[:, directions.index("seeded")]
+        shares = np.array([_share(motion, runs) for motion in motions])
+        data["motion_probability"] = ("motion", over), shares
     return data
 
 
-def _motions(heights: dict, ran: dict, over: str) -> dict:
-    """Return how often up and down are two motions, and where seeded starts end."""
-    up, down = heights["up"], heights["down"]
-    both = ran["up"] & ran["down"]
-    two = both & ~_same(up, down)
-    data = {"two_motions_probability": ((over,), _share(two, both))}
-    if "seeded" not in heights:
-        return data
-    height, low, high = heights["seeded"], np.minimum(up, down), np.maximum(up, down)
+def _motions(height: np.ndarray, low: np.ndarray, high: np.ndarray, two: np.ndarray) -> tuple:
+    """Return masks of `MOTIONS`, on which seeded starts end; `two`: where low and high differ."""
     on_low, on_high = _same(height, low), _same(height, high)
     # Of both the nearer one: within its tolerance the other may lie as well.
     nearer = np.abs(height - low) <= np.abs(height - high)
-    motions = (
+    return (
         ~two & (on_low | on_high),
         two & on_low & (nearer | ~on_high),
         two & on_high & (~nearer | ~on_low),
         ~(on_low | on_high),
     )
-    shares = np.array([_share(motion, both & ran["seeded"]) for motion in motions])
-    return data | {"motion_probability": (("motion", over), shares)}
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -395,20 +394,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.abs(a - b) <= _SAME_HEIGHT * np.maximum(a, b)
 
 
-def _moments(name: str, data: dict) -> dict:
-    """Return mean and standard deviation of a quantity over the samples in which it is found."""
-    _, values, attributes = data[name]
-    values = values[data[f"{name}_status"][1] == 0]
-    units, words = attributes["units"], attributes["long_name"]
-    mean = float(values.mean()) if values.size else np.nan
-    deviation = float(values.std(ddof=1)) if values.size > 1 else np.nan
-    return {
-        f"{name}_mean": _described((), mean, units, f"mean: {words}"),
-        f"{name}_deviation": _described((), deviation, units, f"standard deviation: {words}"),
-    }
-
-
-def refused(dataset):
+def refused(dataset: xr.Dataset) -> list[str]:
     """Return the sentences that say how many samples of `scatter` are no designs, and why."""
     rows = json.loads(dataset.attrs["refused"])
     total = dataset.sizes["sample"]

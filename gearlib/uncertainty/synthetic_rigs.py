@@ -4,6 +4,8 @@ For trials of fits only: the truth is known, seeds are fixed, and every dataset 
 """
 
 import json
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,32 +13,22 @@ import xarray as xr
 from gearlib.runs.run_up import run_up
 
 
-def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0):
-    """Return a synthetic run-up as a measured set has it.
+def synthetic_rig(
+    model: Any,
+    course: Sequence,
+    seed: int,
+    *,
+    noise: float = 0.05,
+    bits: int = 12,
+    samples_per_period: int = 32,
+    gain: float = 1.0,
+) -> xr.Dataset:
+    """Return a synthetic run-up of a model along rows of s and rpm as a measured set has it.
 
-    Parameters
-    ----------
-    model : Model
-        The truth; of a train the encoder tells the displacement of its first mesh.
-    course : sequence of (float, float)
-        s and rpm, as of `gearlib.run_up`.
-    seed : int
-        Of the noise, of the offset and of the eccentricity of the encoder, a wave once a turn as
-        large as the signal.
-    noise : float, default 0.05
-        Standard deviation over that of the signal.
-    bits : int, default 12
-        Of the encoder, over three times the range of the signal.
-    samples_per_period : int
-        Of mesh periods.
-    gain : float
-        Of the sensor; said to be unknown unless it is 1.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over ``sample``: time, speed, displacement, of a train with the name of its mesh behind it.
-        ``synthetic`` is 1 among the attributes.
+    The encoder has so many `bits` over three times the range of the signal, of a train that of the
+    first mesh. `noise` is its standard deviation over that of the signal; `seed` is that of the
+    noise, of the offset and of an eccentricity, a wave once a turn as large as the signal. A `gain`
+    other than 1 is said to be unknown. ``synthetic`` is 1 among the attributes.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=course, samples_per_period=samples_per_period)
@@ -61,13 +53,7 @@ def synthetic_rig(model, course, seed, *, noise=0.05, bits=12, samples_per_perio
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     }
     known = {"course": [list(map(float, row)) for row in course], "phase": 0.0}
-    return xr.Dataset(
-        {name: ("sample", step * np.round(values / step), attrs)},
-        coords,
-        {
-            "title": "Synthetic rig",
-            "source": "synthetic",
-            "synthetic": 1,
-            "known": json.dumps(known),
-        },
-    )
+    attributes = {"title": "Synthetic rig", "source": "synthetic", "synthetic": 1}
+    attributes["known"] = json.dumps(known)
+    variables = {name: ("sample", step * np.round(values / step), attrs)}
+    return xr.Dataset(variables, coords, attributes)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.uncertainty import orbit_values
+from gearlib.uncertainty import observation
 from gearlib.uncertainty.observation import Channel
 from tests.independent import differences
 from tests.independent.systems import describe, system_of
@@ -26,7 +26,7 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
     tunings = np.linspace(tuning, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
     speed, state = float(TRUTH.speed(tuning)), run.final_state.values[0]
-    point = orbit_values.at_speed(TRUTH, speed, state)
+    point = observation.at_speed(TRUTH, speed, state)
     assert point["displacement_min"] < 0.0
     with mp.workdps(50):
         pair = describe(TRUTH)
@@ -35,9 +35,9 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
         system = system_of(pair, nu, mp)
         table = differences.columns(pair, nu, 1, z)
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
-        for name in orbit_values.STATISTICS:
+        for name in observation.STATISTICS:
             wanted = float(table[name][0] * scale.get(name.partition("_")[0], 1))
-            value = orbit_values.pick(point, name, 0)
+            value = observation.pick(point, name, 0)
             assert value == pytest.approx(wanted, rel=CLOSE, abs=1e-30), name
 
 

@@ -92,15 +92,6 @@ def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
     assert found.params["material_damping"].identifiable
 
 
-def test_backlash_is_found_where_the_far_flank_is_struck():
-    truth = TRUTH.replace(backlash=1e-5)
-    data = synthetic_rig(truth, course(truth, 1.0), 4)
-    free = {"material_damping": (1000.0, 9000.0), "backlash": (2e-6, 6e-5)}
-    found = gearlib.fit(truth.replace(backlash=1.1e-5), data, free)
-    one = found.params["backlash"]
-    assert one.identifiable and abs(one.value - 1e-5) < 4.0 * one.stderr < 1e-6
-
-
 def jumps_of(pair):
     """Return a measured set of both speeds of jumps."""
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 1.1), to=0.6)

@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.uncertainty import orbit_values
-from gearlib.uncertainty.fit_report import correlated
+from gearlib.uncertainty import observation
+from gearlib.uncertainty.fits import correlated
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
@@ -121,7 +121,7 @@ def test_each_side_of_a_jump_has_its_own_branch():
 
 def speeds_of(pair, **speeds):
     """Return the speeds that a fit compares with measured ones, rpm."""
-    return [*orbit_values.special_speeds(pair, speeds).values()]
+    return [*observation.special_speeds(pair, speeds).values()]
 
 
 def test_onset_of_contact_loss_is_a_grazing():
@@ -136,7 +136,7 @@ def test_onset_of_contact_loss_is_a_grazing():
 
 def test_jumps_are_folds_of_the_branch():
     near = {"jump_up": TRUTH.speed(0.8), "jump_down": TRUTH.speed(0.7)}
-    searched = orbit_values.fold_speeds(TRUTH, near)
+    searched = observation.fold_speeds(TRUTH, near)
     np.testing.assert_allclose(speeds_of(TRUTH, **near), [searched[name] for name in near], 1e-9)
 
 

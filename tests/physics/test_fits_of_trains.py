@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.uncertainty import orbit_values
+from gearlib.uncertainty import observation
 from gearlib.uncertainty.observations import quantities_of
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.physics.test_fits import TRUTH
@@ -38,10 +38,10 @@ def planetary():
 def synthetic_points(model, speed, names):
     """Return values of a settled motion with a noise of 0.3 %."""
     rng = np.random.default_rng(5)
-    point = orbit_values.at_speed(model, speed, None, orbit_values.SAMPLES)
+    point = observation.at_speed(model, speed, None, observation.SAMPLES)
     data = xr.Dataset(coords={"speed": ("sample", [speed])})
     for name, which in quantities_of(model, names).items():
-        value = orbit_values.pick(point, *which)
+        value = observation.pick(point, *which)
         attrs = {"noise_std": 0.003 * abs(value)}
         data[name] = "sample", value + rng.normal(0.0, attrs["noise_std"], 1), attrs
     return data

@@ -226,6 +226,14 @@ REFUSED = {
     "rig.csv, column 'time' = 1 is there twice for the observableId 'x'": (
         LONG + "x,up,9,1,\n", {"channels": {"x": CHANNELS["x"]}}
     ),
+    "the observableId 'jump_up' of rig.csv is there 2 times: it must be once": (
+        "observableId,measurement,time\njump_up,47,0\njump_up,48,1\nx,1,0\n",
+        {"channels": {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"]}},
+    ),
+    "rig.csv, column 'direction', row 2, is empty": (
+        "observableId,measurement,time,direction\nx,1,0,up\nx,1,1,\n",
+        {"channels": {"x": CHANNELS["x"], "direction": {"unit": "1"}}},
+    ),
     "simulationConditionId = 'down' ... one of up": (
         LONG, {"channels": {"x": CHANNELS["x"]}, "conditions": {"up": {"direction": "up"}}}
     ),
