@@ -13,13 +13,8 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
-from gearlib.analysis.orbits.branch_points import (
-    Shooting,
-    as_orbit,
-    branch_point,
-    orbit_dataset,
-)
-from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit, is_stable
+from gearlib.analysis.orbits.branch_points import branch_point, orbit_dataset
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -289,5 +284,5 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
             orbit, _ = tracing.correct(doubled, chosen.y + distance * row, row)
         except tracing.Lost:
             continue
-        return as_orbit(branch_point(orbit, row))
+        return as_orbit(orbit)
     raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")

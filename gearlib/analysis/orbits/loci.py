@@ -12,9 +12,9 @@ from numpy.polynomial import Polynomial
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
-from gearlib.analysis.orbits.branch_points import Shooting, orbit_dataset
+from gearlib.analysis.orbits.branch_points import orbit_dataset
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
