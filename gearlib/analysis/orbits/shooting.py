@@ -10,6 +10,7 @@ At grazing the derivative depends on the side from which it is taken: an orbit t
 line says so, its multipliers are those of the side on which it was computed.
 """
 
+import functools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -171,11 +172,12 @@ class Shooting:
         self.starts = [period * i // pieces for i in range(pieces + 1)]
         #: Free rotations of the states at the starts of pieces.
         self.rotations = np.zeros((pieces, len(self.lift)))
-        #: Matrix that takes the states at the starts of pieces to those at their ends, scaled.
-        self.links = np.kron(np.roll(np.eye(pieces), 1, axis=1), np.eye(n))
-        state_units = np.repeat([1.0, 1.0 / tuning], n // 2)
+        #: Number of the piece after each, and the derivative of its first state by all states.
+        self.following = np.arange(1, pieces + 1) % pieces
+        self.links = np.eye(pieces * n)[(np.arange(pieces * n) + n) % (pieces * n)]
+        state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * pieces
         #: Size of one scaled unit of each unknown.
-        self.units = np.append(np.tile(state_units, pieces), scales)
+        self.units = np.array([*state_units, *scales])
 
     def unknowns(self, state, values):
         """Return the scaled unknowns y for a full state and the parameters."""
@@ -186,8 +188,9 @@ class Shooting:
         states, propagator = [state], self.propagator(self.pair, self.tuning)
         for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
             states.append(self._piece(propagator, states[-1], start, stop)[0])
-        reduced = np.array(states) @ self.reduce.T
-        self.rotations = np.array(states) - reduced @ self.lift.T
+        whole = np.array(states)
+        reduced = whole @ self.reduce.T
+        self.rotations = whole - reduced @ self.lift.T
         return reduced.ravel() / self.units
 
     def model(self, y):
@@ -209,20 +212,21 @@ class Shooting:
         return self._propagator
 
     def _piece(self, propagator, state, start, stop):
-        """Return (end, map without free rotation) of the motion between two mesh periods."""
+        """Return (end, maps of all mesh periods) of the motion between two mesh periods."""
         first = start % self.pair.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first)
         if code != status.OK:
             raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
-        return end, self.reduce @ product(maps) @ self.lift
+        return end, maps
 
     def run(self, y):
-        """Return (tuning, states, ends, maps) of the pieces, else ValueError, Lost."""
+        """Return (tuning, states, ends, maps of all mesh periods) of pieces; ValueError, Lost."""
         model, tuning, states = self.model(y)
-        propagator = self.propagator(model, tuning)
-        pieces = zip(states, self.starts[:-1], self.starts[1:], strict=True)
-        ends, maps = zip(*(self._piece(propagator, *piece) for piece in pieces), strict=True)
-        return tuning, states, np.array(ends), maps
+        propagator, maps, ends = self.propagator(model, tuning), [], np.empty_like(states)
+        for i, state in enumerate(states):
+            ends[i], piece = self._piece(propagator, state, *self.starts[i : i + 2])
+            maps.append(piece)
+        return tuning, states, ends, maps
 
     def record(self, y, periods, samples=0):
         """Return (model, `Record` of a run over mesh periods)."""
@@ -244,9 +248,11 @@ class Evaluation:
 
     def __init__(self, problem, y):
         self.problem, self.y = problem, y
-        tuning, states, ends, self.maps = problem.run(y)
-        miss = (ends - np.roll(states, -1, axis=0)) @ problem.reduce.T
+        tuning, states, ends, maps = problem.run(y)
+        miss = (ends - states[problem.following]) @ problem.reduce.T
+        #: First state, and the maps of the pieces without free rotations.
         self.state = states[0]
+        self.maps = [problem.reduce @ product(piece) @ problem.lift for piece in maps]
         self.miss = miss.ravel() / problem.units[: miss.size]  #: shape (n,)
         self.residual = size_of(miss, states, tuning)
         #: Whether the residual counts as none.
@@ -255,7 +261,7 @@ class Evaluation:
     @cached_property
     def matrix(self):
         """Map of the whole period, without free rotations."""
-        return product(np.array(self.maps))
+        return product(self.maps)
 
     @cached_property
     def multipliers(self):
@@ -267,7 +273,8 @@ class Evaluation:
         """Derivative of the residuals, shape (n, n + parameters)."""
         problem, n = self.problem, self.miss.size
         units = problem.units[:n]
-        by_states = (block_diag(*self.maps) - problem.links) * units / units[:, None]
+        by_ends = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
+        by_states = (by_ends - problem.links) * units / units[:, None]
         by_parameters = [
             (slope(lambda y: problem.run(y)[2], self.y, column) @ problem.reduce.T).ravel() / units
             for column in range(n, self.y.size)
@@ -279,7 +286,7 @@ def as_orbit(evaluation):
     """Return the `Orbit` of an `Evaluation`."""
     problem, period, y = evaluation.problem, evaluation.problem.period, evaluation.y
     model, tuning, states = problem.model(y)
-    record = problem.record(y, period)[1]
+    record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
     pattern, grazing = _contacts(record, model.flank_lines, tuning)
     return Orbit(
         model,
@@ -353,10 +360,7 @@ def is_stable(multipliers):
 
 def product(maps):
     """Return the map of all periods from those of each, shape (periods, n, n)."""
-    matrix = np.eye(maps.shape[1])
-    for each in maps:
-        matrix = each @ matrix
-    return matrix
+    return functools.reduce(lambda matrix, each: each @ matrix, maps)
 
 
 def size_of(miss, z, tuning):
