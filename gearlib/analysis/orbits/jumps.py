@@ -1,11 +1,9 @@
-"""`main_resonance`: the special speeds of the main resonance of a mesh, by its period map.
+"""`main_resonance`: the special speeds of the main resonance of a mesh.
 
-Near its main resonance a gear mesh loses contact, and its motion jumps. The orbit that keeps
-contact is known in closed form: it shows between which tunings contact is lost. From both ends of
-this range the orbit is followed into it by Newton's method, in steps of the tuning that shrink
-where it changes much. The motion jumps where its branch turns round, at a fold, which Newton's
-method then finds to rounding: the period map P has a fixed point z = P(z) with a multiplier 1,
-det(dP/dz - I) = 0.
+Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits from static
+equilibrium show between which tunings contact is lost. From both ends of this range the branch is
+followed into it by pseudo-arclength; the motion jumps where the branch turns round, at a fold,
+which Newton's method then computes to rounding.
 """
 
 import functools
@@ -13,33 +11,43 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar, newton
+from scipy.optimize import brentq, minimize_scalar
 
-from gearlib.analysis.orbits.period_map import NotFound, PeriodMap, linear_orbit_of
+from gearlib.analysis.orbits import tracing
+from gearlib.analysis.orbits.loci import SpecialPoints
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, multipliers_of
+from gearlib.analysis.orbits.tracing import Lost
+from gearlib.data import status
 from gearlib.engines import orbit as columns
+from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Quantities that `main_resonance` can find.
+#: Quantities that `main_resonance` computes.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
 _EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 
-#: Tunings at which the orbit that keeps contact is computed, and bounds of the main resonance.
+#: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Largest and smallest relative step of the tuning along a branch, and the lowest tuning of one
-#: that is followed down, as a share of its first tuning.
-_LARGEST_STEP, _LEAST_STEP, _LOWEST_SHARE = 0.012, 1e-5, 0.25
-#: Difference of an orbit from the line through the two before it, as a share of its size, above
-#: which the step is halved and below which the next one is doubled.
-_BENT, _STRAIGHT = 0.02, 0.005
-#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and mesh
-#: periods until that has settled.
+#: Newton steps to such an orbit or a fold; depth of contact loss beyond which it does not count.
+_MAX_NEWTON_STEPS, _DEEP = 10, 0.1
+#: First, largest and least step along a branch; size of states from which on, and corrections up
+#: to which, steps grow; most steps.
+_FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.1, 0.4, 1e-5
+_LARGE_STATE, _MAX_EASY_CORRECTIONS, _MAX_POINTS = 2.0, 3, 4000
+#: Tuning that weighs as much as a static deflection, and the share of its first tuning at which a
+#: branch that is followed down ends.
+_TUNING_SCALE, _LOWEST_SHARE = 0.5, 0.25
+#: Reasons for the end of a branch.
+_FOLD, _PASSED = "fold", "passed"
+#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and periods
+#: of the excitation until that has settled.
 _BEHIND_FOLD, _SETTLING = 0.002, 160
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
-#: Secant steps to the onset, and their relative tolerance.
-_MAX_SECANT_STEPS, _ONSET_TOLERANCE = 20, 1e-13
-#: Share of the first step beside a fold at which it shows whether an extremum grows further.
-_BESIDE_FOLD = 1e-3
+#: Size of a step to a fold behind which the next one would be rounding.
+_SMALL_STEP = 1e-8
+#: Modulus of a multiplier above which deviations grow.
+_UNSTABLE = 1.0 + 1e-6
 _PEAK_TOLERANCE = 1e-8
 
 
@@ -83,7 +91,7 @@ def main_resonance(model, quantities=QUANTITIES):
     points, values, lost = {}, {}, set()
     try:
         search = _Search(model)
-    except (NotFound, np.linalg.LinAlgError):
+    except (Lost, NoOrbit, np.linalg.LinAlgError):
         return MainResonance(lost=frozenset(quantities))
     for name in quantities:
         try:
@@ -91,14 +99,14 @@ def main_resonance(model, quantities=QUANTITIES):
                 point, values[name] = search.peak(_EXTREMA[name])
             else:
                 point = getattr(search, name)()
-        except (NotFound, np.linalg.LinAlgError):
+        except (Lost, NoOrbit, np.linalg.LinAlgError):
             lost.add(name)
             continue
         if point is not None:
             points[name] = point
     return MainResonance(
-        **{name: float(point[-1]) for name, point in points.items()},
-        states={name: point[:-1] for name, point in points.items()},
+        **{name: search.tuning(y) for name, y in points.items()},
+        states={name: search.problem.model(y)[2][0] for name, y in points.items()},
         peak_displacement=values.get("peak", math.nan),
         peak_force=values.get("peak_dynamic_factor", math.nan),
         lost=frozenset(lost),
@@ -106,20 +114,20 @@ def main_resonance(model, quantities=QUANTITIES):
 
 
 class _Search:
-    """Search for special points of one model; each is an array (state, tuning), or None."""
+    """Search for special points of one model; each is an array of scaled unknowns, or None."""
 
     def __init__(self, model):
-        self.model, self.map = model, PeriodMap(model)
-        self.linear_orbit = linear_orbit_of(model)
-        orbits = [self.linear_orbit(tuning) for tuning in _SCAN_TUNINGS]
-        self.scan = np.column_stack([[state for state, _ in orbits], _SCAN_TUNINGS])
-        highest, least = np.transpose([extrema for _, extrema in orbits])
+        self.model = model
+        self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
+        #: Direction of the tuning in the unknowns.
+        self.ahead = np.eye(self.problem.units.size)[-1]
+        self.scan, sizes, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
         low, high = _RESONANCE_BOUNDS
         within = (low < _SCAN_TUNINGS) & (_SCAN_TUNINGS < high)
-        self.summit = int(np.where(within, highest - least, -np.inf).argmax())
+        self.summit = int(np.where(within, sizes, -np.inf).argmax())
         #: A tuning at which contact is lost.
         self.inside = float(_SCAN_TUNINGS[self.summit])
-        kept = least >= 0.0
+        kept = np.array(least) >= 0.0
         if kept[self.summit]:
             step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
             ends = self.inside / step, self.inside * step
@@ -131,29 +139,51 @@ class _Search:
         self.below = self.scan[below[-1]] if below.size else None
         self.above = self.scan[above[0]] if above.size else None
 
+    def tuning(self, y):
+        """Return the tuning of scaled unknowns."""
+        return float(y[-1] * self.problem.units[-1])
+
+    def _from_static(self, tuning):
+        """Return (unknowns, size of the first Newton step, least displacement) of an orbit.
+
+        In contact the motion from static equilibrium is linear, and the first step is exact: it
+        grows towards the resonance.
+        """
+        model = self.model
+        problem = Shooting(model, tuning, model.repeats)
+        propagator = problem.propagator(model, tuning)
+        y = problem.guess(propagator.start("static" if model.mesh_names else (1.0, 0.0)))
+        size, state, depth = 0.0, problem.model(y)[2][0], -_DEEP
+        try:
+            for _ in range(_MAX_NEWTON_STEPS):
+                orbit = problem.evaluate(y)
+                if orbit.small:
+                    record = propagator.record(orbit.state, model.repeats, MAX_EVENTS)
+                    depth = (record.summary[..., columns.X_MIN] - model.flank_lines[0]).min()
+                    break
+                step = -np.linalg.solve(orbit.jacobian, orbit.miss)
+                y, size = y + step, size or np.abs(step).max()
+                state = problem.model(y)[2][0]
+        except (Lost, np.linalg.LinAlgError):
+            pass
+        return self.problem.unknowns(state, [tuning]), size, max(depth, -_DEEP)
+
     def _least(self, tuning):
-        """Return the least distance from the flank line of the orbit that keeps contact."""
-        return self.linear_orbit(tuning)[1][1]
+        """Return the least distance from the flank line of the orbit from static equilibrium."""
+        return self._from_static(tuning)[2]
 
     def onset(self):
         """Return the orbit that just touches the flank line, running up."""
         if self.below is None:
             return None
-        tuning = brentq(self._least, self.below[-1], self.inside, xtol=1e-12)
-        state = self.linear_orbit(tuning)[0]
+        low, precision = self.tuning(self.below), np.finfo(float).eps
+        tuning = brentq(self._least, low, self.inside, xtol=precision, rtol=4.0 * precision)
+        return self._from_static(tuning)[0]
 
-        def distance(tuning):
-            nonlocal state
-            state, _ = self.map.orbit(tuning, state)
-            return self._clearance(np.append(state, tuning))
-
-        other, steps = (1.0 - 1e-4) * tuning, {"maxiter": _MAX_SECANT_STEPS, "disp": False}
-        tuning = newton(distance, other, x1=tuning, tol=_ONSET_TOLERANCE, **steps)
-        return np.append(state, tuning)
-
-    def _clearance(self, point):
-        """Return the least distance from the flank line of an orbit."""
-        return (self.map.summary(point)[:, columns.X_MIN] - self.model.flank_lines[0]).min()
+    def _extremum(self, y, column):
+        """Return the largest value of a column of the summaries of all meshes."""
+        record = self.problem.record(y, self.model.repeats)[1]
+        return float(record.summary[..., column].max())
 
     def jump_up(self):
         """Return the first fold running up, None without one."""
@@ -165,7 +195,7 @@ class _Search:
         if self.above is not None:
             return self._branch(self.above, False)
         around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
-        return None, np.array([self._orbit(point[-1], point[:-1]) for point in around])
+        return None, [tracing.correct(self.problem, y, self.ahead)[0].y for y in around]
 
     def jump_down(self):
         """Return the fold at which the motion falls, running down, None without one."""
@@ -173,107 +203,109 @@ class _Search:
         for _ in range(_MAX_CLIMBS):
             if fold is None:
                 break
-            tuning = (1.0 - _BEHIND_FOLD) * fold[-1]
-            behind = self.map.settled(tuning, fold[:-1], _SETTLING)
-            heights = [self.map.summary(x)[:, columns.X_MAX].max() for x in (behind, fold)]
-            if not heights[0] > heights[1]:
+            tuning = (1.0 - _BEHIND_FOLD) * self.tuning(fold)
+            _, _, states = self.problem.model(fold)
+            propagator = self.problem.propagator(self.model, tuning)
+            ends, codes = propagator.many(states, _SETTLING * self.model.repeats, MAX_EVENTS)
+            if codes[0] != status.OK:
+                raise Lost(status.MESSAGES[int(codes[0])])
+            behind = self.problem.unknowns(ends[0], [tuning])
+            if not self._extremum(behind, columns.X_MAX) > self._extremum(fold, columns.X_MAX):
                 return self._lasting(fold)
-            fold, _ = self._branch(self._orbit(tuning, behind[:-1]), False)
+            fold, _ = self._branch(behind, False)
         return None
-
-    def _orbit(self, tuning, guess):
-        """Return the point (state, tuning) of the orbit near a guess."""
-        return np.append(self.map.orbit(tuning, guess)[0], tuning)
 
     def _branch(self, start, up):
         """Return (fold, points): the first fold ahead of an orbit, None without one.
 
         The branch ends where it comes out on the other side of the resonance without contact loss.
         """
+        problem = self.problem
         sign, end = (1.0, self.above) if up else (-1.0, self.below)
-        low, high = _LOWEST_SHARE * start[-1], _SCAN_TUNINGS[-1]
-        points, step = [start], _LARGEST_STEP
-        while step > _LEAST_STEP:
-            last = points[-1]
-            tuning = last[-1] * (1.0 + sign * step)
-            guess = last[:-1]
-            if len(points) > 1:
-                share = (tuning - last[-1]) / (last[-1] - points[-2][-1])
-                guess = guess + share * (guess - points[-2][:-1])
-            try:
-                state, matrix = self.map.orbit(tuning, guess)
-                change = np.abs(state - guess).max() / max(1.0, np.abs(guess).max())
-                fits = np.linalg.det(matrix) > 0.0 and (len(points) == 1 or change < _BENT)
-            except NotFound:
-                fits = False
-            if fits:
-                points.append(np.append(state, tuning))
-                if end is not None and sign * (tuning - end[-1]) > 0.0:
-                    if up or self._clearance(points[-1]) >= 0.0:
-                        return None, np.array(points)
-                if not low < tuning < high:
-                    return None, np.array(points)
-                step = min(2.0 * step, _LARGEST_STEP) if change < _STRAIGHT else step
-                continue
-            fold = self._fold_within(points, tuning, sign)
-            if fold is not None:
-                return fold, np.array(points)
-            step *= 0.5
-        raise NotFound("the branch is lost, and not at a fold")
+        low, high = _LOWEST_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
+        orbit, _ = tracing.correct(problem, start, self.ahead)
+        points = [(orbit.y, tracing.tangent(orbit.jacobian, sign * self.ahead))]
 
-    def _fold_within(self, points, tuning, sign):
-        """Return the fold between the last point and a tuning, None without one."""
-        try:
-            fold = self.map.fold(np.array(points[-2:]))
-            if 0.0 <= sign * (fold[-1] - points[-1][-1]) <= sign * (tuning - points[-1][-1]):
-                return fold if self.map.turns(fold) * sign < 0.0 else None
-        except (NotFound, np.linalg.LinAlgError):
-            pass
-        return None
+        def passed(y):
+            if not low < self.tuning(y) < high:
+                return True
+            if end is None or sign * (y[-1] - end[-1]) <= 0.0:
+                return False
+            near = self.model.flank_lines[0]
+            record = problem.record(y, self.model.repeats)[1]
+            return up or (record.summary[..., columns.X_MIN] - near).min() >= 0.0
+
+        def go(h):
+            y, along = points[-1]
+            new, direction, corrections = tracing.advance(problem, y, along, h)
+            if sign * direction[-1] < 0.0:
+                points.append((self._fold(points[-1], (new.y, direction)), along))
+                return h, _FOLD
+            # The slope of the cubic in the middle shows two folds within a step.
+            middle = 1.5 * (new.y[-1] - y[-1]) / h - 0.25 * (along[-1] + direction[-1])
+            if sign * middle < 0.0:
+                raise Lost("two folds lie within the step")
+            points.append((new.y, direction))
+            if corrections <= _MAX_EASY_CORRECTIONS:
+                size = np.abs(new.y[:-1]).max()
+                h = min(1.5 * h, _LARGEST_STEP * max(1.0, size / _LARGE_STATE))
+            return h, _PASSED if passed(new.y) else ""
+
+        ended = tracing.follow(go, points, _FIRST_STEP, _LEAST_STEP, _MAX_POINTS)
+        if ended not in (_FOLD, _PASSED):
+            raise Lost(ended)
+        fold = points.pop()[0] if ended == _FOLD else None
+        return fold, [y for y, _ in points]
+
+    def _fold(self, before, behind):
+        """Return the fold between two points (unknowns, tangent) of a branch, or Lost."""
+        problem = SpecialPoints(self.model, 1.0, self.model.repeats, ("tuning",), (_TUNING_SCALE,))
+        share = before[1][-1] / (before[1][-1] - behind[1][-1])
+        chord = behind[0] - before[0]
+        y = before[0] + share * chord
+        for _ in range(_MAX_NEWTON_STEPS):
+            orbit = problem.evaluate(y)
+            try:
+                step = -np.linalg.solve(orbit.jacobian, orbit.miss)
+            except np.linalg.LinAlgError:
+                break
+            y, size = y + step, np.abs(step).max()
+            if not 0.0 <= (y - before[0]) @ chord <= chord @ chord:
+                break
+            if size < _SMALL_STEP * max(1.0, np.abs(y).max()):
+                return y
+        raise Lost("no fold lies between two points")
 
     def _lasting(self, fold):
-        """Return a fold; NotFound where the motion has lost its stability before."""
-        if fold is not None and not self.map.lasts(fold):
-            raise NotFound("the motion has left its branch before the fold")
+        """Return a fold; Lost where the motion has lost its stability before.
+
+        With one degree of freedom and damping the other multiplier is below 1.
+        """
+        if fold is not None and self.model.size > 2:
+            multipliers = multipliers_of(self.problem.evaluate(fold).matrix)
+            others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+            if (np.abs(others) >= _UNSTABLE).any():
+                raise Lost("the motion has left its branch before the fold")
         return fold
 
     def peak(self, column):
-        """Return (point, value) where an extremum, a column of summaries, is largest.
-
-        That is the fold or next to it on the branch entered from above; without a fold the largest
-        of the branch, or about the summit of the orbit that keeps contact.
-        """
+        """Return (unknowns, value) where a column of summaries is largest before the first fold."""
         fold, points = self._down
-        places = points[:, -1]
-        if fold is not None:
-            # Beside a fold states go with the root of the distance.
-            points = np.vstack([points, fold])[::-1]
-            places = np.sqrt(points[:, -1] - fold[-1])
-        values = [self.map.summary(point)[0, column] for point in points]
-        order = np.argsort(places)
+        points = points if fold is None else [*points, fold]
+        values = [self._extremum(y, column) for y in points]
+        i, last = int(np.argmax(values)), len(points) - 1
 
         def point_at(place):
-            tuning = place if fold is None else fold[-1] + place**2
-            guess = [np.interp(place, places[order], states) for states in points[order, :-1].T]
-            state, matrix = self.map.orbit(tuning, np.array(guess))
-            if fold is not None and np.linalg.det(matrix) < 0.0:
-                # It is one of the unstable branch, which mirrors the stable one at the fold.
-                state, _ = self.map.orbit(tuning, 2.0 * fold[:-1] - state)
-            return np.append(state, tuning)
+            first = min(int(place), last - 1)
+            chord = points[first + 1] - points[first]
+            start = points[first] + (place - first) * chord
+            return tracing.correct(self.problem, start, chord / np.linalg.norm(chord))[0].y
 
-        def value_at(place):
-            return float(self.map.summary(point_at(place))[0, column])
+        def loss_at(place):
+            return -self._extremum(point_at(place), column)
 
-        i, last = 0 if self.above is not None else int(np.argmax(values)), len(values) - 1
-        while i < last and values[i + 1] > values[i]:
-            i += 1
-        if i == 0 and fold is not None and value_at(_BESIDE_FOLD * places[1]) <= values[0]:
-            return fold, float(values[0])
-        ends, options = (
-            sorted((places[max(i - 1, 0)], places[min(i + 1, last)])),
-            {"xatol": _PEAK_TOLERANCE},
-        )
-        top = minimize_scalar(
-            lambda x: -value_at(x), bounds=ends, method="bounded", options=options
-        )
+        ends, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
+        top = minimize_scalar(loss_at, bounds=ends, method="bounded", options=options)
+        if -top.fun <= values[i]:
+            return points[i], values[i]
         return point_at(top.x), -float(top.fun)
