@@ -3,7 +3,7 @@
 Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits from static
 equilibrium show between which tunings contact is lost. From both ends of this range the branch is
 followed into it by pseudo-arclength; the motion jumps where the branch turns round, at a fold,
-which Newton's method then computes to rounding.
+which is then computed to rounding.
 """
 
 import functools
@@ -14,8 +14,9 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.analysis.orbits import tracing
-from gearlib.analysis.orbits.loci import SpecialPoints
-from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, multipliers_of
+from gearlib.analysis.orbits.branch_points import branch_point
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting
+from gearlib.analysis.orbits.special_points import FOLD, located
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import status
 from gearlib.engines import orbit as columns
@@ -28,7 +29,7 @@ _EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 #: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Newton steps to such an orbit or a fold; depth of contact loss beyond which it does not count.
+#: Newton steps to such an orbit; depth of contact loss beyond which it does not count.
 _MAX_NEWTON_STEPS, _DEEP = 10, 0.1
 #: First, largest and least step along a branch; size of states from which on, and corrections up
 #: to which, steps grow; most steps.
@@ -44,11 +45,11 @@ _FOLD, _PASSED = "fold", "passed"
 _BEHIND_FOLD, _SETTLING = 0.002, 160
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
-#: Size of a step to a fold behind which the next one would be rounding.
-_SMALL_STEP = 1e-8
 #: Modulus of a multiplier above which deviations grow.
 _UNSTABLE = 1.0 + 1e-6
-_PEAK_TOLERANCE = 1e-8
+#: Shares of a step along a branch: beside a fold it shows whether an extremum grows further, and
+#: to the second a peak is located.
+_BESIDE_FOLD, _PEAK_TOLERANCE = 1e-3, 1e-6
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,8 @@ class _Search:
         if self.above is not None:
             return self._branch(self.above, False)
         around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
-        return None, [tracing.correct(self.problem, y, self.ahead)[0].y for y in around]
+        orbits = [tracing.correct(self.problem, y, self.ahead)[0] for y in around]
+        return None, [branch_point(orbit, self.ahead) for orbit in orbits]
 
     def jump_down(self):
         """Return the fold at which the motion falls, running down, None without one."""
@@ -203,14 +205,13 @@ class _Search:
         for _ in range(_MAX_CLIMBS):
             if fold is None:
                 break
-            tuning = (1.0 - _BEHIND_FOLD) * self.tuning(fold)
-            _, _, states = self.problem.model(fold)
+            tuning, periods = (1.0 - _BEHIND_FOLD) * fold.value, _SETTLING * self.model.repeats
             propagator = self.problem.propagator(self.model, tuning)
-            ends, codes = propagator.many(states, _SETTLING * self.model.repeats, MAX_EVENTS)
+            ends, codes = propagator.many(fold.orbit.state[None], periods, MAX_EVENTS)
             if codes[0] != status.OK:
                 raise Lost(status.MESSAGES[int(codes[0])])
             behind = self.problem.unknowns(ends[0], [tuning])
-            if not self._extremum(behind, columns.X_MAX) > self._extremum(fold, columns.X_MAX):
+            if not self._extremum(behind, columns.X_MAX) > fold.high:
                 return self._lasting(fold)
             fold, _ = self._branch(behind, False)
         return None
@@ -224,74 +225,57 @@ class _Search:
         sign, end = (1.0, self.above) if up else (-1.0, self.below)
         low, high = _LOWEST_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
         orbit, _ = tracing.correct(problem, start, self.ahead)
-        points = [(orbit.y, tracing.tangent(orbit.jacobian, sign * self.ahead))]
+        points = [branch_point(orbit, tracing.tangent(orbit.jacobian, sign * self.ahead))]
 
-        def passed(y):
-            if not low < self.tuning(y) < high:
+        def passed(point):
+            if not low < point.value < high:
                 return True
-            if end is None or sign * (y[-1] - end[-1]) <= 0.0:
-                return False
-            near = self.model.flank_lines[0]
-            record = problem.record(y, self.model.repeats)[1]
-            return up or (record.summary[..., columns.X_MIN] - near).min() >= 0.0
+            beyond = end is not None and sign * (point.y[-1] - end[-1]) > 0.0
+            return beyond and (up or point.low >= np.max(self.model.flank_lines[0]))
 
         def go(h):
-            y, along = points[-1]
-            new, direction, corrections = tracing.advance(problem, y, along, h)
-            if sign * direction[-1] < 0.0:
-                points.append((self._fold(points[-1], (new.y, direction)), along))
+            last = points[-1]
+            orbit, tangent, corrections = tracing.advance(problem, last.y, last.tangent, h)
+            new = branch_point(orbit, tangent)
+            if sign * tangent[-1] < 0.0:
+                _, fold = located(problem, last, new, FOLD) or (0.0, None)
+                if fold is None:
+                    raise Lost("the branch turns at no fold")
+                points.append(fold)
                 return h, _FOLD
             # The slope of the cubic in the middle shows two folds within a step.
-            middle = 1.5 * (new.y[-1] - y[-1]) / h - 0.25 * (along[-1] + direction[-1])
+            middle = 6.0 * (new.y - last.y)[-1] / h - (last.tangent + tangent)[-1]
             if sign * middle < 0.0:
                 raise Lost("two folds lie within the step")
-            points.append((new.y, direction))
+            points.append(new)
             if corrections <= _MAX_EASY_CORRECTIONS:
                 size = np.abs(new.y[:-1]).max()
                 h = min(1.5 * h, _LARGEST_STEP * max(1.0, size / _LARGE_STATE))
-            return h, _PASSED if passed(new.y) else ""
+            return h, _PASSED if passed(new) else ""
 
         ended = tracing.follow(go, points, _FIRST_STEP, _LEAST_STEP, _MAX_POINTS)
         if ended not in (_FOLD, _PASSED):
             raise Lost(ended)
-        fold = points.pop()[0] if ended == _FOLD else None
-        return fold, [y for y, _ in points]
-
-    def _fold(self, before, behind):
-        """Return the fold between two points (unknowns, tangent) of a branch, or Lost."""
-        problem = SpecialPoints(self.model, 1.0, self.model.repeats, ("tuning",), (_TUNING_SCALE,))
-        share = before[1][-1] / (before[1][-1] - behind[1][-1])
-        chord = behind[0] - before[0]
-        y = before[0] + share * chord
-        for _ in range(_MAX_NEWTON_STEPS):
-            orbit = problem.evaluate(y)
-            try:
-                step = -np.linalg.solve(orbit.jacobian, orbit.miss)
-            except np.linalg.LinAlgError:
-                break
-            y, size = y + step, np.abs(step).max()
-            if not 0.0 <= (y - before[0]) @ chord <= chord @ chord:
-                break
-            if size < _SMALL_STEP * max(1.0, np.abs(y).max()):
-                return y
-        raise Lost("no fold lies between two points")
+        fold = points.pop() if ended == _FOLD else None
+        return fold, points
 
     def _lasting(self, fold):
-        """Return a fold; Lost where the motion has lost its stability before.
+        """Return the unknowns of a fold; Lost where the motion has lost its stability before.
 
         With one degree of freedom and damping the other multiplier is below 1.
         """
-        if fold is not None and self.model.size > 2:
-            multipliers = multipliers_of(self.problem.evaluate(fold).matrix)
-            others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
-            if (np.abs(others) >= _UNSTABLE).any():
-                raise Lost("the motion has left its branch before the fold")
-        return fold
+        if fold is None:
+            return None
+        multipliers = fold.orbit.multipliers
+        others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+        if self.model.size > 2 and (np.abs(others) >= _UNSTABLE).any():
+            raise Lost("the motion has left its branch before the fold")
+        return fold.y
 
     def peak(self, column):
         """Return (unknowns, value) where a column of summaries is largest before the first fold."""
         fold, points = self._down
-        points = points if fold is None else [*points, fold]
+        points = [point.y for point in (points if fold is None else [*points, fold])]
         values = [self._extremum(y, column) for y in points]
         i, last = int(np.argmax(values)), len(points) - 1
 
@@ -304,8 +288,8 @@ class _Search:
         def loss_at(place):
             return -self._extremum(point_at(place), column)
 
+        if fold is not None and i == last and -loss_at(last - _BESIDE_FOLD) <= values[i]:
+            return points[i], values[i]
         ends, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
         top = minimize_scalar(loss_at, bounds=ends, method="bounded", options=options)
-        if -top.fun <= values[i]:
-            return points[i], values[i]
         return point_at(top.x), -float(top.fun)

@@ -29,8 +29,8 @@ _SAMPLES = 512  #: of a mesh period, between which turning points are interpolat
 _HERMITE = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) for m in (0, 1, 2)]
 
 
-class SpecialPoints(Shooting):
-    """Orbits with a special point: a fold over one parameter, or a curve over two."""
+class _SpecialPoints(Shooting):
+    """Orbits with a special point, over two parameters."""
 
     label, phase, line = FOLD, None, 0.0
 
@@ -128,7 +128,7 @@ def locus(
     start, to = followed_parameters.check_goal(pair, known.tuning, parameter, to, "the pair's")
     step = checks.finite_positive("step", step)
     scales = known.units[-1], abs(to - start)
-    problem = SpecialPoints(pair, known.tuning, known.period, names, scales, max_events)
+    problem = _SpecialPoints(pair, known.tuning, known.period, names, scales, max_events)
     problem.label, y = label, problem.unknowns(chosen.orbit.state, [chosen.value, start])
     try:
         if label == GRAZING:
