@@ -21,7 +21,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 #: First step, smallest step, step behind a grazing, over the largest.
 _FIRST, _LEAST, _BEHIND = 0.1, 1e-4, 1e-3
 #: A step that needs at most this many corrections may grow.
-_EASY, _GROWTH = 3, 1.5
+_EASY = 3
 #: Height of an orbit, in static deflections, from which on the largest step grows with it.
 _LARGE = 4.0
 #: A tangent whose share of the parameter is smaller stands across it.
@@ -157,9 +157,8 @@ def _follow(problem, first, to, limits, max_height, largest, max_points):
             return h, "complete"
         if (end is not None and not grazed) or points[-1].height > max_height:
             return h, "beyond its limits"
-        if corrections <= _EASY:
-            # Where the motion is large, so may be the steps.
-            h = min(_GROWTH * h, largest * max(1.0, new.height / _LARGE))
+        # Where the motion is large, so may be the steps.
+        h = tracing.longer(h, corrections, _EASY, largest * max(1.0, new.height / _LARGE))
         return _BEHIND * largest if grazed else h, ""
 
     ended = tracing.follow(go, points, _FIRST * largest, _LEAST * largest, max_points)

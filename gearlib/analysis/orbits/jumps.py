@@ -63,7 +63,7 @@ class MainResonance:
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
     states: dict = field(default_factory=dict)
-    #: Names of those which Newton's method does not find: the motion is lost on the way.
+    #: Names of those that were not computed: the motion is lost on the way.
     lost: frozenset = frozenset()
     #: Largest displacement at the peak, static deflections.
     peak_displacement: float = math.nan
@@ -124,7 +124,7 @@ class _Search:
         self.ahead = np.eye(self.problem.units.size)[-1]
         self.scan, sizes, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
         low, high = _RESONANCE_BOUNDS
-        within = (low < _SCAN_TUNINGS) & (_SCAN_TUNINGS < high)
+        within = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
         self.summit = int(np.where(within, sizes, -np.inf).argmax())
         #: A tuning at which contact is lost.
         self.inside = float(_SCAN_TUNINGS[self.summit])
@@ -147,8 +147,9 @@ class _Search:
     def _from_static(self, tuning):
         """Return (unknowns, size of the first Newton step, least displacement) of an orbit.
 
-        In contact the motion from static equilibrium is linear, and the first step is exact: it
-        grows towards the resonance.
+        The motion from static equilibrium is linear while it keeps contact. The first step is then
+        exact, and its size grows towards the resonance. Where contact is lost deeply, or no orbit
+        was computed, the displacement is that of `_DEEP`.
         """
         model = self.model
         problem = Shooting(model, tuning, model.repeats)
@@ -248,9 +249,8 @@ class _Search:
             if sign * middle < 0.0:
                 raise Lost("two folds lie within the step")
             points.append(new)
-            if corrections <= _MAX_EASY_CORRECTIONS:
-                size = np.abs(new.y[:-1]).max()
-                h = min(1.5 * h, _LARGEST_STEP * max(1.0, size / _LARGE_STATE))
+            size = max(1.0, np.abs(new.y[:-1]).max() / _LARGE_STATE)
+            h = tracing.longer(h, corrections, _MAX_EASY_CORRECTIONS, _LARGEST_STEP * size)
             return h, _PASSED if passed(new) else ""
 
         ended = tracing.follow(go, points, _FIRST_STEP, _LEAST_STEP, _MAX_POINTS)

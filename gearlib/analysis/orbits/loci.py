@@ -158,9 +158,9 @@ def _follow(problem, orbits, to, limits, largest, max_points):
         orbits.append(new)
         if problem.label == GRAZING:
             problem.phase, _ = problem.touch(new.y)
-        if corrections <= _EASY:
-            # Where the state is large, so may be the steps.
-            h = min(1.5 * h, largest * max(1.0, np.abs(new.y[:-2]).max() / _LARGE))
+        # Where the state is large, so may be the steps.
+        size = max(1.0, np.abs(new.y[:-2]).max() / _LARGE)
+        h = tracing.longer(h, corrections, _EASY, largest * size)
         ends = {
             "at its goal": new.y[-1] == goal,
             "at a limit": not limits[0] <= new.y[-2] * problem.units[-2] <= limits[1],

@@ -170,8 +170,8 @@ class Shooting:
         n, pieces = len(self.reduce), 1 if names else -(-period // _MAX_PIECE_PERIODS)
         #: Mesh periods at which pieces begin, and the last one ends.
         self.starts = [period * i // pieces for i in range(pieces + 1)]
-        #: Free rotations of the states at the starts of pieces.
-        self.rotations = np.zeros((pieces, len(self.lift)))
+        #: Free rotations of the states at the starts of pieces, shape (pieces, n), or none.
+        self.rotations: Any = 0.0
         #: Number of the piece after each, and the derivative of its first state by all states.
         self.following = np.arange(1, pieces + 1) % pieces
         self.links = np.eye(pieces * n)[(np.arange(pieces * n) + n) % (pieces * n)]
@@ -199,8 +199,8 @@ class Shooting:
         model, tuning, n = self.pair, self.tuning, self.units.size - len(self.names)
         for name, value in zip(self.names, values[n:], strict=True):
             model, tuning = with_parameter(model, tuning, name, float(value))
-        states = values[:n].reshape(len(self.rotations), -1) @ self.lift.T + self.rotations
-        return model, tuning, states
+        states = values[:n].reshape(-1, len(self.reduce)) @ self.lift.T
+        return model, tuning, states + self.rotations
 
     def propagator(self, model, tuning):
         """Return the propagator of a model; that of the last tuning hands on its tables."""
@@ -249,7 +249,8 @@ class Evaluation:
     def __init__(self, problem, y):
         self.problem, self.y = problem, y
         tuning, states, ends, maps = problem.run(y)
-        miss = (ends - states[problem.following]) @ problem.reduce.T
+        starts = states if len(states) == 1 else states[problem.following]
+        miss = (ends - starts) @ problem.reduce.T
         #: First state, and the maps of the pieces without free rotations.
         self.state = states[0]
         self.maps = [problem.reduce @ product(piece) @ problem.lift for piece in maps]
