@@ -15,7 +15,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.analysis.orbits import tracing
 from gearlib.analysis.orbits.branch_points import branch_point
-from gearlib.analysis.orbits.shooting import NoOrbit, Shooting
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD, located
 from gearlib.analysis.orbits.tracing import Lost
 from gearlib.data import status
@@ -29,8 +29,8 @@ _EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 #: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Newton steps to such an orbit; depth of contact loss beyond which it does not count.
-_MAX_NEWTON_STEPS, _DEEP = 10, 0.1
+#: Depth of contact loss beyond which it does not count.
+_DEEP = 0.1
 #: First, largest and least step along a branch; size of states from which on, and corrections up
 #: to which, steps grow; most steps.
 _FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.1, 0.4, 1e-5
@@ -122,10 +122,10 @@ class _Search:
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Direction of the tuning in the unknowns.
         self.ahead = np.eye(self.problem.units.size)[-1]
-        self.scan, sizes, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
+        self.scan, heights, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
         low, high = _RESONANCE_BOUNDS
         within = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
-        self.summit = int(np.where(within, sizes, -np.inf).argmax())
+        self.summit = int(np.where(within, heights, -np.inf).argmax())
         #: A tuning at which contact is lost.
         self.inside = float(_SCAN_TUNINGS[self.summit])
         kept = np.array(least) >= 0.0
@@ -145,30 +145,20 @@ class _Search:
         return float(y[-1] * self.problem.units[-1])
 
     def _from_static(self, tuning):
-        """Return (unknowns, size of the first Newton step, least displacement) of an orbit.
+        """Return (unknowns, height, least displacement) of the orbit next to static equilibrium.
 
-        The motion from static equilibrium is linear while it keeps contact. The first step is then
-        exact, and its size grows towards the resonance. Where contact is lost deeply, or no orbit
-        was computed, the displacement is that of `_DEEP`.
+        The displacement is at least that of `_DEEP`, also where there is no such orbit.
         """
         model = self.model
-        problem = Shooting(model, tuning, model.repeats)
-        propagator = problem.propagator(model, tuning)
-        y = problem.guess(propagator.start("static" if model.mesh_names else (1.0, 0.0)))
-        size, state, depth = 0.0, problem.model(y)[2][0], -_DEEP
+        start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
         try:
-            for _ in range(_MAX_NEWTON_STEPS):
-                orbit = problem.evaluate(y)
-                if orbit.small:
-                    record = propagator.record(orbit.state, model.repeats, MAX_EVENTS)
-                    depth = (record.summary[..., columns.X_MIN] - model.flank_lines[0]).min()
-                    break
-                step = -np.linalg.solve(orbit.jacobian, orbit.miss)
-                y, size = y + step, size or np.abs(step).max()
-                state = problem.model(y)[2][0]
-        except (Lost, np.linalg.LinAlgError):
-            pass
-        return self.problem.unknowns(state, [tuning]), size, max(depth, -_DEEP)
+            state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
+        except NoOrbit:
+            return self.problem.unknowns(start, [tuning]), 0.0, -_DEEP
+        y = self.problem.unknowns(state, [tuning])
+        summary = self.problem.record(y, model.repeats)[1].summary
+        low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+        return y, (high - low).max(), max((low - model.flank_lines[0]).min(), -_DEEP)
 
     def _least(self, tuning):
         """Return the least distance from the flank line of the orbit from static equilibrium."""
