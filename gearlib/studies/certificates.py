@@ -13,9 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearlib.analysis.orbits.branch_points import as_orbit
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify
 from gearlib.analysis.proofs.ranges import certify_range
@@ -144,7 +143,7 @@ def _all_points(pair, branch):
     """Return (how many points of the branches are what, the claims of all)."""
     counts, rows = Counter(), []
     for point in np.flatnonzero(branch.label.values == REGULAR):
-        orbit = as_orbit(restored(pair, branch, int(point), MAX_EVENTS))
+        orbit = as_orbit(restored(pair, branch, int(point), MAX_EVENTS).orbit)
         proven = certify(_rounded_orbit(orbit))
         counts[proven.stability if proven else f"refused: {proven.status}"] += 1
         rows.append(_row(proven, orbit.tuning))

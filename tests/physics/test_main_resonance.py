@@ -8,12 +8,11 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
-from gearlib.analysis.orbits.period_map import linear_orbit_of
 from gearlib.data.lost_contact import ROUNDING
 from gearlib.engines import orbit as columns
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
-from tests.properties.known_models import GEARS, gears
+from tests.properties.known_models import gears
 
 
 def pins(error):
@@ -195,19 +194,6 @@ def test_quantities_that_a_model_does_not_have_are_refused():
         DesignQuantities(DAMPED, ("load_sharing",), speed=1000.0)
     with pytest.raises(ValueError, match="^quantities = 'peak' is not allowed for this GearTrain"):
         DesignQuantities(gearlib.planetary(), ("peak",))
-
-
-@pytest.mark.parametrize("model", [GEARS, gears(5e8, material=4.5e3), pins(5e-6)])
-def test_the_linear_orbit_is_that_of_a_motion_in_contact(model):
-    state, (high, low) = linear_orbit_of(model)(0.5)
-    orbit = gearlib.periodic_orbit(model, 0.5, period=model.repeats)
-    reduce, _ = model.reduction()
-    assert reduce @ (np.array(orbit.state) - state) == pytest.approx(0.0, abs=1e-12)
-    # Extrema are those at the ends of pieces.
-    summary = model.propagator(0.5).record(orbit.state, model.repeats, 1000).summary
-    table = np.atleast_2d(summary)[:, [columns.X_MAX, columns.X_MIN]]
-    assert low == pytest.approx(table[:, 1].min(), rel=0.05)
-    assert high - low == pytest.approx(np.ptp(table, axis=1).max(), rel=0.05)
 
 
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():

@@ -1,112 +1,17 @@
-"""The points of a branch of periodic orbits, and the equation that they solve.
-
-Unknowns are the state at tau = 0, without free rotation, and the parameter. The residual and its
-derivative by the state are those of shooting, exact. The derivative by the parameter is a central
-difference, which decides how fast Newton's method converges, not where to.
-"""
+"""The points of a branch of periodic orbits, and their dataset."""
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from gearlib import checks
-from gearlib.analysis.orbits import shooting
-from gearlib.analysis.orbits.followed_parameters import attributes, with_parameter
-from gearlib.analysis.orbits.tracing import Lost, slope
-from gearlib.data import status
+from gearlib.analysis.orbits.followed_parameters import attributes
+from gearlib.analysis.orbits.shooting import Evaluation, resting
 from gearlib.data.result import result
 from gearlib.engines import orbit as columns
 
 #: Events of several meshes closer in phase than this are simultaneous.
 _SIMULTANEOUS = 1e-9
 _LETTERS = {1: "N", 0: "B", -1: "I"}
-
-
-class Evaluation:
-    """The shooting equation at one state and parameter, in scaled unknowns."""
-
-    def __init__(self, problem, y):
-        self.problem, self.y = problem, y
-        tuning, self.state, end, maps = problem.run(y)
-        miss = problem.reduce @ (end - self.state)
-        self.miss = miss / problem.units[: miss.size]  #: shape (n,)
-        self.residual = shooting.size_of(miss, self.state, tuning)
-        #: Map of the whole period, shape (n, n).
-        self.matrix = problem.reduce @ shooting.product(maps) @ problem.lift
-        #: Whether the residual counts as none.
-        self.small = self.residual <= shooting.RESIDUAL
-
-    @cached_property
-    def multipliers(self):
-        """Floquet multipliers, complex, largest first."""
-        return shooting.multipliers_of(self.matrix)
-
-    @cached_property
-    def jacobian(self):
-        """Derivative of the residuals, shape (n, n + parameters)."""
-        n, units, problem = len(self.matrix), self.problem.units, self.problem
-        by_state = (self.matrix - np.eye(n)) * units[:n] / units[:n, None]
-        by_parameters = [
-            problem.reduce @ slope(lambda y: problem.run(y)[2], self.y, column) / units[:n]
-            for column in range(n, self.y.size)
-        ]
-        return np.column_stack([by_state, *by_parameters])
-
-
-class Shooting:
-    """Orbits of `period` mesh periods of a model, over the state and one parameter or more.
-
-    `names` are the parameters that vary, `scales` what change of each weighs as much as a static
-    deflection.
-    """
-
-    def __init__(self, model, tuning, period, names, scales, max_events):
-        self.pair, self.tuning, self.period = model, tuning, period
-        self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
-        self._propagator: Any = None
-        self.reduce, self.lift = model.reduction()
-        n = len(self.reduce)
-        rates = np.full(n // 2, 1.0 / tuning)
-        #: Size of one scaled unit of each unknown.
-        self.units = np.concatenate([np.ones(n // 2), rates, scales])
-
-    def unknowns(self, state, values):
-        """Return the scaled unknowns y for a full state and the parameters."""
-        return np.append(self.reduce @ state, values) / self.units
-
-    def model(self, y):
-        """Return (model, tuning, full state) for scaled unknowns, else ValueError."""
-        n = len(self.reduce)
-        model, tuning = self.pair, self.tuning
-        for name, value in zip(self.names, (y * self.units)[n:], strict=True):
-            model, tuning = with_parameter(model, tuning, name, float(value))
-        return model, tuning, self.lift @ (y * self.units)[:n]
-
-    def propagator(self, model, tuning):
-        """Return the propagator of a model; that of the last tuning hands on what it can."""
-        last = self._propagator
-        same = last is not None and last.model is model
-        self._propagator = last.at(tuning) if same else model.propagator(tuning)
-        return self._propagator
-
-    def run(self, y):
-        """Return (tuning, first state, last state, maps) of the period, else ValueError, Lost."""
-        model, tuning, z = self.model(y)
-        end, maps, code = self.propagator(model, tuning).maps(z, self.period, self.max_events)
-        if code != status.OK:
-            raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
-        return tuning, z, end, maps
-
-    def record(self, y, periods, samples=0):
-        """Return (model, `Record` of a run over mesh periods)."""
-        model, tuning, z = self.model(y)
-        return model, self.propagator(model, tuning).record(z, periods, self.max_events, samples)
-
-    def evaluate(self, y):
-        """Return the `Evaluation` at scaled unknowns, else ValueError, Lost."""
-        return Evaluation(self, y)
 
 
 @dataclass(frozen=True)
@@ -144,16 +49,6 @@ def branch_point(orbit, tangent):
     )
 
 
-def as_orbit(point):
-    """Return the `Orbit` of a point of a branch."""
-    orbit, problem = point.orbit, point.orbit.problem
-    model, tuning, z = problem.model(orbit.y)
-    pattern, grazing = shooting.contacts(model, tuning, z, problem.period, problem.max_events)
-    return shooting.Orbit(
-        model, tuning, problem.period, z, orbit.residual, orbit.multipliers, pattern, grazing
-    )
-
-
 def orbit_dataset(title, orbits, more, **asked):
     """Return a dataset of `Evaluation`s and their parameters over ``point``, and more variables."""
     problem = orbits[0].problem
@@ -183,7 +78,7 @@ def _cyclic(events, summary, lines):
     """
     if not len(events):
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
-        return "".join(_LETTERS[code] for code in shooting.resting(middle, middle, *lines))
+        return "".join(_LETTERS[code] for code in resting(middle, middle, *lines))
     codes = events[:, columns.EVENT_TO]
     if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
         # It begins on a flank line to rounding: one of two events next to tau = 0 is missing.

@@ -13,20 +13,15 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
-from gearlib.analysis.orbits.branch_points import (
-    Shooting,
-    as_orbit,
-    branch_point,
-    orbit_dataset,
-)
-from gearlib.analysis.orbits.shooting import NoOrbit, check_orbit, is_stable
+from gearlib.analysis.orbits.branch_points import branch_point, orbit_dataset
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: First step, smallest step, step behind a grazing, over the largest.
 _FIRST, _LEAST, _BEHIND = 0.1, 1e-4, 1e-3
 #: A step that needs at most this many corrections may grow.
-_EASY, _GROWTH = 3, 1.5
+_EASY = 3
 #: Height of an orbit, in static deflections, from which on the largest step grows with it.
 _LARGE = 4.0
 #: A tangent whose share of the parameter is smaller stands across it.
@@ -162,9 +157,8 @@ def _follow(problem, first, to, limits, max_height, largest, max_points):
             return h, "complete"
         if (end is not None and not grazed) or points[-1].height > max_height:
             return h, "beyond its limits"
-        if corrections <= _EASY:
-            # Where the motion is large, so may be the steps.
-            h = min(_GROWTH * h, largest * max(1.0, new.height / _LARGE))
+        # Where the motion is large, so may be the steps.
+        h = tracing.longer(h, corrections, _EASY, largest * max(1.0, new.height / _LARGE))
         return _BEHIND * largest if grazed else h, ""
 
     ended = tracing.follow(go, points, _FIRST * largest, _LEAST * largest, max_points)
@@ -289,5 +283,5 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
             orbit, _ = tracing.correct(doubled, chosen.y + distance * row, row)
         except tracing.Lost:
             continue
-        return as_orbit(branch_point(orbit, row))
+        return as_orbit(orbit)
     raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")

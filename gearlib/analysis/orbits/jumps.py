@@ -1,11 +1,9 @@
-"""`main_resonance`: the special speeds of the main resonance of a mesh, by its period map.
+"""`main_resonance`: the special speeds of the main resonance of a mesh.
 
-Near its main resonance a gear mesh loses contact, and its motion jumps. The orbit that keeps
-contact is known in closed form: it shows between which tunings contact is lost. From both ends of
-this range the orbit is followed into it by Newton's method, in steps of the tuning that shrink
-where it changes much. The motion jumps where its branch turns round, at a fold, which Newton's
-method then finds to rounding: the period map P has a fixed point z = P(z) with a multiplier 1,
-det(dP/dz - I) = 0.
+Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits from static
+equilibrium show between which tunings contact is lost. From both ends of this range the branch is
+followed into it by pseudo-arclength; the motion jumps where the branch turns round, at a fold,
+which is then computed to rounding.
 """
 
 import functools
@@ -13,34 +11,45 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar, newton
+from scipy.optimize import brentq, minimize_scalar
 
-from gearlib.analysis.orbits.period_map import NotFound, PeriodMap, linear_orbit_of
+from gearlib.analysis.orbits import tracing
+from gearlib.analysis.orbits.branch_points import branch_point
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, periodic_orbit
+from gearlib.analysis.orbits.special_points import FOLD, located
+from gearlib.analysis.orbits.tracing import Lost
+from gearlib.data import status
 from gearlib.engines import orbit as columns
+from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Quantities that `main_resonance` can find.
+#: Quantities that `main_resonance` computes.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
 _EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
 
-#: Tunings at which the orbit that keeps contact is computed, and bounds of the main resonance.
+#: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Largest and smallest relative step of the tuning along a branch, and the lowest tuning of one
-#: that is followed down, as a share of its first tuning.
-_LARGEST_STEP, _LEAST_STEP, _LOWEST_SHARE = 0.012, 1e-5, 0.25
-#: Difference of an orbit from the line through the two before it, as a share of its size, above
-#: which the step is halved and below which the next one is doubled.
-_BENT, _STRAIGHT = 0.02, 0.005
-#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and mesh
-#: periods until that has settled.
+#: Depth of contact loss beyond which it does not count.
+_DEEP = 0.1
+#: First, largest and least step along a branch; size of states from which on, and corrections up
+#: to which, steps grow; most steps.
+_FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.1, 0.4, 1e-5
+_LARGE_STATE, _MAX_EASY_CORRECTIONS, _MAX_POINTS = 2.0, 3, 4000
+#: Tuning that weighs as much as a static deflection, and the share of its first tuning at which a
+#: branch that is followed down ends.
+_TUNING_SCALE, _LOWEST_SHARE = 0.5, 0.25
+#: Reasons for the end of a branch.
+_FOLD, _PASSED = "fold", "passed"
+#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and periods
+#: of the excitation until that has settled.
 _BEHIND_FOLD, _SETTLING = 0.002, 160
 #: Largest number of jumps to higher branches before the motion falls.
 _MAX_CLIMBS = 4
-#: Secant steps to the onset, and their relative tolerance.
-_MAX_SECANT_STEPS, _ONSET_TOLERANCE = 20, 1e-13
-#: Share of the first step beside a fold at which it shows whether an extremum grows further.
-_BESIDE_FOLD = 1e-3
-_PEAK_TOLERANCE = 1e-8
+#: Modulus of a multiplier above which deviations grow.
+_UNSTABLE = 1.0 + 1e-6
+#: Shares of a step along a branch: beside a fold it shows whether an extremum grows further, and
+#: to the second a peak is located.
+_BESIDE_FOLD, _PEAK_TOLERANCE = 1e-3, 1e-6
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,7 @@ class MainResonance:
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
     states: dict = field(default_factory=dict)
-    #: Names of those which Newton's method does not find: the motion is lost on the way.
+    #: Names of those that were not computed: the motion is lost on the way.
     lost: frozenset = frozenset()
     #: Largest displacement at the peak, static deflections.
     peak_displacement: float = math.nan
@@ -83,7 +92,7 @@ def main_resonance(model, quantities=QUANTITIES):
     points, values, lost = {}, {}, set()
     try:
         search = _Search(model)
-    except (NotFound, np.linalg.LinAlgError):
+    except (Lost, NoOrbit, np.linalg.LinAlgError):
         return MainResonance(lost=frozenset(quantities))
     for name in quantities:
         try:
@@ -91,14 +100,14 @@ def main_resonance(model, quantities=QUANTITIES):
                 point, values[name] = search.peak(_EXTREMA[name])
             else:
                 point = getattr(search, name)()
-        except (NotFound, np.linalg.LinAlgError):
+        except (Lost, NoOrbit, np.linalg.LinAlgError):
             lost.add(name)
             continue
         if point is not None:
             points[name] = point
     return MainResonance(
-        **{name: float(point[-1]) for name, point in points.items()},
-        states={name: point[:-1] for name, point in points.items()},
+        **{name: search.tuning(y) for name, y in points.items()},
+        states={name: search.problem.model(y)[2][0] for name, y in points.items()},
         peak_displacement=values.get("peak", math.nan),
         peak_force=values.get("peak_dynamic_factor", math.nan),
         lost=frozenset(lost),
@@ -106,20 +115,20 @@ def main_resonance(model, quantities=QUANTITIES):
 
 
 class _Search:
-    """Search for special points of one model; each is an array (state, tuning), or None."""
+    """Search for special points of one model; each is an array of scaled unknowns, or None."""
 
     def __init__(self, model):
-        self.model, self.map = model, PeriodMap(model)
-        self.linear_orbit = linear_orbit_of(model)
-        orbits = [self.linear_orbit(tuning) for tuning in _SCAN_TUNINGS]
-        self.scan = np.column_stack([[state for state, _ in orbits], _SCAN_TUNINGS])
-        highest, least = np.transpose([extrema for _, extrema in orbits])
+        self.model = model
+        self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
+        #: Direction of the tuning in the unknowns.
+        self.ahead = np.eye(self.problem.units.size)[-1]
+        self.scan, heights, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
         low, high = _RESONANCE_BOUNDS
-        within = (low < _SCAN_TUNINGS) & (_SCAN_TUNINGS < high)
-        self.summit = int(np.where(within, highest - least, -np.inf).argmax())
+        within = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
+        self.summit = int(np.where(within, heights, -np.inf).argmax())
         #: A tuning at which contact is lost.
         self.inside = float(_SCAN_TUNINGS[self.summit])
-        kept = least >= 0.0
+        kept = np.array(least) >= 0.0
         if kept[self.summit]:
             step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
             ends = self.inside / step, self.inside * step
@@ -131,29 +140,42 @@ class _Search:
         self.below = self.scan[below[-1]] if below.size else None
         self.above = self.scan[above[0]] if above.size else None
 
+    def tuning(self, y):
+        """Return the tuning of scaled unknowns."""
+        return float(y[-1] * self.problem.units[-1])
+
+    def _from_static(self, tuning):
+        """Return (unknowns, height, least displacement) of the orbit next to static equilibrium.
+
+        The displacement is at least that of `_DEEP`, also where there is no such orbit.
+        """
+        model = self.model
+        start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
+        try:
+            state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
+        except NoOrbit:
+            return self.problem.unknowns(start, [tuning]), 0.0, -_DEEP
+        y = self.problem.unknowns(state, [tuning])
+        summary = self.problem.record(y, model.repeats)[1].summary
+        low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+        return y, (high - low).max(), max((low - model.flank_lines[0]).min(), -_DEEP)
+
     def _least(self, tuning):
-        """Return the least distance from the flank line of the orbit that keeps contact."""
-        return self.linear_orbit(tuning)[1][1]
+        """Return the least distance from the flank line of the orbit from static equilibrium."""
+        return self._from_static(tuning)[2]
 
     def onset(self):
         """Return the orbit that just touches the flank line, running up."""
         if self.below is None:
             return None
-        tuning = brentq(self._least, self.below[-1], self.inside, xtol=1e-12)
-        state = self.linear_orbit(tuning)[0]
+        low, precision = self.tuning(self.below), np.finfo(float).eps
+        tuning = brentq(self._least, low, self.inside, xtol=precision, rtol=4.0 * precision)
+        return self._from_static(tuning)[0]
 
-        def distance(tuning):
-            nonlocal state
-            state, _ = self.map.orbit(tuning, state)
-            return self._clearance(np.append(state, tuning))
-
-        other, steps = (1.0 - 1e-4) * tuning, {"maxiter": _MAX_SECANT_STEPS, "disp": False}
-        tuning = newton(distance, other, x1=tuning, tol=_ONSET_TOLERANCE, **steps)
-        return np.append(state, tuning)
-
-    def _clearance(self, point):
-        """Return the least distance from the flank line of an orbit."""
-        return (self.map.summary(point)[:, columns.X_MIN] - self.model.flank_lines[0]).min()
+    def _extremum(self, y, column):
+        """Return the largest value of a column of the summaries of all meshes."""
+        record = self.problem.record(y, self.model.repeats)[1]
+        return float(record.summary[..., column].max())
 
     def jump_up(self):
         """Return the first fold running up, None without one."""
@@ -165,7 +187,8 @@ class _Search:
         if self.above is not None:
             return self._branch(self.above, False)
         around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
-        return None, np.array([self._orbit(point[-1], point[:-1]) for point in around])
+        orbits = [tracing.correct(self.problem, y, self.ahead)[0] for y in around]
+        return None, [branch_point(orbit, self.ahead) for orbit in orbits]
 
     def jump_down(self):
         """Return the fold at which the motion falls, running down, None without one."""
@@ -173,107 +196,90 @@ class _Search:
         for _ in range(_MAX_CLIMBS):
             if fold is None:
                 break
-            tuning = (1.0 - _BEHIND_FOLD) * fold[-1]
-            behind = self.map.settled(tuning, fold[:-1], _SETTLING)
-            heights = [self.map.summary(x)[:, columns.X_MAX].max() for x in (behind, fold)]
-            if not heights[0] > heights[1]:
+            tuning, periods = (1.0 - _BEHIND_FOLD) * fold.value, _SETTLING * self.model.repeats
+            propagator = self.problem.propagator(self.model, tuning)
+            ends, codes = propagator.many(fold.orbit.state[None], periods, MAX_EVENTS)
+            if codes[0] != status.OK:
+                raise Lost(status.MESSAGES[int(codes[0])])
+            behind = self.problem.unknowns(ends[0], [tuning])
+            if not self._extremum(behind, columns.X_MAX) > fold.high:
                 return self._lasting(fold)
-            fold, _ = self._branch(self._orbit(tuning, behind[:-1]), False)
+            fold, _ = self._branch(behind, False)
         return None
-
-    def _orbit(self, tuning, guess):
-        """Return the point (state, tuning) of the orbit near a guess."""
-        return np.append(self.map.orbit(tuning, guess)[0], tuning)
 
     def _branch(self, start, up):
         """Return (fold, points): the first fold ahead of an orbit, None without one.
 
         The branch ends where it comes out on the other side of the resonance without contact loss.
         """
+        problem = self.problem
         sign, end = (1.0, self.above) if up else (-1.0, self.below)
-        low, high = _LOWEST_SHARE * start[-1], _SCAN_TUNINGS[-1]
-        points, step = [start], _LARGEST_STEP
-        while step > _LEAST_STEP:
-            last = points[-1]
-            tuning = last[-1] * (1.0 + sign * step)
-            guess = last[:-1]
-            if len(points) > 1:
-                share = (tuning - last[-1]) / (last[-1] - points[-2][-1])
-                guess = guess + share * (guess - points[-2][:-1])
-            try:
-                state, matrix = self.map.orbit(tuning, guess)
-                change = np.abs(state - guess).max() / max(1.0, np.abs(guess).max())
-                fits = np.linalg.det(matrix) > 0.0 and (len(points) == 1 or change < _BENT)
-            except NotFound:
-                fits = False
-            if fits:
-                points.append(np.append(state, tuning))
-                if end is not None and sign * (tuning - end[-1]) > 0.0:
-                    if up or self._clearance(points[-1]) >= 0.0:
-                        return None, np.array(points)
-                if not low < tuning < high:
-                    return None, np.array(points)
-                step = min(2.0 * step, _LARGEST_STEP) if change < _STRAIGHT else step
-                continue
-            fold = self._fold_within(points, tuning, sign)
-            if fold is not None:
-                return fold, np.array(points)
-            step *= 0.5
-        raise NotFound("the branch is lost, and not at a fold")
+        low, high = _LOWEST_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
+        orbit, _ = tracing.correct(problem, start, self.ahead)
+        points = [branch_point(orbit, tracing.tangent(orbit.jacobian, sign * self.ahead))]
 
-    def _fold_within(self, points, tuning, sign):
-        """Return the fold between the last point and a tuning, None without one."""
-        try:
-            fold = self.map.fold(np.array(points[-2:]))
-            if 0.0 <= sign * (fold[-1] - points[-1][-1]) <= sign * (tuning - points[-1][-1]):
-                return fold if self.map.turns(fold) * sign < 0.0 else None
-        except (NotFound, np.linalg.LinAlgError):
-            pass
-        return None
+        def passed(point):
+            if not low < point.value < high:
+                return True
+            beyond = end is not None and sign * (point.y[-1] - end[-1]) > 0.0
+            return beyond and (up or point.low >= np.max(self.model.flank_lines[0]))
+
+        def go(h):
+            last = points[-1]
+            orbit, tangent, corrections = tracing.advance(problem, last.y, last.tangent, h)
+            new = branch_point(orbit, tangent)
+            if sign * tangent[-1] < 0.0:
+                _, fold = located(problem, last, new, FOLD) or (0.0, None)
+                if fold is None:
+                    raise Lost("the branch turns at no fold")
+                points.append(fold)
+                return h, _FOLD
+            # The slope of the cubic in the middle shows two folds within a step.
+            middle = 6.0 * (new.y - last.y)[-1] / h - (last.tangent + tangent)[-1]
+            if sign * middle < 0.0:
+                raise Lost("two folds lie within the step")
+            points.append(new)
+            size = max(1.0, np.abs(new.y[:-1]).max() / _LARGE_STATE)
+            h = tracing.longer(h, corrections, _MAX_EASY_CORRECTIONS, _LARGEST_STEP * size)
+            return h, _PASSED if passed(new) else ""
+
+        ended = tracing.follow(go, points, _FIRST_STEP, _LEAST_STEP, _MAX_POINTS)
+        if ended not in (_FOLD, _PASSED):
+            raise Lost(ended)
+        fold = points.pop() if ended == _FOLD else None
+        return fold, points
 
     def _lasting(self, fold):
-        """Return a fold; NotFound where the motion has lost its stability before."""
-        if fold is not None and not self.map.lasts(fold):
-            raise NotFound("the motion has left its branch before the fold")
-        return fold
+        """Return the unknowns of a fold; Lost where the motion has lost its stability before.
+
+        With one degree of freedom and damping the other multiplier is below 1.
+        """
+        if fold is None:
+            return None
+        multipliers = fold.orbit.multipliers
+        others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+        if self.model.size > 2 and (np.abs(others) >= _UNSTABLE).any():
+            raise Lost("the motion has left its branch before the fold")
+        return fold.y
 
     def peak(self, column):
-        """Return (point, value) where an extremum, a column of summaries, is largest.
-
-        That is the fold or next to it on the branch entered from above; without a fold the largest
-        of the branch, or about the summit of the orbit that keeps contact.
-        """
+        """Return (unknowns, value) where a column of summaries is largest before the first fold."""
         fold, points = self._down
-        places = points[:, -1]
-        if fold is not None:
-            # Beside a fold states go with the root of the distance.
-            points = np.vstack([points, fold])[::-1]
-            places = np.sqrt(points[:, -1] - fold[-1])
-        values = [self.map.summary(point)[0, column] for point in points]
-        order = np.argsort(places)
+        points = [point.y for point in (points if fold is None else [*points, fold])]
+        values = [self._extremum(y, column) for y in points]
+        i, last = int(np.argmax(values)), len(points) - 1
 
         def point_at(place):
-            tuning = place if fold is None else fold[-1] + place**2
-            guess = [np.interp(place, places[order], states) for states in points[order, :-1].T]
-            state, matrix = self.map.orbit(tuning, np.array(guess))
-            if fold is not None and np.linalg.det(matrix) < 0.0:
-                # It is one of the unstable branch, which mirrors the stable one at the fold.
-                state, _ = self.map.orbit(tuning, 2.0 * fold[:-1] - state)
-            return np.append(state, tuning)
+            first = min(int(place), last - 1)
+            chord = points[first + 1] - points[first]
+            start = points[first] + (place - first) * chord
+            return tracing.correct(self.problem, start, chord / np.linalg.norm(chord))[0].y
 
-        def value_at(place):
-            return float(self.map.summary(point_at(place))[0, column])
+        def loss_at(place):
+            return -self._extremum(point_at(place), column)
 
-        i, last = 0 if self.above is not None else int(np.argmax(values)), len(values) - 1
-        while i < last and values[i + 1] > values[i]:
-            i += 1
-        if i == 0 and fold is not None and value_at(_BESIDE_FOLD * places[1]) <= values[0]:
-            return fold, float(values[0])
-        ends, options = (
-            sorted((places[max(i - 1, 0)], places[min(i + 1, last)])),
-            {"xatol": _PEAK_TOLERANCE},
-        )
-        top = minimize_scalar(
-            lambda x: -value_at(x), bounds=ends, method="bounded", options=options
-        )
+        if fold is not None and i == last and -loss_at(last - _BESIDE_FOLD) <= values[i]:
+            return points[i], values[i]
+        ends, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
+        top = minimize_scalar(loss_at, bounds=ends, method="bounded", options=options)
         return point_at(top.x), -float(top.fun)

@@ -12,9 +12,9 @@ from numpy.polynomial import Polynomial
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
-from gearlib.analysis.orbits.branch_points import Shooting, orbit_dataset
+from gearlib.analysis.orbits.branch_points import orbit_dataset
 from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.shooting import NoOrbit
+from gearlib.analysis.orbits.shooting import NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -158,9 +158,9 @@ def _follow(problem, orbits, to, limits, largest, max_points):
         orbits.append(new)
         if problem.label == GRAZING:
             problem.phase, _ = problem.touch(new.y)
-        if corrections <= _EASY:
-            # Where the state is large, so may be the steps.
-            h = min(1.5 * h, largest * max(1.0, np.abs(new.y[:-2]).max() / _LARGE))
+        # Where the state is large, so may be the steps.
+        size = max(1.0, np.abs(new.y[:-2]).max() / _LARGE)
+        h = tracing.longer(h, corrections, _EASY, largest * size)
         ends = {
             "at its goal": new.y[-1] == goal,
             "at a limit": not limits[0] <= new.y[-2] * problem.units[-2] <= limits[1],

@@ -56,11 +56,11 @@ def _torus(multipliers):
     return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
 
 
-_TESTS = (
-    (FOLD, lambda multipliers: np.prod(multipliers - 1.0).real),
-    (DOUBLING, lambda multipliers: np.prod(multipliers + 1.0).real),
-    (NEIMARK_SACKER, _torus),
-)
+_TESTS = {
+    FOLD: lambda multipliers: np.prod(multipliers - 1.0).real,
+    DOUBLING: lambda multipliers: np.prod(multipliers + 1.0).real,
+    NEIMARK_SACKER: _torus,
+}
 
 
 def between(problem, a, b, share):
@@ -74,34 +74,35 @@ def between(problem, a, b, share):
     return branch_point(orbit, row)
 
 
+def located(problem, a, b, label):
+    """Return (share of the chord, `BranchPoint`) of a special point from `a` to `b`, else None."""
+    test = _TESTS[label]
+    ends = {0.0: test(a.orbit.multipliers), 1.0: test(b.orbit.multipliers)}
+    if not ends[0.0] * ends[1.0] < 0.0:
+        return None
+    if label == NEIMARK_SACKER and min(map(abs, ends.values())) < _ROUNDING:
+        return None
+
+    def value(share):
+        return ends.get(share) or test(between(problem, a, b, share).orbit.multipliers)
+
+    share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
+    point = between(problem, a, b, share)
+    if label == NEIMARK_SACKER and abs(test(point.orbit.multipliers)) > _ON_CIRCLE:
+        # The pair became real on the way.
+        return None
+    if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
+        label = BRANCH_POINT
+    return share, replace(point, label=label)
+
+
 def special_points(problem, a, b):
     """Return the special points other than grazings from point `a` to `b`, in branch order.
 
     Neighbours of one contact pattern; Lost if the branch could not be followed on the chord.
     """
-    located = []
-    for label, test in _TESTS:
-        first, last = test(a.orbit.multipliers), test(b.orbit.multipliers)
-        if not first * last < 0.0:
-            continue
-        if label == NEIMARK_SACKER and min(abs(first), abs(last)) < _ROUNDING:
-            continue
-        ends = {0.0: first, 1.0: last}
-
-        def value(share, test=test, ends=ends):
-            if share in ends:
-                return ends[share]
-            return test(between(problem, a, b, share).orbit.multipliers)
-
-        share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
-        point = between(problem, a, b, share)
-        if label == NEIMARK_SACKER and abs(test(point.orbit.multipliers)) > _ON_CIRCLE:
-            # The pair became real on the way.
-            continue
-        if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
-            label = BRANCH_POINT
-        located.append((share, replace(point, label=label)))
-    return [point for _, point in sorted(located, key=lambda row: row[0])]
+    pairs = [pair for label in _TESTS if (pair := located(problem, a, b, label))]
+    return [point for _, point in sorted(pairs, key=lambda pair: pair[0])]
 
 
 def grazing(problem, a, b):

@@ -74,6 +74,11 @@ def advance(problem, y, along, h, goal=None, corner=False):
     return solution, direction, corrections
 
 
+def longer(h, corrections, few, largest):
+    """Return the next step: one that needed few corrections grows by a half, up to the largest."""
+    return min(1.5 * h, largest) if corrections <= few else h
+
+
 def follow(go, points, h, least, max_points):
     """Call `go` for steps until the curve ends, and return why it does.
 
