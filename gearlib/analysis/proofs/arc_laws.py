@@ -19,7 +19,6 @@ from gearlib.engines.codes import INVERSE, NORMAL
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 FREE_MOTION_TOLERANCE = 1e-13
-_SIDES = COAST, DRIVE
 #: A time with a larger radius moves a state by the mean value of its speed.
 _THIN_TIME = 2.0**-30
 
@@ -41,6 +40,7 @@ class ArcLaws:
 
     ``retained``, ``fixed``    numbers of the coordinates y, and of those that they are counted from
     ``state_count``, ``size``  components of (y, dy/dtheta), and of z
+    ``wave_columns``           frequency of a harmonic -> component of z that is its cosine
     ``basis``, ``basis_inverse``  of the modal components, shape (size, size)
     ``distances``              functionals of modal components over the flanks of every mesh, a row
                                (1, size) each: (coast side or None, drive side)
@@ -52,29 +52,43 @@ class ArcLaws:
         self.one_degree, self.common_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.numbers.meshes)
         self._laws: dict = {}
-        modes = self.numbers.modes()
-        self._take_out_free_motions(modes.free)
-        waves = [self.numbers.force_waves, *(mesh.waves for mesh in self.numbers.meshes)]
-        self.frequencies = sorted({frequency for entries in waves for frequency in entries})
+        free, shapes = np.zeros((1, 0)), np.eye(1)
+        if model.train is None:
+            natural = model.equation.natural
+        else:
+            free, (squares, shapes) = model.train.free_motions, model.train.linear_modes
+            natural = np.sqrt(squares) / float(self.numbers.frequency)
+        self._take_out_free_motions(free)
         self.state_count = 2 * len(self.retained)
-        self.size = self.state_count + 1 + 2 * len(self.frequencies)
-        self._set_basis(modes)
-        self._set_laws()
+        waves = [self.numbers.force_waves, *(mesh.waves for mesh in self.numbers.meshes)]
+        frequencies = sorted({frequency for entries in waves for frequency in entries})
+        self.size = self.state_count + 1 + 2 * len(frequencies)
+        columns = range(self.state_count + 1, self.size, 2)
+        self.wave_columns = dict(zip(frequencies, columns, strict=True))
+        self._set_basis(shapes, natural)
+        self._without_meshes = self._law_without_meshes()
+        self.distances = [
+            [self._distance(mesh, side) for side in (COAST, DRIVE)] for mesh in self.numbers.meshes
+        ]
 
     def _take_out_free_motions(self, free):
         """Set which coordinates are retained, and what takes all coordinates to them."""
         numbers, n = self.numbers, len(self.numbers.coordinates)
         self.fixed = _fixed_coordinates(free)
         self.retained = [i for i in range(n) if i not in self.fixed]
-        reduction = np.eye(n, dtype=int).astype(object)[self.retained]
+        unit = np.eye(n, dtype=int).astype(object)
+        reduction = unit[self.retained]
         if self.fixed:
-            total = numbers.stiffness_in_contact()
+            total = numbers.stiffness.copy()
+            for mesh in numbers.meshes:
+                row = mesh.rows[DRIVE]
+                total += mesh.stiffness[DRIVE][0] * np.outer(row, row)
             inner, outer = (
                 matrix_of(total[np.ix_(self.retained, columns)])
                 for columns in (self.retained, self.fixed)
             )
             reduction[:, self.fixed] = inner.solve(outer).tolist()
-            motions = np.eye(n, dtype=int).astype(object)[:, self.fixed]
+            motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
             self._check_free_motions(matrix_of(motions))
         self.reduction = matrix_of(reduction)
@@ -93,104 +107,91 @@ class ArcLaws:
                         "model", "no proof is written for a train whose free rotation is damped"
                     )
 
-    def _set_basis(self, modes):
-        """Set the modal basis; an exact matrix of floats, its inverse in balls."""
+    def _set_basis(self, shapes, frequencies):
+        """Set the modal basis, exact floats, and its inverse; frequencies are by the tuning's."""
         e, basis = len(self.retained), np.eye(self.size)
-        shapes = np.array(self.reduction.tolist(), float) @ modes.shapes
+        shapes = np.array(self.reduction.tolist(), float) @ shapes
         # Of like size, so that all components are.
         shapes = shapes / np.abs(shapes).max(axis=0)
-        basis[:e, :e] = shapes
-        basis[e : 2 * e, e : 2 * e] = shapes * (
-            np.sqrt(modes.squares) / float(self.numbers.frequency)
-        )
+        basis[:e, :e], basis[e : 2 * e, e : 2 * e] = shapes, shapes * frequencies
         self.basis = matrix_of(basis)
         self.basis_inverse = self.basis.inv()
 
-    def _wave_columns(self):
-        """Return (column of the cosine, frequency) of all harmonics."""
-        first = self.state_count + 1
-        return [(first + 2 * j, frequency) for j, frequency in enumerate(self.frequencies)]
-
     def _distance(self, mesh, side):
-        """Return the distance over the flanks of a side, a row over z, shape (1, size)."""
+        """Return the distance over the flanks of a side, a row (1, size); None without flanks."""
         if mesh.constants[side] is None:
             return None
         row, length = np.zeros(self.size, object), self.numbers.length
         row[: len(self.retained)] = [mesh.rows[side][i] for i in self.retained]
         row[self.state_count] = mesh.constants[side] / length
-        for column, frequency in self._wave_columns():
-            if frequency in mesh.waves:
-                row[column : column + 2] = [x / length for x in mesh.waves[frequency][side]]
-        return matrix_of(row[None])
+        for frequency, waves in mesh.waves.items():
+            column = self.wave_columns[frequency]
+            row[column : column + 2] = [value / length for value in waves[side]]
+        return matrix_of(row[None]) * self.basis
 
     def _accelerations(self, forces):
         """Return those of the retained coordinates by forces, arrays of balls (e, k), (n, k)."""
         return np.array((self._mobility * matrix_of(forces)).tolist())
 
-    def _push(self, row):
-        """Return the rate of modal components by a force against a functional, (size, 1)."""
-        e, column = len(self.retained), np.zeros((self.size, 1), object)
-        column[e : 2 * e] = self._accelerations(-np.array(row)[:, None])
-        return self.basis_inverse * matrix_of(column)
-
-    def _set_laws(self):
-        """Set the law without meshes, distances, and what the force of every mesh does."""
+    def _law_without_meshes(self):
+        """Return the matrix A of the train that no mesh holds together."""
         numbers, e, omega = self.numbers, len(self.retained), self.numbers.frequency
-        unit, meshes = omega**2 * numbers.length, numbers.meshes
-        law = np.zeros((self.size, self.size), object)
+        unit, law = omega**2 * numbers.length, np.zeros((self.size, self.size), object)
         law[:e, e : 2 * e] = np.eye(e, dtype=int)
         law[e : 2 * e, :e] = self._accelerations(-numbers.stiffness[:, self.retained]) / omega**2
         law[e : 2 * e, e : 2 * e] = self._accelerations(-numbers.damping[:, self.retained]) / omega
         law[e : 2 * e, [2 * e]] = self._accelerations(numbers.load[:, None]) / unit
-        for column, frequency in self._wave_columns():
+        for frequency, column in self.wave_columns.items():
             turning_rate = ball_of(frequency) * self.tuning
             law[column, column + 1], law[column + 1, column] = -turning_rate, turning_rate
             if frequency in numbers.force_waves:
                 waves = np.transpose(numbers.force_waves[frequency])
                 law[e : 2 * e, column : column + 2] = self._accelerations(waves) / unit
-        self._without_meshes = self.basis_inverse * matrix_of(law) * self.basis
-        self.distances = [
-            [_times(self._distance(mesh, side), self.basis) for side in _SIDES] for mesh in meshes
-        ]
-        #: Rates of the distances: the accelerations have no part in them.
-        self._rates = [
-            [_times(row, self._without_meshes) for row in rows] for rows in self.distances
-        ]
-        self._pushes = [[self._push(row) for row in mesh.rows] for mesh in meshes]
+        return self.basis_inverse * matrix_of(law) * self.basis
 
     def law(self, codes, segment):
         """Return the matrix A for the contact codes of all meshes on a segment."""
-        states = []
-        for code, sides in zip(codes, self.numbers.segments[segment].conditions, strict=True):
-            states.append((code, *sides[COAST if code == INVERSE else DRIVE]) if code else ())
-        key = tuple(states)
-        if key not in self._laws:
-            matrix = self._without_meshes * 1
-            for j, state in enumerate(states):
-                matrix += self._contact(j, *state) if state else self._oil_film(j)
-            self._laws[key] = matrix
-        return self._laws[key]
+        conditions = self.numbers.segments[segment].conditions
+        states = tuple(
+            (code, *sides[COAST if code == INVERSE else DRIVE]) if code else (0,)
+            for code, sides in zip(codes, conditions, strict=True)
+        )
+        if states not in self._laws:
+            changes = (self._law_of_mesh(j, *state) for j, state in enumerate(states))
+            self._laws[states] = sum(changes, self._without_meshes)
+        return self._laws[states]
 
-    def _oil_film(self, j):
-        """Return by what a mesh without contact changes the law, shape (size, size)."""
-        damping = self.numbers.meshes[j].backlash_damping / self.numbers.frequency
-        return self._pushes[j][DRIVE] * (self._rates[j][DRIVE] * damping)
-
-    def _contact(self, j, code, level, sliding_sign):
-        """Return by what a mesh in contact changes the law, shape (size, size)."""
+    def _law_of_mesh(self, j, code, level=0, sliding_sign=0):
+        """Return by what a mesh changes the law, shape (size, size): without contact its oil."""
         mesh, omega = self.numbers.meshes[j], self.numbers.frequency
+        # Where the rates of both sides are the same, what is not damped is so exactly.
+        has_film, change = not code or (code == INVERSE and mesh.clearance_varies), 0
+        if has_film:
+            change = self._law_of_force(
+                mesh.rows[DRIVE], self._rate(j, DRIVE) * (mesh.backlash_damping / omega)
+            )
+        if not code:
+            return change
         side = DRIVE if code == NORMAL else COAST
         elastic = self.distances[j][side] * (mesh.stiffness[side][level] / omega**2)
-        # Where the rates of both sides are the same, what is not damped is so exactly.
-        has_film = side == COAST and mesh.clearance_varies
         damping = mesh.damping[side] - (mesh.backlash_damping if has_film else 0)
-        change = self._pushes[j][side] * (elastic + self._rates[j][side] * (damping / omega))
-        if has_film:
-            change += self._oil_film(j)
+        viscous = self._rate(j, side) * (damping / omega)
+        change += self._law_of_force(mesh.rows[side], elastic + viscous)
         if mesh.sliding_row is not None:
-            friction = elastic * (mesh.friction[side] * sliding_sign)
-            change += self._push(mesh.sliding_row) * friction
+            change += self._law_of_force(
+                mesh.sliding_row, elastic * (mesh.friction[side] * sliding_sign)
+            )
         return change
+
+    def _rate(self, j, side):
+        """Return the rate of a distance, a row (1, size): accelerations have no part in it."""
+        return self.distances[j][side] * self._without_meshes
+
+    def _law_of_force(self, row, force):
+        """Return the rates of z by a force, a functional of z, that acts against a row (n,)."""
+        e, column = len(self.retained), np.zeros((self.size, 1), object)
+        column[e : 2 * e] = self._accelerations(-np.array(row)[:, None])
+        return self.basis_inverse * matrix_of(column) * force
 
     def initial_state(self, state):
         """Return (y, dy/dtheta) of a state (q, dq/dtau) in floats, a list of balls."""
@@ -218,22 +219,15 @@ class ArcLaws:
         )
 
 
-def _times(row, matrix):
-    """Return the product; None where a side of a mesh is none."""
-    return None if row is None else row * matrix
-
-
 def _fixed_coordinates(motions):
     """Return as many coordinates as there are free motions, which tell these apart."""
     coordinates, remaining = [], np.array(motions)
     while remaining.shape[1]:
         size = np.abs(remaining).max(axis=1)
         # The first that is large enough, not the largest: rounding decides nothing.
-        row = int(np.flatnonzero(size >= 0.5 * size.max())[0])
+        row = int(np.argmax(size >= 0.5 * size.max()))
         column = int(np.abs(remaining[row]).argmax())
-        remaining = remaining - np.outer(
-            remaining[:, column] / remaining[row, column], remaining[row]
-        )
-        remaining = np.delete(remaining, column, axis=1)
+        shares = remaining[row] / remaining[row, column]
+        remaining = np.delete(remaining - np.outer(remaining[:, column], shares), column, axis=1)
         coordinates.append(row)
     return sorted(coordinates)

@@ -132,7 +132,7 @@ class Path:
 
     def start(self, state, unknown_count):
         """Return modal components at the start and their derivatives, (size, 1 + unknowns)."""
-        waves, rows = [1, 0] * len(self.laws.frequencies), []
+        waves, rows = [1, 0] * len(self.laws.wave_columns), []
         modal_state = (self.laws.basis_inverse * column_of([*state, 1, *waves])).entries()
         for value, row in zip(modal_state, self.laws.basis_inverse.tolist(), strict=True):
             rows.append([value, *row[: len(state)], *[0] * (unknown_count - len(state))])

@@ -70,7 +70,7 @@ class _Range:
     """The branch of an orbit, piece by piece."""
 
     def __init__(self, orbit, codes, events):
-        if ArcLaws(orbit.pair, orbit.tuning).frequencies:
+        if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
             raise Uncertain(
                 "model",
                 f"over the tuning no {type(orbit.pair).__name__} with harmonics of load, deviation "
