@@ -10,12 +10,15 @@ Matrices and functionals are those of modal components, z = basis c, near to the
 there a motion is hardly more than a rotation of each pair of components, which widens boxes least.
 """
 
+import math
+
 import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import TrainFacts, Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, numbers_of
 from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.models.trains.elastic import linear
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
 FREE_MOTION_TOLERANCE = 1e-13
@@ -52,12 +55,7 @@ class ArcLaws:
         self.one_degree, self.common_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.numbers.meshes)
         self._laws: dict = {}
-        free, shapes = np.zeros((1, 0)), np.eye(1)
-        if model.train is None:
-            natural = model.equation.natural
-        else:
-            free, (squares, shapes) = model.train.free_motions, model.train.linear_modes
-            natural = np.sqrt(squares) / float(self.numbers.frequency)
+        free, natural, shapes = _modes(model, self.numbers)
         self._take_out_free_motions(free)
         self.state_count = 2 * len(self.retained)
         waves = [self.numbers.force_waves, *(mesh.waves for mesh in self.numbers.meshes)]
@@ -217,6 +215,21 @@ class ArcLaws:
             fixed=tuple(names[i] for i in self.fixed),
             derived=self.numbers.derived,
         )
+
+
+def _modes(model, numbers):
+    """Return free motions, frequencies by the unit of the tuning, and shapes, in contact."""
+    if model.train is None:
+        (mesh,), ground = numbers.meshes, numbers.stiffness[0, 0]
+        stiffness = float(ground) + max(map(float, mesh.stiffness[DRIVE]))
+        natural = math.sqrt(stiffness / float(numbers.mass[0, 0])) / float(numbers.frequency)
+        return np.zeros((1, 0)), natural, np.eye(1)
+    structure, meshes = model.train.structure, model.train.meshes
+    directions, stiffness = structure.springs
+    levels = [mesh.max_stiffness for mesh in meshes]
+    springs = np.vstack([directions, structure.lines]), np.append(stiffness, levels)
+    modes = linear(springs, structure.masses)
+    return modes.free, np.sqrt(modes.squares) / float(numbers.frequency), modes.shapes
 
 
 def _fixed_coordinates(motions):
