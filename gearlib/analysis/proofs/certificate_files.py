@@ -7,6 +7,8 @@ from gearlib.analysis.proofs.balls import Enclosure
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
+#: Entries of certificates whose floats are exact numbers.
+_EXACT = "tuning", "start", "stop", "derived", "pieces"
 
 
 @dataclass(frozen=True)
@@ -43,25 +45,20 @@ class MeshEvent(ContactEvent):
 
 
 class _Claim:
-    """What is proven, as a dict."""
+    """A proven statement about a model."""
 
     claim = ""
-    exact: tuple = ()  #: names of floats that are exact numbers
 
     def as_dict(self):
         """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
-        values: dict = vars(self)
-        values = values | (vars(values["train"]) if values.get("train") else {})
-        model = values["pair"]
-        # The teeth of a pair have no part in the motion.
-        unused = () if model.equation is None else ("teeth",)
-        parameters = {name: x for name, x in model.as_dict().items() if name not in unused}
-        exact = {*self.exact, "derived", "pieces"}
-        plain_values = {
-            name: plain(value, name in exact)
-            for name, value in values.items()
-            if name not in ("pair", "train")
-        }
+        values = dict(vars(self))
+        model, train = values.pop("pair"), values.pop("train", None)
+        values |= vars(train) if train else {}
+        plain_values = {name: plain(value, name in _EXACT) for name, value in values.items()}
+        parameters = model.as_dict()
+        if model.equation is not None:
+            # The teeth of a pair have no part in the motion.
+            parameters.pop("teeth", None)
         return {"claim": self.claim} | plain_values | {"pair": plain(parameters, True)}
 
 
@@ -69,7 +66,6 @@ class _Claim:
 class _OrbitClaim(_Claim):
     """A periodic orbit that is proven to exist; see `docs/theory/proofs.md`."""
 
-    exact = ("tuning",)
     pair: Any  #: the model
     tuning: float
     period: int  #: mesh periods of the reference mesh; it does not repeat after fewer
@@ -83,15 +79,12 @@ class _OrbitClaim(_Claim):
     reason: str  #: why, in a sentence
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
 
-    def _described(self, lines):
-        """Return the text of a certificate, with lines of its own kind."""
-        lines = [
-            f"Proven: {_orbit(self.period)} at tuning {self.tuning!r}, {self.stability}",
-            *lines,
-            f"  the only such orbit within {self.radius:.3g}",
-            f"  {self.stability}: {self.reason}",
-        ]
-        return "\n".join(lines)
+    def __repr__(self):
+        return (
+            f"Proven: {_orbit(self.period)} at tuning {self.tuning!r}, {self.stability}\n"
+            + "".join(f"  {name:<14}{text}\n" for name, text in self._lines())
+            + f"  the only such orbit within {self.radius:.3g}\n  {self.stability}: {self.reason}"
+        )
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -106,17 +99,16 @@ class Certificate(_OrbitClaim):
 
     claim = "orbit"
 
-    def __repr__(self):
-        lines = [
-            f"  displacement  {self.displacement}",
-            f"  velocity      {self.velocity}",
-            f"  smallest x    {self.displacement_min}",
-            f"  largest x     {self.displacement_max}",
-            f"  contacts      {_contact_names(self.pattern)}",
+    def _lines(self):
+        return [
+            ("displacement", self.displacement),
+            ("velocity", self.velocity),
+            ("smallest x", self.displacement_min),
+            ("largest x", self.displacement_max),
+            ("contacts", _contact_names(self.pattern)),
+            *(("  phase", event.phase) for event in self.events),
+            *(("multiplier", _complex(*pair)) for pair in self.multipliers),
         ]
-        lines += [f"    phase       {event.phase}" for event in self.events]
-        lines += [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
-        return self._described(lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,15 +128,18 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
 
     claim = "train"
 
-    def __repr__(self):
+    def _lines(self):
         both = zip(self.meshes, self.contacts, strict=True)
         starts = ", ".join(f"{name} in {_CONTACT_NAMES[code]}" for name, code in both)
-        lines = [f"  at tau = 0    {starts}"]
-        for event in self.events:
-            name = _CONTACT_NAMES[event.after]
-            lines.append(f"    phase       {event.phase}  {event.mesh} in {name}")
         largest, count = _complex(*self.multipliers[0]), len(self.multipliers)
-        return self._described([*lines, f"  multiplier    {largest}, the largest of {count}"])
+        return [
+            ("at tau = 0", starts),
+            *(
+                ("  phase", f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}")
+                for event in self.events
+            ),
+            ("multiplier", f"{largest}, the largest of {count}"),
+        ]
 
 
 @dataclass(frozen=True)
@@ -172,7 +167,7 @@ class RangeCertificate(_Claim):
     pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
     train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
-    claim, exact = "range", ("start", "stop")
+    claim = "range"
 
     def __repr__(self):
         return (

@@ -11,14 +11,22 @@ Computing 4 (1969) 187-201; Moore, SIAM J. Numer. Anal. 14 (1977) 611-615; Rump,
 A *system* is a function of a list of balls that returns residuals and rows of their derivatives
 first. The test says nothing where these are not the derivatives. So they are held against a
 difference of the residuals: F(b) - F(m) lies in F'(X) (b - m) if b is in X.
+
+Eigenvalues, and what they say of stability: in the basis of approximate eigenvectors, whose inverse
+is enclosed, a matrix is nearly diagonal; its eigenvalues lie in the discs of Gershgorin about the
+diagonal, m of them in m discs that hang together and meet no other (Varga, *Gersgorin and His
+Circles*, 2004).
 """
+
+from functools import reduce
+from itertools import chain
 
 from gearlib.analysis.proofs.balls import column_of, flint, identity
 from gearlib.analysis.proofs.certificate_files import Uncertain
 
 _MAX_NEWTON_STEPS = 12
 #: Boxes that are tried for the largest one with a single zero, and the largest radius of one.
-_MAX_BOXES, MAX_RADIUS = 60, 0.1
+_MAX_BOXES, _MAX_RADIUS = 60, 0.1
 #: A derivative whose inverse is larger than this is singular.
 _SINGULAR = 1e13
 #: Status and sentence where the library is at fault, and where the derivative is singular.
@@ -30,6 +38,8 @@ FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
 )
+#: Where the enclosures of multipliers decide nothing.
+UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system, start):
@@ -69,13 +79,16 @@ def times(matrix, values):
     return (matrix * column_of(values)).entries()
 
 
+def box_of(centre, radii):
+    """Return the balls about the numbers of a centre."""
+    return list(map(flint().arb, centre, radii))
+
+
 def image(system, centre, radii, inverse, residuals):
     """Return K(X) - m for the box of `radii` about the centre m, a list of balls."""
-    module = flint()
-    box = [module.arb(m, r) for m, r in zip(centre, radii, strict=True)]
-    _, rows, *_ = system(box)
-    remainder = identity(len(centre)) - inverse * module.arb_mat(rows)
-    spread = times(remainder, [module.arb(0, r) for r in radii])
+    _, rows, *_ = system(box_of(centre, radii))
+    remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
+    spread = times(remainder, box_of([0] * len(centre), radii))
     return [a - b for a, b in zip(spread, times(inverse, residuals), strict=True)]
 
 
@@ -126,7 +139,7 @@ def uniqueness_radius(system, centre, inverse):
     The first radius that passes is not the largest possible one.
     """
     residuals, *_ = system(centre)
-    radius = MAX_RADIUS
+    radius = _MAX_RADIUS
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
         shift = image(system, centre, radii, inverse, residuals)
@@ -137,3 +150,61 @@ def uniqueness_radius(system, centre, inverse):
         # The share falls with the radius; where it has no bound, a much smaller box is tried.
         radius *= 0.1 if not share < 1e3 else min(0.5, 0.5 / share)
     raise Uncertain(*FOLD)
+
+
+def eigenvalues(matrix):
+    """Return enclosures of all eigenvalues, the largest first: complex balls."""
+    module = flint()
+    complex_matrix = module.acb_mat(matrix)
+    _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
+    try:
+        diagonal = vectors.mid().solve(complex_matrix * vectors.mid())
+    except ZeroDivisionError:
+        raise Uncertain("precision", "the eigenvectors of the map are not told apart") from None
+    clusters: list = []
+    for i, row in enumerate(diagonal.tolist()):
+        radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))
+        ball = module.arb(0, radius.upper())
+        disc = row[i] + module.acb(ball, ball)
+        # Discs that hang together hold as many eigenvalues as they are, each none, one or more.
+        touching = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
+        clusters = [cluster for cluster in clusters if cluster not in touching]
+        clusters.append([disc, *chain(*touching)])
+    values = []
+    for cluster in clusters:
+        values += [reduce(lambda a, b: a.union(b), cluster)] * len(cluster)
+    values = [_real(value, values) for value in values]
+    return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
+
+
+def _real(value, values):
+    """Return an eigenvalue with the imaginary part 0 where its conjugate can be no other one."""
+    conjugate = flint().acb(value.real, -value.imag)
+    if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
+        return flint().acb(value.real)
+    return value
+
+
+def verdict(multipliers, matrix, determinant):
+    """Return (stability, reason) from a map of small deviations and its multipliers.
+
+    Where the determinant is known, trace and determinant of two multipliers are judged, by Jury's
+    conditions.
+    """
+    outside = any(abs(value) > 1 for value in multipliers)
+    inside, name = all(abs(value) < 1 for value in multipliers), "all"
+    if matrix.nrows() == 2 and determinant is not None:
+        trace, name = abs(matrix[0, 0] + matrix[1, 1]), "both"
+        outside = determinant > 1 or trace > 1 + determinant
+        inside = determinant < 1 and trace < 1 + determinant
+        if determinant == 1 and trace < 2:
+            return (
+                "undecided",
+                "nothing is damped on its way: both multipliers lie on the unit circle, exactly, "
+                "and decide nothing",
+            )
+    if outside:
+        return "unstable", "a multiplier lies outside the unit circle"
+    if inside:
+        return "stable", f"{name} multipliers lie inside the unit circle"
+    return UNDECIDED
