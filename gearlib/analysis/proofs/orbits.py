@@ -26,9 +26,8 @@ from gearlib.analysis.proofs.certificate_files import (
     Uncertain,
 )
 from gearlib.analysis.proofs.models_in_balls import model_reader
-from gearlib.analysis.proofs.path import Path
+from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
 from gearlib.analysis.proofs.signs import check_contacts, extrema
-from gearlib.analysis.proofs.windows import Windows, smallest_interval
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
