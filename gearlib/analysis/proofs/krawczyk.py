@@ -142,7 +142,11 @@ def uniqueness_radius(system, centre, inverse):
     radius = _MAX_RADIUS
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
-        shift = image(system, centre, radii, inverse, residuals)
+        try:
+            shift = image(system, centre, radii, inverse, residuals)
+        except Uncertain:
+            radius *= 0.1
+            continue
         if inside(shift, radii):
             # Half of it leaves room for a second program, whose enclosures are others.
             return 0.5 * radius

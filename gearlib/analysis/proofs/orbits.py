@@ -184,7 +184,6 @@ class Proof:
         if windows.any():
             _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
             self.map, self.determinant = flint().arb_mat(rows), None
-            system = windows.equations_or_nothing
         else:
             self.phases = self.box[n:]
             _, rows, self.arcs, self.ends = system(self.box)

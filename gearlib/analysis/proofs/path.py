@@ -46,8 +46,13 @@ class Node(NamedTuple):
     phase: Any = None  #: a ball; None: that of a contact, unknown
     mesh: int = -1  #: of a contact
     side: int = DRIVE  #: of the flank line that is crossed
+    distance: Any = None  #: of the mesh from this line, a functional of modal components
     before: int = 0  #: contact code of the mesh before
     after: int = 0
+
+    def crosses(self, rate):
+        """Return whether a rate of the distance is that of the contact gained or lost."""
+        return rate > 0 if self.after > self.before else rate < 0
 
 
 class Arc(NamedTuple):
@@ -109,7 +114,8 @@ class Path:
                 raise Uncertain("contacts", "the contacts do not follow from each other")
             side = DRIVE if NORMAL in (before, after) else COAST
             self.guess.append(phase)
-            self.nodes.append(Node(law, None, mesh, side, before, after))
+            distance = laws.distances[mesh][side]
+            self.nodes.append(Node(law, None, mesh, side, distance, before, after))
             codes[mesh] = after
         self.nodes.append(Node(laws.law(codes, segment), turn * period))
 
@@ -132,8 +138,8 @@ class Path:
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
         if node.phase is None:
             # Across the flank line first, so that a contact fixes this component.
-            distance = self.laws.distances[node.mesh][node.side].entries()
-            axes = np.column_stack([[float(value) for value in distance[:n]], axes])
+            across = [float(value) for value in node.distance.entries()[:n]]
+            axes = np.column_stack([across, axes])
         axes, _ = np.linalg.qr(axes)
         for i, j in np.ndindex(n, n):
             frame[i, j] = float(axes[i, j])
@@ -171,8 +177,10 @@ class Path:
             columns = arc.moved(columns, time)
             if node.phase is None:
                 column += 1
-                _add(columns, column, arc.law * first_column(columns) * scale)
-                row = laws.distances[node.mesh][node.side] * arc.frame
+                unit = flint().arb_mat(1, len(unknowns) + 1)
+                unit[0, column] = 1
+                columns += arc.law * first_column(columns) * scale * unit
+                row = node.distance * arc.frame
                 residual, *slopes = (row * columns).entries()
                 residuals.append(residual)
                 rows.append(slopes)
@@ -181,7 +189,7 @@ class Path:
             if node.phase is None:
                 # The later the next arc begins, the less of it there is.
                 speed = self.nodes[i + 1].law * state * scale
-                _add(columns, column, arc.frame_inverse * speed * -1)
+                columns -= arc.frame_inverse * speed * unit
             ends.append(state)
             last_phase = phase
         for i, row in enumerate((laws.basis * arc.frame * columns).tolist()[:n]):
@@ -216,11 +224,6 @@ class Path:
         for node, (_, time) in zip(self.nodes, arcs, strict=True):
             exponent += node.law.trace() * time
         return exponent.exp()
-
-
-def _add(matrix, column, values):
-    for i, value in enumerate(values.entries()):
-        matrix[i, column] += value
 
 
 def _on_line(row):
@@ -270,14 +273,6 @@ class Windows:
             row[i] -= 1
         return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
 
-    def equations_or_nothing(self, unknowns):
-        """Return the same, without a bound in a box in which windows are not passed."""
-        try:
-            return self.equations(unknowns)
-        except Uncertain:
-            nothing, n = flint().arb("nan"), len(unknowns)
-            return [nothing] * n, [[nothing] * n] * n
-
     def run(self, unknowns, prove=False):
         """Return (state at the end, rows of its derivatives, phases, speeds, states at switches).
 
@@ -325,8 +320,8 @@ class Windows:
         """Return half the length of a window about contacts, by a modal state near to them."""
         largest = flint().arb(2) ** -(0.7 * flint().ctx.prec)
         for node in (self.path.nodes[i] for i in numbers):
-            row = self.laws.distances[node.mesh][node.side]
-            distance, rate = (row * state)[0, 0], (row * (node.law * state))[0, 0]
+            distance = (node.distance * state)[0, 0]
+            rate = (node.distance * (node.law * state))[0, 0]
             if not (rate > 0 or rate < 0):
                 raise Uncertain(*_NO_CROSSINGS)
             largest = max(largest, (width * abs(distance).upper() / abs(rate).lower()).upper())
@@ -352,8 +347,7 @@ class Windows:
         for i, jump, speed in zip(numbers, jumps, speeds, strict=True):
             # Forces change rates only.
             values = [value if e <= k < 2 * e else 0 for k, value in enumerate(jump.entries())]
-            row = laws.distances[nodes[i].mesh][nodes[i].side]
-            saltation = column_of(values) * row * (1 / speed)
+            saltation = column_of(values) * nodes[i].distance * (1 / speed)
             transition += saltation
             growth *= 1 + norm(saltation)
         remainder = arb(0, (((1 + eta) ** (len(numbers) + 1) - 1) * growth).upper())
@@ -370,9 +364,8 @@ class Windows:
         crossed, codes_after = {(node.mesh, node.side) for node in nodes}, list(codes)
         for node in nodes:
             codes_after[node.mesh] = node.after
-            row, sign = laws.distances[node.mesh][node.side], 1 if node.after > node.before else -1
-            before, after, speed = ((row * state)[0, 0] for state in (begin, end, rate))
-            if not (sign * before < 0 and sign * after > 0 and sign * speed > 0):
+            before, after, speed = ((node.distance * state)[0, 0] for state in (begin, end, rate))
+            if not (node.crosses(-before) and node.crosses(after) and node.crosses(speed)):
                 raise Uncertain(*_NO_CROSSINGS)
             speeds.append(speed)
         for bound in [*bounds_of(laws, codes), *bounds_of(laws, codes_after)]:

@@ -143,9 +143,8 @@ def check_contacts(path, arcs, ends, phases):
     for i, (node, (state, time), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
         at = float(phases[i].mid())
         if node.phase is None:
-            distance = laws.distances[node.mesh][node.side]
-            rate = (distance * (node.law * end))[0, 0]
-            if not (rate > 0 if node.after > node.before else rate < 0):
+            rate = (node.distance * (node.law * end))[0, 0]
+            if not node.crosses(rate):
                 raise Uncertain(
                     "grazing", f"the contact at phase {at:.6g} is not proven to be a crossing"
                 )
