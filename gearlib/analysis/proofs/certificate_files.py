@@ -61,6 +61,13 @@ class _Claim:
             parameters.pop("teeth", None)
         return {"claim": self.claim} | plain_values | {"pair": plain(parameters, True)}
 
+    def __repr__(self):
+        claim: Any = self
+        orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
+        lines = [f"Proven: {orbit} at {claim._tunings}, {claim.stability}"]
+        lines += [f"  {name:<13} {text}" for name, text in claim._facts()]
+        return "\n".join([*lines, f"  {claim.stability}: {claim.reason}"])
+
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class _OrbitClaim(_Claim):
@@ -79,12 +86,9 @@ class _OrbitClaim(_Claim):
     reason: str  #: why, in a sentence
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
 
-    def __repr__(self):
-        return (
-            f"Proven: {_orbit(self.period)} at tuning {self.tuning!r}, {self.stability}\n"
-            + "".join(f"  {name:<14}{text}\n" for name, text in self._lines())
-            + f"  the only such orbit within {self.radius:.3g}\n  {self.stability}: {self.reason}"
-        )
+    @property
+    def _tunings(self):
+        return f"tuning {self.tuning!r}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -99,7 +103,7 @@ class Certificate(_OrbitClaim):
 
     claim = "orbit"
 
-    def _lines(self):
+    def _facts(self):
         return [
             ("displacement", self.displacement),
             ("velocity", self.velocity),
@@ -108,6 +112,7 @@ class Certificate(_OrbitClaim):
             ("contacts", _contact_names(self.pattern)),
             *(("  phase", event.phase) for event in self.events),
             *(("multiplier", _complex(*pair)) for pair in self.multipliers),
+            ("the only such orbit", f"within {self.radius:.3g}"),
         ]
 
 
@@ -128,7 +133,7 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
 
     claim = "train"
 
-    def _lines(self):
+    def _facts(self):
         both = zip(self.meshes, self.contacts, strict=True)
         starts = ", ".join(f"{name} in {_CONTACT_NAMES[code]}" for name, code in both)
         largest, count = _complex(*self.multipliers[0]), len(self.multipliers)
@@ -139,6 +144,7 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
                 for event in self.events
             ),
             ("multiplier", f"{largest}, the largest of {count}"),
+            ("the only such orbit", f"within {self.radius:.3g}"),
         ]
 
 
@@ -169,17 +175,12 @@ class RangeCertificate(_Claim):
 
     claim = "range"
 
-    def __repr__(self):
-        return (
-            f"Proven: {_orbit(self.period)} at every tuning from {self.start!r} to "
-            f"{self.stop!r}, {self.stability}\n"
-            f"  contacts      {_contact_names(self.pattern)}\n"
-            f"  {self.stability}: {self.reason}"
-        )
+    @property
+    def _tunings(self):
+        return f"every tuning from {self.start!r} to {self.stop!r}"
 
-
-def _orbit(period):
-    return f"an orbit of {period} mesh period{'s' * (period > 1)}"
+    def _facts(self):
+        return [("contacts", _contact_names(self.pattern))]
 
 
 def _contact_names(pattern):

@@ -53,7 +53,12 @@ def polish(system, start):
     goal = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON_STEPS):
         residuals, rows, *_ = system(zero)
-        inverse = _inverse(rows)
+        try:
+            inverse = module.arb_mat(rows).mid().inv().mid()
+        except ZeroDivisionError:
+            raise Uncertain(*FOLD) from None
+        if not max(map(abs, inverse.entries())) < _SINGULAR:
+            raise Uncertain(*FOLD)
         steps = [step.mid() for step in times(inverse, residuals)]
         zero = [(value - step).mid() for value, step in zip(zero, steps, strict=True)]
         largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, zero, strict=True))
@@ -62,16 +67,6 @@ def polish(system, start):
         if largest < goal:
             return zero, inverse
     raise Uncertain("distance", "Newton's method did not converge at the candidate")
-
-
-def _inverse(rows):
-    try:
-        inverse = flint().arb_mat(rows).mid().inv().mid()
-    except ZeroDivisionError:
-        raise Uncertain(*FOLD) from None
-    if not max(abs(entry) for entry in inverse.entries()) < _SINGULAR:
-        raise Uncertain(*FOLD)
-    return inverse
 
 
 def times(matrix, values):
@@ -138,8 +133,7 @@ def uniqueness_radius(system, centre, inverse):
 
     The first radius that passes is not the largest possible one.
     """
-    residuals, *_ = system(centre)
-    radius = _MAX_RADIUS
+    radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
         try:

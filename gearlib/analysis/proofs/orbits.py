@@ -7,14 +7,14 @@ is one branch.
 """
 
 import math
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, resting
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.arc_laws import ArcLaws
-from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
+from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     ContactEvent,
@@ -89,23 +89,22 @@ def certify(orbit, digits=30):
     digits = checks.integer("digits", digits, 10, 300)
     flint()
     try:
-        contacts = listed_contacts(orbit)
-        try:
-            return _certificate(orbit, contacts, digits, _GUARD_BITS)
-        except Uncertain as reason:
-            if reason.args[0] != "together":
-                raise
-            return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
+        return _certificate(orbit, listed_contacts(orbit), digits)
     except Uncertain as reason:
         return Refusal(*reason.args)
 
 
-def _certificate(orbit, contacts, digits, guard_bits):
+def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
     """Return the certificate at the first precision at which it reaches the digits."""
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
-        with precision(bits):
-            certificate, reached = Proof(orbit, *contacts).certificate(digits)
+        try:
+            with precision(bits):
+                certificate, reached = Proof(orbit, *contacts).certificate(digits)
+        except Uncertain as reason:
+            if reason.args[0] != "together" or guard_bits == _WINDOW_GUARD_BITS:
+                raise
+            return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
         if reached >= digits:
             return certificate
         bits *= 2
@@ -203,9 +202,9 @@ class Proof:
         krawczyk.check_derivative(self.path.equations, centre, residuals)
         ordered, n = self.path.monodromy(rows), self.laws.state_count
         _, rows = windows.equations(centre[:n])
-        for i, j in product(range(n), repeat=2):
-            difference = ordered[i, j] - (i == j) - rows[i][j]
-            if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(ordered[i, j])):
+        differences = ordered - identity(n) - flint().arb_mat(rows)
+        for difference, entry in zip(differences.entries(), ordered.entries(), strict=True):
+            if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(entry)):
                 raise Uncertain(*krawczyk.WRONG)
 
     def _polished(self, state, events):
