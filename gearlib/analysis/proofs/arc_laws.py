@@ -82,10 +82,10 @@ class ArcLaws:
                 row = mesh.rows[DRIVE]
                 total += mesh.stiffness[DRIVE][0] * np.outer(row, row)
             inner, outer = (
-                matrix_of(total[np.ix_(self.retained, columns)])
-                for columns in (self.retained, self.fixed)
+                total[self.retained][:, self.retained],
+                total[self.retained][:, self.fixed],
             )
-            reduction[:, self.fixed] = inner.solve(outer).tolist()
+            reduction[:, self.fixed] = matrix_of(inner).solve(matrix_of(outer)).tolist()
             motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
             self._check_free_motions(matrix_of(motions))
@@ -99,11 +99,10 @@ class ArcLaws:
         mesh_rows = np.array([row for mesh in numbers.meshes for row in mesh.rows])
         for rows in (numbers.stiffness, numbers.damping, mesh_rows):
             largest = max(float(abs(value).upper()) for value in rows.flat)
-            for value in (matrix_of(rows) * motions).entries():
-                if not abs(value) <= FREE_MOTION_TOLERANCE * largest * n:
-                    raise Uncertain(
-                        "model", "no proof is written for a train whose free rotation is damped"
-                    )
+            residuals = (matrix_of(rows) * motions).entries()
+            if not all(abs(x) <= FREE_MOTION_TOLERANCE * largest * n for x in residuals):
+                text = "no proof is written for a train whose free rotation is damped"
+                raise Uncertain("model", text)
 
     def _set_basis(self, shapes, frequencies):
         """Set the modal basis, exact floats, and its inverse; frequencies are by the tuning's."""

@@ -168,9 +168,8 @@ def eigenvalues(matrix):
         touching = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
         clusters = [cluster for cluster in clusters if cluster not in touching]
         clusters.append([disc, *chain(*touching)])
-    values = []
-    for cluster in clusters:
-        values += [reduce(lambda a, b: a.union(b), cluster)] * len(cluster)
+    unions = [[reduce(lambda a, b: a.union(b), cluster)] * len(cluster) for cluster in clusters]
+    values = list(chain(*unions))
     values = [_real(value, values) for value in values]
     return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
 
@@ -192,7 +191,7 @@ def verdict(multipliers, matrix, determinant):
     outside = any(abs(value) > 1 for value in multipliers)
     inside, name = all(abs(value) < 1 for value in multipliers), "all"
     if matrix.nrows() == 2 and determinant is not None:
-        trace, name = abs(matrix[0, 0] + matrix[1, 1]), "both"
+        trace, name = abs(matrix.trace()), "both"
         outside = determinant > 1 or trace > 1 + determinant
         inside = determinant < 1 and trace < 1 + determinant
         if determinant == 1 and trace < 2:

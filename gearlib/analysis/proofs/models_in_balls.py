@@ -10,6 +10,7 @@ the library derives, are exact too. Speeds are fractions of tooth numbers.
 
 import math
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,25 +124,23 @@ def numbers_of(model, tuning):
 def ball_numbers():
     """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
     arb = flint().arb
-
-    def cos_sin(angle):
-        sine, cosine = arb(angle).sin_cos()
-        return cosine, sine
-
-    def polar(x, y):
-        return (x * x + y * y).sqrt(), arb.atan2(y, x)
-
-    return Numbers(object, arb, cos_sin, polar, arb.pi())
+    return Numbers(
+        object,
+        arb,
+        cos_sin=lambda angle: arb(angle).sin_cos()[::-1],
+        polar=lambda x, y: ((x * x + y * y).sqrt(), arb.atan2(y, x)),
+        pi=arb.pi(),
+    )
 
 
 def segments_of(meshes, common_period):
     """Return the `Segment`s until all repeats; their ends are exact fractions of a period."""
     starts = {Fraction(0)}
-    for rate, changes in ((timing.rate, timing.changes()) for timing in meshes):
-        for count in range(int(common_period * rate)):
-            starts |= {(change % 1 + count) / rate for change in changes}
-    ordered, segments = sorted(starts), []
-    for start, end in zip(ordered, [*ordered[1:], Fraction(common_period)], strict=True):
+    for timing in meshes:
+        for count in range(int(common_period * timing.rate)):
+            starts |= {(change % 1 + count) / timing.rate for change in timing.changes()}
+    segments = []
+    for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = [
             [timing.condition(side, (start + end) / 2 * timing.rate) for side in (COAST, DRIVE)]
             for timing in meshes
@@ -174,8 +173,11 @@ def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
         backlash,
         has_backlash=lines[COAST] < lines[DRIVE],
     )
-    matrices = (np.array([[arb(value)]]) for value in (mass, ground, 0))
-    return ModelNumbers(("displacement",), *matrices, np.array([arb(load)]), (mesh,), **values)
+    mass_matrix, ground_matrix, no_damping = (np.array([[arb(x)]]) for x in (mass, ground, 0))
+    loads = np.array([arb(load)])
+    return ModelNumbers(
+        ("displacement",), mass_matrix, ground_matrix, no_damping, loads, (mesh,), **values
+    )
 
 
 def _of_pair(pair, tuning):
@@ -245,11 +247,7 @@ def _of_train(train, tuning):
                 (arb(mesh.known_damping),) * 2,
                 arb(mesh.backlash_damping),
                 timing=timing,
-                waves={
-                    frequency: rows[:, j].tolist()
-                    for frequency, rows in waves.items()
-                    if not all(value == 0 for value in rows[:, j].flat)
-                },
+                waves={f: rows[:, j] for f, rows in waves.items() if not (rows[:, j] == 0).all()},
                 sliding_row=structure.across[j] if timing.slides else None,
                 friction=tuple(map(arb, mesh.friction[::-1])),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,

@@ -253,13 +253,13 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        one_degree, contacts = self.laws.one_degree, self.contacts()
-        names = self.laws.mesh_names
-        events = []
-        for phase, mesh, before, after, speed in contacts:
-            values = enclosed(phase), before, after, enclosed(speed)
-            event = ContactEvent(*values) if one_degree else MeshEvent(*values, names[mesh])
-            events.append(event)
+        one_degree, contacts, names = self.laws.one_degree, self.contacts(), self.laws.mesh_names
+        events = [
+            ContactEvent(enclosed(phase), before, after, enclosed(speed))
+            if one_degree
+            else MeshEvent(enclosed(phase), before, after, enclosed(speed), names[mesh])
+            for phase, mesh, before, after, speed in contacts
+        ]
         state = self.laws.all_coordinates(self.box, self.path.scale)
         displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
         multipliers = krawczyk.eigenvalues(self.map)
@@ -270,7 +270,7 @@ class Proof:
                 "pattern": pattern_of(self.codes, contacts),
                 "displacement_min": enclosed(least),
                 "displacement_max": enclosed(largest),
-                "trace": enclosed(self.map[0, 0] + self.map[1, 1]),
+                "trace": enclosed(self.map.trace()),
                 "determinant": enclosed(self.determinant),
             }
         else:
@@ -335,11 +335,11 @@ class _Range:
 
     def __init__(self, orbit, codes, events):
         if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
-            raise Uncertain(
-                "model",
-                f"over the tuning no {type(orbit.pair).__name__} with harmonics of load, deviation "
-                "or run-out is proven",
+            name = type(orbit.pair).__name__
+            text = (
+                f"over the tuning no {name} with harmonics of load, deviation or run-out is proven"
             )
+            raise Uncertain("model", text)
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
         self.laws, self.events = proof.laws, proof.contacts()
         if len(proof.box) < self.laws.state_count + len(events):
@@ -382,7 +382,8 @@ class _Range:
             max(start, to),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            *stability,
+            stability[0],
+            stability[1],
             tuple(sorted(pieces, key=lambda piece: piece.start)),
             self.laws.train_facts(self.codes),
         )
