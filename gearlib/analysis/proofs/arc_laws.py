@@ -1,13 +1,9 @@
 """The law of an arc in balls: z' = A z between events, for pairs as for trains.
 
 The state is z = (y, dy/dtheta, 1, cos, sin, ...) with y in the model's unit of length and theta the
-phase over nu, so that the tuning has a part in harmonics only. Motions V that no stiffness resists
-are taken out: of as many coordinates q_p as there are such motions the others are counted from,
-y = q_e - V_e q_p with V_p = I. K V = 0, b V = 0 and D V = 0 are taken as exact: the numbers of a
-train have them up to their rounding only.
-
-Matrices and functionals are those of modal components, z = basis c, near to the natural modes:
-there a motion is hardly more than a rotation of each pair of components, which widens boxes least.
+phase over nu, so that the tuning has a part in harmonics only. Free motions V are taken out of the
+coordinates; K V = 0, b V = 0 and D V = 0 are taken as exact. Matrices and functionals are those of
+modal components, z = basis c, which rotate in pairs: that widens boxes least.
 """
 
 import math
@@ -27,10 +23,7 @@ _THIN_TIME = 2.0**-30
 
 
 def moved(law, columns, time):
-    """Return columns of modal components after a time, exp(A t) of them.
-
-    A wide time moves them by the mean value of their speed: A z is known better than exp(A t).
-    """
+    """Return exp(A t) times columns; a wide time moves them by the mean value of their speed."""
     if not time.rad() > _THIN_TIME:
         return (law * time).exp() * columns
     middle = time.mid()

@@ -1,21 +1,9 @@
-"""Zeros of systems of equations, proven: Newton's method, then the test of Krawczyk.
+"""Zeros of systems of equations, proven by Krawczyk's test; eigenvalues, and what they say.
 
-With Y near the inverse of the derivative at m and a box X about m, let
-
-    K(X) = m - Y F(m) + (I - Y F'(X)) (X - m).
-
-If K(X) lies in the interior of X, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
-Computing 4 (1969) 187-201; Moore, SIAM J. Numer. Anal. 14 (1977) 611-615; Rump, Acta Numerica 19
-(2010) 287-449).
-
-A *system* is a function of a list of balls that returns residuals and rows of their derivatives
-first. The test says nothing where these are not the derivatives. So they are held against a
-difference of the residuals: F(b) - F(m) lies in F'(X) (b - m) if b is in X.
-
-Eigenvalues, and what they say of stability: in the basis of approximate eigenvectors, whose inverse
-is enclosed, a matrix is nearly diagonal; its eigenvalues lie in the discs of Gershgorin about the
-diagonal, m of them in m discs that hang together and meet no other (Varga, *Gersgorin and His
-Circles*, 2004).
+With Y near the inverse of the derivative at m, if K(X) = m - Y F(m) + (I - Y F'(X)) (X - m) lies in
+the interior of a box X about m, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
+Computing 4 (1969) 187-201; Rump, Acta Numerica 19 (2010) 287-449). A *system* is a function of a
+list of balls that returns residuals and rows of their derivatives first.
 """
 
 from functools import reduce
@@ -43,10 +31,7 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system, start):
-    """Return (midpoints of a zero near `start`, inverse of the derivative there).
-
-    Plain Newton with midpoints, which proves nothing.
-    """
+    """Return (midpoints of a zero near `start`, inverse of the derivative there); no proof."""
     module = flint()
     zero = [value.mid() for value in start]
     # A step this small squares its error to less than rounding.
@@ -93,10 +78,7 @@ def inside(shift, radii):
 
 
 def check_derivative(system, centre, residuals):
-    """Hold the derivative against a difference of the residuals, along all unknowns at once.
-
-    Each has its own step, so that no entry that is wrong makes up for another one.
-    """
+    """Hold the derivative against a difference of the residuals, along all unknowns at once."""
     module, n = flint(), len(centre)
     # So far that differences have many digits, and so near that the derivative hardly changes.
     unit = module.arb(2) ** -(0.4 * module.ctx.prec)
@@ -129,10 +111,7 @@ def enclose(system, centre, inverse):
 
 
 def uniqueness_radius(system, centre, inverse):
-    """Return a radius, a float: the box of it about `centre` has exactly one zero.
-
-    The first radius that passes is not the largest possible one.
-    """
+    """Return a radius, a float: the box of it about `centre` has exactly one zero."""
     radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
@@ -151,7 +130,7 @@ def uniqueness_radius(system, centre, inverse):
 
 
 def eigenvalues(matrix):
-    """Return enclosures of all eigenvalues, the largest first: complex balls."""
+    """Return complex balls of all eigenvalues, the largest first, by the discs of Gershgorin."""
     module = flint()
     complex_matrix = module.acb_mat(matrix)
     _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
@@ -183,11 +162,7 @@ def _real(value, values):
 
 
 def verdict(multipliers, matrix, determinant):
-    """Return (stability, reason) from a map of small deviations and its multipliers.
-
-    Where the determinant is known, trace and determinant of two multipliers are judged, by Jury's
-    conditions.
-    """
+    """Return (stability, reason); two multipliers of a known determinant by Jury's conditions."""
     outside = any(abs(value) > 1 for value in multipliers)
     inside, name = all(abs(value) < 1 for value in multipliers), "all"
     if matrix.nrows() == 2 and determinant is not None:

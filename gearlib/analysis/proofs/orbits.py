@@ -1,14 +1,11 @@
 """`certify` and `certify_range`: orbits proven to exist, with contacts, multipliers, stability.
 
-A range of tunings is cut into pieces. On each 1 / nu is a ball that holds them all, and Krawczyk's
-test, the signs of the arcs and Jury's conditions hold for every number of the ball. Where two
-pieces meet, the orbit is enclosed within the boxes of both, in each of which it is the only one: it
-is one branch.
+A range of tunings is cut into pieces, on each of which 1 / nu is a ball that holds them all. Where
+two pieces meet, the orbit lies in the boxes of both, in each of which it is the only one.
 """
 
 import math
 from itertools import pairwise
-from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, resting
@@ -114,8 +111,7 @@ def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
 def listed_contacts(orbit):
     """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
 
-    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods; the
-    candidate has to list them. A model without a proof is refused.
+    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
     model_reader(model)
@@ -158,11 +154,8 @@ class Proof:
         self.orbit, self.codes = orbit, tuple(codes)
         self.laws = laws = ArcLaws(orbit.pair, orbit.tuning)
         if orbit.period % laws.common_period:
-            raise Uncertain(
-                "period",
-                f"the excitation repeats after {laws.common_period} mesh periods, not after "
-                f"{orbit.period}",
-            )
+            text = f"{laws.common_period} mesh periods, not after {orbit.period}"
+            raise Uncertain("period", f"the excitation repeats after {text}")
         candidate, n = laws.initial_state(orbit.state), laws.state_count
         centre, inverse = self._polished(candidate, events)
         system = self.path.equations
@@ -186,18 +179,13 @@ class Proof:
         else:
             self.phases = self.box[n:]
             _, rows, self.arcs, self.ends = system(self.box)
-            phases = self.path.phases(self.phases)
-            self.speeds = check_contacts(self.path, self.arcs, self.ends, phases)
+            self.speeds = check_contacts(self.path, self.arcs, self.ends, self.phases)
             self.map, self.determinant = self.path.monodromy(rows), self.path.determinant(self.arcs)
         self._check_period()
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows, centre):
-        """Hold the derivative through windows against that in the one order that was found.
-
-        Differences would say nothing: at another place than their middle windows are as wide as the
-        step to it.
-        """
+        """Hold the derivative through windows, too wide for differences, against the path's."""
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
         ordered, n = self.path.monodromy(rows), self.laws.state_count
@@ -227,11 +215,8 @@ class Proof:
             part = count * self.laws.common_period
             end = (self.laws.basis * self.ends[node]).entries()[:n]
             if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
-                plural = "s" * (part > 1)
-                raise Uncertain(
-                    "period",
-                    f"it repeats after {part} mesh period{plural} already, not after {period}",
-                )
+                text = f"{part} mesh period{'s' * (part > 1)} already, not after {period}"
+                raise Uncertain("period", f"it repeats after {text}")
 
     def contacts(self):
         """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
@@ -336,10 +321,8 @@ class _Range:
     def __init__(self, orbit, codes, events):
         if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
             name = type(orbit.pair).__name__
-            text = (
-                f"over the tuning no {name} with harmonics of load, deviation or run-out is proven"
-            )
-            raise Uncertain("model", text)
+            text = "with harmonics of load, deviation or run-out is proven"
+            raise Uncertain("model", f"over the tuning no {name} {text}")
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
         self.laws, self.events = proof.laws, proof.contacts()
         if len(proof.box) < self.laws.state_count + len(events):
@@ -356,8 +339,7 @@ class _Range:
     def upto(self, to):
         """Return the certificate of the range from the orbit to a tuning."""
         arb, start = flint().arb, float(self.orbit.tuning)
-        at, step = start, _FIRST * (to - start)
-        stability: Any = None
+        at, step, stability = start, _FIRST * (to - start), ("", "")
         pieces: list = []
         while at != to:
             end = at + step
@@ -394,7 +376,7 @@ class _Range:
         zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
         # As exact floating-point numbers, for a second program.
         middles = [float(value) for value in zero]
-        centre = [flint().arb(value) for value in middles]
+        centre = list(map(flint().arb, middles))
         residuals, *_ = path.equations(centre)
         steps = [float(abs(step).upper()) for step in krawczyk.times(inverse, residuals)]
         # Wider than the enclosures at both ends, where nothing depends on the tuning too.
@@ -404,17 +386,16 @@ class _Range:
             raise Uncertain(*krawczyk.FOLD)
         box = [m + s for m, s in zip(centre, shift, strict=True)]
         _, rows, arcs, ends = path.equations(box)
-        check_contacts(path, arcs, ends, path.phases(box[n:]))
+        check_contacts(path, arcs, ends, box[n:])
         matrix = path.monodromy(rows)
         stability = krawczyk.verdict(krawczyk.eigenvalues(matrix), matrix, path.determinant(arcs))
-        if stability == krawczyk.UNDECIDED or stability_before not in (None, stability):
-            change = ", unlike before" if stability_before else ""
+        if stability == krawczyk.UNDECIDED or stability_before not in (("", ""), stability):
+            change = ", unlike before" if any(stability_before) else ""
             raise Uncertain("stability", stability[1] + change)
         # The whole boxes hold one orbit each: it has to lie in both where they meet.
         wide = krawczyk.box_of(centre, radii)
         system = self.path(end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
-        for orbit in (self.reached, next_orbit):
-            if not all(a.contains_interior(b) for a, b in zip(wide, orbit, strict=True)):
-                raise Uncertain(*krawczyk.FOLD)
+        if not all(map(flint().arb.contains_interior, 2 * wide, self.reached + next_orbit)):
+            raise Uncertain(*krawczyk.FOLD)
         return stability, next_orbit, (tuple(middles), tuple(radii))

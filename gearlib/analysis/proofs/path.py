@@ -3,20 +3,9 @@
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contacts gained
 and lost at unknown ones. Unknowns are the state at tau = 0, (y, dy/dtheta) of its laws, and the
 phases of the contacts. The equations: at each contact the mesh's distance from its flank line is 0;
-the state returns. Arcs are linear flows, so is the derivative.
-
-From arc to arc states are given along orthonormal frames, by the QR method of Lohner: boxes turn
-with the motion, and hardly grow by being wrapped anew after every arc.
-
-Around contacts that come together, in whatever order, a window of time is laid, in which each of
-their meshes is proven to cross its flank line once, at a speed that does not vanish, and no other
-mesh to touch one. With A + sum_j s_j dA_j for the law in the window, each s_j 0 or 1, and a a bound
-of its norm, the state moves there by no more than e^(a h) - 1 of its norm. The derivative of the
-flow through it is a product of exponentials near I and of saltations S_j = I + D_j, D_j = dA_j z
-b_j^T / d_j'. Since b_j has entries at displacements and dA_j z at rates only, D_i D_j = 0: in every
-order the product is I + sum_j D_j, up to ((1 + eta)^(m + 1) - 1) prod_j (1 + |D_j|) with eta = e^(a
-h) - 1. The flow is continuous, and smooth for each order; so Krawczyk's test holds with this
-derivative.
+the state returns. From arc to arc states are given along orthonormal frames (Lohner), with which
+boxes turn. Around contacts that come together lies a window of time, through which the derivative
+is I plus the saltations in any order, up to a remainder: derivation in `docs/theory/proofs.md`.
 """
 
 from itertools import pairwise
@@ -199,10 +188,7 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows):
-        """Return the map of small deviations of y and dy/dtheta, from rows of `equations`.
-
-        The phases of the contacts follow from the state: by the derivative of an implicit function.
-        """
+        """Return the map of small deviations of y and dy/dtheta, with all phases eliminated."""
         arb_mat, n = flint().arb_mat, self.laws.state_count
         k = len(rows) - n
         by_state = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
@@ -216,10 +202,7 @@ class Path:
         return by_state - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs):
-        """Return that of the map of small deviations, of all arcs: by Liouville's formula.
-
-        Saltation has the determinant 1.
-        """
+        """Return that of the map of small deviations, by Liouville's formula: saltation has 1."""
         exponent = flint().arb(0)
         for node, (_, time) in zip(self.nodes, arcs, strict=True):
             exponent += node.law.trace() * time
@@ -227,10 +210,7 @@ class Path:
 
 
 def _on_line(row):
-    """Return what puts a state on the flank line, as its equation says: row * state = 0.
-
-    The first component of its frame goes across the line.
-    """
+    """Return what puts a framed state, whose first axis goes across the line, on the flank line."""
     across, *others = row.entries()
     matrix = identity(len(others) + 1)
     for i, value in enumerate([0, *(-value / across for value in others)]):
@@ -244,10 +224,7 @@ def smallest_interval():
 
 
 class Windows:
-    """The nodes of a `Path`, with windows in place of single contacts.
-
-    `phases` are those of its contacts, exact numbers in their order.
-    """
+    """The nodes of a `Path`, with windows in place of contacts at exact `phases` in their order."""
 
     def __init__(self, path, phases):
         self.path, self.laws = path, path.laws
@@ -328,10 +305,7 @@ class Windows:
         return largest
 
     def _crossed(self, numbers, state, length, codes):
-        """Return (map of small deviations through a window, modal state behind it, speeds).
-
-        `codes` are changed in place.
-        """
+        """Return (map of deviations through a window, state behind it, speeds); set `codes`."""
         module, laws, nodes = flint(), self.laws, self.path.nodes
         e, size, arb = len(laws.retained), laws.size, module.arb
         matrices = [nodes[i].law for i in [*numbers, numbers[-1] + 1]]
@@ -354,10 +328,7 @@ class Windows:
         return transition + module.arb_mat(size, size, [remainder] * size**2), end, speeds
 
     def _checked_speeds(self, numbers, begin, within, end, rate, codes):
-        """Prove that the meshes of a window cross their lines once, and no others touch one.
-
-        Returns the rates of their distances.
-        """
+        """Return the speeds at which meshes are proven to cross their lines once; set `codes`."""
         laws, nodes, speeds = self.laws, [self.path.nodes[i] for i in numbers], []
         if len({node.mesh for node in nodes}) < len(nodes):
             raise Uncertain(*_NO_CROSSINGS)

@@ -1,11 +1,11 @@
 """That a motion touches no flank line along an arc, and the extrema of its displacement.
 
-An arc is cut into pieces, on each of which a functional of the state is a Taylor polynomial, with a
-ball for the last coefficient that holds the remainder. Between the ends of a piece the functional
-is extreme where its rate is zero, so its values there decide its sign and its extrema.
+On the pieces of an arc a functional of the state is a Taylor polynomial, whose last coefficient is
+a ball that holds the remainder. Its values where the rate is zero decide its sign and extrema.
 """
 
 import math
+from itertools import chain
 from typing import Any, NamedTuple
 
 from gearlib.analysis.proofs.arc_laws import moved
@@ -27,21 +27,16 @@ JAMMED = "jammed", "both flanks may touch at once: it is not proven that the bac
 class Curve:
     """A functional along a piece of an arc: a polynomial with balls as coefficients."""
 
-    def __init__(self, coefficients, duration, begin, end):
+    def __init__(self, coefficients, duration, end):
         self.value = flint().arb_poly(coefficients)
         self.rate = self.value.derivative()
         self.acceleration = self.rate.derivative()
         self.duration = duration
-        #: Values at both ends: the states know more of them than the polynomial.
-        self.begin, self.end = begin, end
+        #: Values at both ends: the states know more of the end than the polynomial.
+        self.begin, self.end = coefficients[0], end
 
     def values_at_rest(self, sign=0):
-        """Yield balls that hold the values at all zeros of the rate within the piece.
-
-        With a sign those are left out at which sign * value > 0 is proven, or no least value is.
-        The piece is cut until on a part the rate has one sign; or the acceleration has, so that
-        there is at most one zero of the rate; or the value is as good as constant.
-        """
+        """Yield balls of the values where the rate is zero, if sign * value > 0 is not certain."""
         arb, parts, cuts = flint().arb, [(0.0, 1.0)], 0
         negligible = arb(2) ** (32 - flint().ctx.prec)
         while parts:
@@ -51,6 +46,7 @@ class Curve:
             if sign * value > 0:
                 continue
             rate, acceleration = self.rate(around), self.acceleration(around)
+            # Where it is curved away from the sign a value is not the least one.
             if rate > 0 or rate < 0 or sign * acceleration < 0:
                 continue
             if acceleration > 0 or acceleration < 0:
@@ -88,10 +84,7 @@ class Curve:
 
 
 def pieces(law, state, end, time, rows):
-    """Yield the `Curve`s of functionals, shape (r, size), of every piece of an arc.
-
-    The arc leads from a modal state to `end`.
-    """
+    """Yield the `Curve`s of functionals (r, size) of every piece of an arc that leads to `end`."""
     module, size, start = flint(), norm(law), state
     # The remainder is as small as rounding.
     degree = module.ctx.prec // 4 + 2
@@ -109,45 +102,32 @@ def pieces(law, state, end, time, rows):
         begins, rate = (rows * state).entries(), law * state
         largest = max(abs(value).upper() for value in rate.entries())
         state = end if number == count else moved(law, start, number * duration)
-        yield [
-            Curve(
-                [begin, *(table * rate).entries(), module.arb(0, (remainder * largest).upper())],
-                duration,
-                begin,
-                stop,
-            )
-            for begin, table, remainder, stop in zip(
-                begins, tables, remainders, (rows * state).entries(), strict=True
-            )
-        ]
+        curves = []
+        for functional in zip(begins, (rows * state).entries(), tables, remainders, strict=True):
+            begin, stop, table, remainder = functional
+            last = module.arb(0, (remainder * largest).upper())
+            curves.append(Curve([begin, *(table * rate).entries(), last], duration, stop))
+        yield curves
 
 
-def check_contacts(path, arcs, ends, phases):
-    """Prove that the contacts of a path are crossings, in this order, and all there are.
-
-    Returns the rates of distance at the contacts, by theta. `arcs` and `ends` are of
-    `Path.equations`, `phases` of all nodes.
-    """
-    laws, codes, rates = path.laws, list(path.codes), []
-    # What is crossed at every node, and at the start of every arc: None for a switch.
+def check_contacts(path, arcs, ends, contact_phases):
+    """Return the rates of distance at the contacts, proven to be crossings and all there are."""
+    laws, codes, rates, phases = path.laws, list(path.codes), [], path.phases(contact_phases)
+    # The flank lines crossed at the start and at every node: None for a switch.
     crossed = [None, *((n.mesh, n.side) if n.phase is None else None for n in path.nodes)]
     for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if crossed[i] and crossed[i + 1]:
                 raise Uncertain("together", _TOGETHER)
-            raise Uncertain(
-                "switch",
-                f"near phase {float(phase.mid()):.6g} a contact cannot be told apart from a switch "
-                "of the stiffness or the start of the orbit",
-            )
+            text = "cannot be told apart from a switch of the stiffness or the start of the orbit"
+            raise Uncertain("switch", f"near phase {float(phase.mid()):.6g} a contact {text}")
     for i, (node, (state, time), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
         at = float(phases[i].mid())
         if node.phase is None:
             rate = (node.distance * (node.law * end))[0, 0]
             if not node.crosses(rate):
-                raise Uncertain(
-                    "grazing", f"the contact at phase {at:.6g} is not proven to be a crossing"
-                )
+                text = "is not proven to be a crossing"
+                raise Uncertain("grazing", f"the contact at phase {at:.6g} {text}")
             rates.append(rate)
         check_arc(laws, node.law, state, end, time, codes, crossed[i : i + 2], at)
         if node.phase is None:
@@ -168,19 +148,15 @@ def check_arc(laws, law, state, end, time, codes, crossed, at):
         # On the line at an end of the arc, elsewhere on the right side of it.
         values = [value for curve in curves for value in (curve.begin, curve.end)]
         values = values[bound.is_of(crossed[0]) : len(values) - bound.is_of(crossed[1])]
-        is_open = all(bound.sign * value > 0 for value in values)
-        if is_open and all(
-            bound.sign * value > 0 for curve in curves for value in curve.values_at_rest(bound.sign)
-        ):
+        values_at_rest = (curve.values_at_rest(bound.sign) for curve in curves)
+        if all(bound.sign * value > 0 for value in chain(values, *values_at_rest)):
             continue
         name, several = laws.mesh_names[bound.mesh], len(laws.mesh_names) > 1
         if bound.is_overlap:
             raise Uncertain(JAMMED[0], f"before phase {at:.6g} of mesh {name!r} {JAMMED[1]}")
-        raise Uncertain(
-            "grazing",
-            f"before phase {at:.6g} {f'the mesh {name!r}' if several else 'the motion'} "
-            "comes too near to a flank line to prove that it does not touch it",
-        )
+        mover = f"the mesh {name!r}" if several else "the motion"
+        text = "comes too near to a flank line to prove that it does not touch it"
+        raise Uncertain("grazing", f"before phase {at:.6g} {mover} {text}")
 
 
 class Bound(NamedTuple):
@@ -198,14 +174,10 @@ class Bound(NamedTuple):
 
 
 def bounds_of(laws, codes):
-    """Return the `Bound`s of all meshes by their contact codes.
-
-    Where the play between the flanks changes, it must not close either.
-    """
+    """Return the `Bound`s by the contact codes of all meshes; play that changes must not close."""
     bounds = []
-    for j, (code, mesh, rows) in enumerate(
-        zip(codes, laws.numbers.meshes, laws.distances, strict=True)
-    ):
+    states = zip(codes, laws.numbers.meshes, laws.distances, strict=True)
+    for j, (code, mesh, rows) in enumerate(states):
         for side, loaded in ((DRIVE, NORMAL), (COAST, INVERSE)):
             is_overlap = bool(code) and code != loaded
             if rows[side] is None or (is_overlap and not mesh.clearance_varies):
