@@ -13,7 +13,7 @@ import numpy as np
 from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import TrainFacts, Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, numbers_of
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import BACKLASH, INVERSE
 from gearlib.models.trains.elastic import linear
 
 #: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
@@ -154,28 +154,21 @@ class ArcLaws:
     def _law_of_mesh(self, j, code, level=0, sliding_sign=0):
         """Return by what a mesh changes the law, shape (size, size): without contact its oil."""
         mesh, omega = self.numbers.meshes[j], self.numbers.frequency
-        # Where the rates of both sides are the same, what is not damped is so exactly.
-        has_film, change = not code or (code == INVERSE and mesh.clearance_varies), 0
-        if has_film:
-            change = self._law_of_force(
-                mesh.rows[DRIVE], self._rate(j, DRIVE) * (mesh.backlash_damping / omega)
-            )
+        side = COAST if code == INVERSE else DRIVE
+        rate = self.distances[j][side] * self._without_meshes
         if not code:
-            return change
-        side = DRIVE if code == NORMAL else COAST
-        elastic = self.distances[j][side] * (mesh.stiffness[side][level] / omega**2)
+            return self._law_of_force(mesh.rows[DRIVE], rate * (mesh.backlash_damping / omega))
+        # Where the rates of both sides are the same, what is not damped is so exactly.
+        has_film = side == COAST and mesh.clearance_varies
         damping = mesh.damping[side] - (mesh.backlash_damping if has_film else 0)
-        viscous = self._rate(j, side) * (damping / omega)
-        change += self._law_of_force(mesh.rows[side], elastic + viscous)
+        elastic = self.distances[j][side] * (mesh.stiffness[side][level] / omega**2)
+        change = self._law_of_force(mesh.rows[side], elastic + rate * (damping / omega))
+        if has_film:
+            change += self._law_of_mesh(j, BACKLASH)
         if mesh.sliding_row is not None:
-            change += self._law_of_force(
-                mesh.sliding_row, elastic * (mesh.friction[side] * sliding_sign)
-            )
+            friction = elastic * (mesh.friction[side] * sliding_sign)
+            change += self._law_of_force(mesh.sliding_row, friction)
         return change
-
-    def _rate(self, j, side):
-        """Return the rate of a distance, a row (1, size): accelerations have no part in it."""
-        return self.distances[j][side] * self._without_meshes
 
     def _law_of_force(self, row, force):
         """Return the rates of z by a force, a functional of z, that acts against a row (n,)."""

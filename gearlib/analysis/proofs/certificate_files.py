@@ -54,17 +54,17 @@ class _Claim:
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}
-        plain_values = {name: plain(value, name in _EXACT) for name, value in values.items()}
+        values = {name: plain(value, name in _EXACT) for name, value in values.items()}
         parameters = model.as_dict()
         if model.equation is not None:
             # The teeth of a pair have no part in the motion.
             parameters.pop("teeth", None)
-        return {"claim": self.claim} | plain_values | {"pair": plain(parameters, True)}
+        return {"claim": self.claim, **values, "pair": plain(parameters, True)}
 
     def __repr__(self):
         claim: Any = self
         orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
-        lines = [f"Proven: {orbit} at {claim._tunings}, {claim.stability}"]
+        lines = [f"Proven: {orbit} at {claim._tunings.format(claim)}, {claim.stability}"]
         lines += [f"  {name:<13} {text}" for name, text in claim._facts()]
         return "\n".join([*lines, f"  {claim.stability}: {claim.reason}"])
 
@@ -86,9 +86,7 @@ class _OrbitClaim(_Claim):
     reason: str  #: why, in a sentence
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
 
-    @property
-    def _tunings(self):
-        return f"tuning {self.tuning!r}"
+    _tunings = "tuning {0.tuning!r}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -136,16 +134,11 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
     def _facts(self):
         both = zip(self.meshes, self.contacts, strict=True)
         starts = ", ".join(f"{name} in {_CONTACT_NAMES[code]}" for name, code in both)
-        largest, count = _complex(*self.multipliers[0]), len(self.multipliers)
-        return [
-            ("at tau = 0", starts),
-            *(
-                ("  phase", f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}")
-                for event in self.events
-            ),
-            ("multiplier", f"{largest}, the largest of {count}"),
-            ("the only such orbit", f"within {self.radius:.3g}"),
-        ]
+        largest = f"{_complex(*self.multipliers[0])}, the largest of {len(self.multipliers)}"
+        phases = (f"{e.phase}  {e.mesh} in {_CONTACT_NAMES[e.after]}" for e in self.events)
+        lines = [("at tau = 0", starts), *(("  phase", phase) for phase in phases)]
+        radius = f"within {self.radius:.3g}"
+        return [*lines, ("multiplier", largest), ("the only such orbit", radius)]
 
 
 @dataclass(frozen=True)
@@ -175,9 +168,7 @@ class RangeCertificate(_Claim):
 
     claim = "range"
 
-    @property
-    def _tunings(self):
-        return f"every tuning from {self.start!r} to {self.stop!r}"
+    _tunings = "every tuning from {0.start!r} to {0.stop!r}"
 
     def _facts(self):
         return [("contacts", _contact_names(self.pattern))]

@@ -44,7 +44,7 @@ class MeshTiming(NamedTuple):
         if self.switches and 0 < self.overlap < 1:
             phases = {middle + s * self.overlap / 2 for middle in self.phases for s in (1, -1)}
         if self.slides:
-            turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
+            turns = (self.phases[DRIVE] + pitch for pitch in self.pitches)
             phases |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
         return phases
 
@@ -100,20 +100,15 @@ def model_reader(model):
     """Return the function of (model, tuning) that reads a model; refuse one without a proof."""
     if model.train is not None:
         if model.gyroscopic:
-            raise Uncertain(
-                "model",
-                "no proof is written for a train whose axes feel the turning of their frame",
-            )
+            text = "no proof is written for a train whose axes feel the turning of their frame"
+            raise Uncertain("model", text)
         return _of_train if model.train is model else _of_six_degrees
     if model.mesh is model:
         return _of_pair
     if model.piecewise_linear:
         return _of_equation
-    raise Uncertain(
-        "model",
-        "proofs are written for trains, and for one degree of freedom with linear phases of "
-        f"contact, not for this {type(model).__name__}",
-    )
+    text = "proofs are written for trains, and for one degree of freedom with linear phases of"
+    raise Uncertain("model", f"{text} contact, not for this {type(model).__name__}")
 
 
 def numbers_of(model, tuning):
@@ -157,11 +152,7 @@ def _units(pair):
 
 
 def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
-    """Return the numbers of one coordinate with one mesh, of floats.
-
-    Flank lines and levels of stiffness are (coast side, drive side); damping is that of the coast
-    side, of the backlash and of the drive side.
-    """
+    """Return the numbers of one coordinate; damping is that of coast side, backlash, drive side."""
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
     mesh = MeshNumbers(
@@ -247,18 +238,20 @@ def _of_train(train, tuning):
                 (arb(mesh.known_damping),) * 2,
                 arb(mesh.backlash_damping),
                 timing=timing,
-                waves={f: rows[:, j] for f, rows in waves.items() if not (rows[:, j] == 0).all()},
+                waves={
+                    frequency: rows[:, j].tolist()
+                    for frequency, rows in waves.items()
+                    if not (rows[:, j] == 0).all()
+                },
                 sliding_row=structure.across[j] if timing.slides else None,
                 friction=tuple(map(arb, mesh.friction[::-1])),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
         )
+    linear_parts = structure.mass, structure.stiffness, structure.damping, structure.load
     return ModelNumbers(
         tuple(f"{name} {axis}" for name, axis in structure.coordinates),
-        structure.mass,
-        structure.stiffness,
-        structure.damping,
-        structure.load,
+        *linear_parts,
         tuple(meshes),
         segments_of([mesh.timing for mesh in meshes], train.repeats),
         arb(train.static_deflection),

@@ -134,11 +134,8 @@ def listed_contacts(orbit):
     for _, mesh, before, _ in reversed(events):
         codes[mesh] = before
     if pattern != tuple(orbit.pattern):
-        raise Uncertain(
-            "contacts",
-            f"the motion from the candidate has the contacts {pattern}, not the listed "
-            f"{tuple(orbit.pattern)}",
-        )
+        text = f"has the contacts {pattern}, not the listed {tuple(orbit.pattern)}"
+        raise Uncertain("contacts", f"the motion from the candidate {text}")
     return codes, events
 
 
@@ -168,11 +165,9 @@ class Proof:
         self.box = krawczyk.enclose(system, centre, inverse)
         self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
         if not self.distance < REACH:
-            raise Uncertain(
-                "distance",
-                f"the nearest orbit found lies {float(self.distance):.2g} static deflections from "
-                f"the candidate; {REACH:g} is allowed",
-            )
+            text = f"{float(self.distance):.2g} static deflections from the candidate"
+            text = f"the nearest orbit found lies {text}; {REACH:g} is allowed"
+            raise Uncertain("distance", text)
         if windows.any():
             _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
             self.map, self.determinant = flint().arb_mat(rows), None
@@ -352,9 +347,8 @@ class _Range:
                 step *= 0.5
                 if abs(step) < _SHORTEST * abs(to - start) or len(pieces) == _MAX_PIECES:
                     status, message = failed.args
-                    raise Uncertain(
-                        status, f"from nu = {start!r} to {at:.9g} it is proven, there: {message}"
-                    ) from None
+                    proven = f"from nu = {start!r} to {at:.9g} it is proven, there: "
+                    raise Uncertain(status, proven + message) from None
                 continue
             pieces.append(Piece(min(at, end), max(at, end), *box))
             at, step = end, _GROWTH * step
@@ -364,8 +358,7 @@ class _Range:
             max(start, to),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            stability[0],
-            stability[1],
+            *stability,
             tuple(sorted(pieces, key=lambda piece: piece.start)),
             self.laws.train_facts(self.codes),
         )

@@ -68,11 +68,8 @@ class Path:
     def __init__(self, laws, codes, events, period, scale=None):
         self.laws, self.codes = laws, tuple(codes)
         self.scale = 1 / laws.tuning if scale is None else scale
-        #: Numbers of the nodes at which a common period ends, and the next one begins.
-        self.period_ends: list = []
-        self.nodes: list = []
-        #: Phases of the contacts, near to those of the motion.
-        self.guess: list = []
+        #: Nodes; numbers of those at which a common period ends; phases near those of contacts.
+        self.nodes, self.period_ends, self.guess = [], [], []
         self._set_nodes(events, period)
         self._set_arcs()
 
@@ -141,12 +138,11 @@ class Path:
 
     def start(self, state, unknown_count):
         """Return modal components at the start and their derivatives, (size, 1 + unknowns)."""
-        n, size, module = len(state), self.laws.size, flint()
         waves = [1, 0] * len(self.laws.wave_columns)
-        columns = module.arb_mat(size, 1 + unknown_count)
+        columns = flint().arb_mat(self.laws.size, 1 + unknown_count)
         for i, value in enumerate([*state, 1, *waves]):
             columns[i, 0] = value
-        for i in range(n):
+        for i in range(len(state)):
             columns[i, 1 + i] = 1
         return self.laws.basis_inverse * columns
 
@@ -268,11 +264,9 @@ class Windows:
                 half = self._half_width(numbers, near, _PROOF_WIDTH if prove else _WIDTH)
             duration = end - half - time
             if not duration > 0:
-                raise Uncertain(
-                    "together",
-                    "contacts that come together cannot be told apart from others, a switch of a "
-                    "stiffness or the start of the orbit",
-                )
+                text = "from others, a switch of a stiffness or the start of the orbit"
+                text = f"contacts that come together cannot be told apart {text}"
+                raise Uncertain("together", text)
             columns = arc.moved(columns, duration)
             before = arc.frame * first_column(columns)
             if prove:
