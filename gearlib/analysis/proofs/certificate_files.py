@@ -1,4 +1,4 @@
-"""What a proof returns: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
+"""Results of proofs: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +24,7 @@ class Refusal:
 
 
 class Uncertain(Exception):
-    """A step of a proof failed: (status, sentence). What proofs raise, inside."""
+    """A step of a proof failed: (status, sentence)."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Certificate(_OrbitClaim):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainFacts:
-    """What the numbers of a train belong to: there displacement and velocity are tuples."""
+    """The names of a train's meshes and coordinates: displacement and velocity are tuples."""
 
     meshes: tuple  #: their names
     contacts: tuple  #: contact code of every mesh at the start

@@ -233,13 +233,11 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        one_degree, contacts, names = self.laws.one_degree, self.contacts(), self.laws.mesh_names
-        events = [
-            ContactEvent(enclosed(phase), before, after, enclosed(speed))
-            if one_degree
-            else MeshEvent(enclosed(phase), before, after, enclosed(speed), names[mesh])
-            for phase, mesh, before, after, speed in contacts
-        ]
+        one_degree, contacts, events = self.laws.one_degree, self.contacts(), []
+        for phase, mesh, before, after, speed in contacts:
+            values = enclosed(phase), before, after, enclosed(speed)
+            name = self.laws.mesh_names[mesh]
+            events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
         state = self.laws.all_coordinates(self.box, self.path.scale)
         displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
         multipliers = krawczyk.eigenvalues(self.map)

@@ -324,9 +324,9 @@ class Windows:
     def _checked_speeds(self, numbers, begin, within, end, rate, codes):
         """Return the speeds at which meshes are proven to cross their lines once; set `codes`."""
         laws, nodes, speeds = self.laws, [self.path.nodes[i] for i in numbers], []
-        if len({node.mesh for node in nodes}) < len(nodes):
+        crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)
+        if len(crossed) < len(nodes):
             raise Uncertain(*_NO_CROSSINGS)
-        crossed, codes_after = {(node.mesh, node.side) for node in nodes}, list(codes)
         for node in nodes:
             codes_after[node.mesh] = node.after
             before, after, speed = ((node.distance * state)[0, 0] for state in (begin, end, rate))
@@ -334,8 +334,8 @@ class Windows:
                 raise Uncertain(*_NO_CROSSINGS)
             speeds.append(speed)
         for bound in [*bounds_of(laws, codes), *bounds_of(laws, codes_after)]:
-            is_open = any(map(bound.is_of, crossed)) or bound.sign * (bound.row * within)[0, 0] > 0
-            if not is_open:
+            is_open = bound.sign * (bound.row * within)[0, 0] > 0
+            if not (is_open or bound.is_of(crossed.get(bound.mesh))):
                 raise Uncertain(*(JAMMED if bound.is_overlap else _NO_CROSSINGS))
         codes[:] = codes_after
         return speeds

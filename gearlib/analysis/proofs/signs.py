@@ -14,8 +14,8 @@ from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.engines.codes import INVERSE, NORMAL
 
-#: Most cuts of one piece, the shortest part, as a share of it, and most corrections of a zero.
-_MAX_CUTS, _SHORTEST_PART, _MAX_CORRECTIONS = 2000, 2**-48, 40
+#: Most cuts of a piece, and its shortest part, as a share: floats divide it exactly so far.
+_MAX_CUTS, _SHORTEST_PART = 2000, 2**-48
 #: Time of a piece by the norm of the law.
 _PIECE_LENGTH = 1.0
 _TOGETHER = (
@@ -61,7 +61,7 @@ class Curve:
 
     def _zero_of_rate(self, around):
         """Return the ball of times at which the rate may be zero, by Newton; None: it is not."""
-        for _ in range(_MAX_CORRECTIONS):
+        while True:
             middle = around.mid()
             newton = middle - self.rate(middle) / self.acceleration(around)
             if not newton.overlaps(around):
@@ -70,7 +70,6 @@ class Curve:
             if not narrower.rad() < 0.5 * around.rad():
                 return narrower
             around = narrower
-        return around
 
     def _value_at_rest(self, around):
         """Return a ball of the value where the rate is zero in a ball of times."""
@@ -160,7 +159,7 @@ def check_arc(laws, law, state, end, time, codes, crossed, at):
 
 
 class Bound(NamedTuple):
-    """What a contact code says of a flank line: sign * distance > 0."""
+    """The condition of a contact code on a flank line: sign * distance > 0."""
 
     mesh: int
     sides: tuple  #: of the mesh whose flank line this is, both without backlash
