@@ -6,6 +6,7 @@ two pieces meet, the orbit lies in the boxes of both, in each of which it is the
 
 import math
 from itertools import pairwise
+from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, resting
@@ -332,7 +333,8 @@ class _Range:
     def upto(self, to):
         """Return the certificate of the range from the orbit to a tuning."""
         arb, start = flint().arb, float(self.orbit.tuning)
-        at, step, stability = start, _FIRST * (to - start), ("", "")
+        at, step = start, _FIRST * (to - start)
+        stability: Any = None
         pieces: list = []
         while at != to:
             end = at + step
@@ -356,7 +358,8 @@ class _Range:
             max(start, to),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            *stability,
+            stability[0],
+            stability[1],
             tuple(sorted(pieces, key=lambda piece: piece.start)),
             self.laws.train_facts(self.codes),
         )
@@ -380,8 +383,8 @@ class _Range:
         check_contacts(path, arcs, ends, box[n:])
         matrix = path.monodromy(rows)
         stability = krawczyk.verdict(krawczyk.eigenvalues(matrix), matrix, path.determinant(arcs))
-        if stability == krawczyk.UNDECIDED or stability_before not in (("", ""), stability):
-            change = ", unlike before" if any(stability_before) else ""
+        if stability == krawczyk.UNDECIDED or stability_before not in (None, stability):
+            change = ", unlike before" if stability_before else ""
             raise Uncertain("stability", stability[1] + change)
         # The whole boxes hold one orbit each: it has to lie in both where they meet.
         wide = krawczyk.box_of(centre, radii)
