@@ -87,7 +87,7 @@ class ArcLaws:
         self._mobility = self.reduction * matrix_of(numbers.mass).inv()
 
     def _check_free_motions(self, motions):
-        """Refuse a train whose free motion is none, or is damped."""
+        """Refuse a train whose free motions are resisted by a stiffness or a damping."""
         numbers, n = self.numbers, len(self.numbers.coordinates)
         mesh_rows = np.array([row for mesh in numbers.meshes for row in mesh.rows])
         for rows in (numbers.stiffness, numbers.damping, mesh_rows):
@@ -120,11 +120,11 @@ class ArcLaws:
         return matrix_of(row[None]) * self.basis
 
     def _accelerations(self, forces):
-        """Return those of the retained coordinates by forces, arrays of balls (e, k), (n, k)."""
+        """Return accelerations (e, k) of the retained coordinates by forces (n, k), of balls."""
         return np.array((self._mobility * matrix_of(forces)).tolist())
 
     def _law_without_meshes(self):
-        """Return the matrix A of the train that no mesh holds together."""
+        """Return the matrix A without the forces of the meshes."""
         numbers, e, omega = self.numbers, len(self.retained), self.numbers.frequency
         unit, law = omega**2 * numbers.length, np.zeros((self.size, self.size), object)
         law[:e, e : 2 * e] = np.eye(e, dtype=int)
@@ -152,7 +152,7 @@ class ArcLaws:
         return self._laws[states]
 
     def _law_of_mesh(self, j, code, level=0, sliding_sign=0):
-        """Return by what a mesh changes the law, shape (size, size): without contact its oil."""
+        """Return the change of the law by a mesh, (size, size): without contact by its oil."""
         mesh, omega = self.numbers.meshes[j], self.numbers.frequency
         side = COAST if code == INVERSE else DRIVE
         rate = self.distances[j][side] * self._without_meshes
@@ -218,7 +218,7 @@ def _modes(model, numbers):
 
 
 def _fixed_coordinates(motions):
-    """Return as many coordinates as there are free motions, which tell these apart."""
+    """Return the numbers of as many coordinates as motions, which tell the motions apart."""
     coordinates, remaining = [], np.array(motions)
     while remaining.shape[1]:
         size = np.abs(remaining).max(axis=1)

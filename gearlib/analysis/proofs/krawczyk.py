@@ -154,7 +154,7 @@ def eigenvalues(matrix):
 
 
 def _real(value, values):
-    """Return an eigenvalue with the imaginary part 0 where its conjugate can be no other one."""
+    """Return an eigenvalue, made real if its conjugate can be no other eigenvalue."""
     conjugate = flint().acb(value.real, -value.imag)
     if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
         return flint().acb(value.real)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.analysis.proofs.arc_laws import moved
-from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, norm
+from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, matrix_of, norm
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc
@@ -118,7 +118,7 @@ class Path:
 
     def _frame(self, node, columns):
         """Return the frame at a node from what the frame before has become there."""
-        n, frame = self.laws.state_count, identity(self.laws.size)
+        n, frame = self.laws.state_count, np.eye(self.laws.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
         # The longest direction first: it decides how the box lies.
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
@@ -126,10 +126,8 @@ class Path:
             # Across the flank line first, so that a contact fixes this component.
             across = [float(value) for value in node.distance.entries()[:n]]
             axes = np.column_stack([across, axes])
-        axes, _ = np.linalg.qr(axes)
-        for i, j in np.ndindex(n, n):
-            frame[i, j] = float(axes[i, j])
-        return frame
+        frame[:n, :n], _ = np.linalg.qr(axes)
+        return matrix_of(frame)
 
     def phases(self, contact_phases):
         """Return the phase of every node."""
@@ -198,11 +196,9 @@ class Path:
         return by_state - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs):
-        """Return that of the map of small deviations, by Liouville's formula: saltation has 1."""
-        exponent = flint().arb(0)
-        for node, (_, time) in zip(self.nodes, arcs, strict=True):
-            exponent += node.law.trace() * time
-        return exponent.exp()
+        """Return the determinant of the map of deviations by Liouville: that of saltation is 1."""
+        both = zip(self.nodes, arcs, strict=True)
+        return sum((node.law.trace() * time for node, (_, time) in both), flint().arb(0)).exp()
 
 
 def _on_line(row):

@@ -46,7 +46,7 @@ class Curve:
             if sign * value > 0:
                 continue
             rate, acceleration = self.rate(around), self.acceleration(around)
-            # Where it is curved away from the sign a value is not the least one.
+            # Where sign * value is concave it has no least value.
             if rate > 0 or rate < 0 or sign * acceleration < 0:
                 continue
             if acceleration > 0 or acceleration < 0:
