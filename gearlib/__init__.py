@@ -46,7 +46,7 @@ _PUBLIC = {
     "basins": "analysis.global_dynamics.basins",
     "bifurcation_diagram": "analysis.global_dynamics.poincare",
     "certify": "analysis.proofs.orbits",
-    "certify_range": "analysis.proofs.ranges",
+    "certify_range": "analysis.proofs.orbits",
     "continue_orbit": "analysis.orbits.continuation",
     "duty_point": "analysis.duty_point",
     "fit": "uncertainty.fits",

@@ -16,8 +16,7 @@ import numpy as np
 from gearlib.analysis.orbits.continuation import restored
 from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
-from gearlib.analysis.proofs.orbits import certify
-from gearlib.analysis.proofs.ranges import certify_range
+from gearlib.analysis.proofs.orbits import certify, certify_range
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS

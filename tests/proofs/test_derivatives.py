@@ -13,8 +13,7 @@ import pytest
 import gearlib
 from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.windows import Windows
+from gearlib.analysis.proofs.path import Path, Windows
 from tests.paper import PAPER
 from tests.proofs import test_train_certificates
 from tests.proofs.test_other_models import STOP

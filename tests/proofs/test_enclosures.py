@@ -6,12 +6,12 @@ import pytest
 from flint import acb, arb, arb_mat
 
 import gearlib
-from gearlib.analysis.proofs import krawczyk, ranges
+from gearlib.analysis.proofs import krawczyk, orbits
 from gearlib.analysis.proofs.arc_laws import ArcLaws, moved
-from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.multipliers import eigenvalues, verdict
+from gearlib.analysis.proofs.balls import first_column, precision
+from gearlib.analysis.proofs.krawczyk import eigenvalues, verdict
 from gearlib.analysis.proofs.orbits import listed_contacts
-from gearlib.analysis.proofs.path import Path, first_column
+from gearlib.analysis.proofs.path import Path
 from tests.paper import PAPER
 from tests.proofs import test_train_certificates
 
@@ -54,11 +54,11 @@ def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch
         boxes.append((path.laws.basis * arcs[0][0]).entries()[:2])
 
     with precision(128) as arb:
-        part = ranges._Range(orbit, *listed_contacts(orbit))
+        part = orbits._Range(orbit, *listed_contacts(orbit))
         ends = [1 / arb(nu) for nu in (0.9, 0.900001)]
         systems = [part.path(end).equations for end in ends]
         inside = [krawczyk.enclose(one, *polish(one, part.reached)) for one in systems]
-        monkeypatch.setattr(ranges, "check_contacts", noted)
+        monkeypatch.setattr(orbits, "check_contacts", noted)
         monkeypatch.setattr(krawczyk, "polish", beside)
         part._piece(ends[0].union(ends[1]), ends[1], None)
         for one in inside:

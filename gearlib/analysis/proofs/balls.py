@@ -12,13 +12,7 @@ from fractions import Fraction
 
 
 def flint():
-    """Return the module of python-flint.
-
-    Raises
-    ------
-    ImportError
-        Saying what to install.
-    """
+    """Return the module of python-flint; an ImportError says how to install it."""
     try:
         import flint as module
     except ImportError:
@@ -30,10 +24,9 @@ def flint():
 
 @contextmanager
 def precision(bits):
-    """Compute with so many bits; yields the class of balls."""
-    module = flint()
-    with module.ctx.workprec(bits):
-        yield module.arb
+    """Compute with a number of bits; yield the class of balls."""
+    with flint().ctx.workprec(bits):
+        yield flint().arb
 
 
 def ball_of(fraction):
@@ -51,9 +44,14 @@ def matrix_of(array):
     return flint().arb_mat(array.tolist())
 
 
+def first_column(matrix):
+    """Return the first column of a matrix, shape (n, 1)."""
+    return column_of([row[0] for row in matrix.tolist()])
+
+
 def identity(n):
     """Return the unit matrix."""
-    return flint().arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+    return flint().arb_mat(n, n, 1)
 
 
 def norm(matrix):
@@ -101,9 +99,8 @@ def enclosure(ball, digits):
 
 
 def digits_of(ball):
-    """Return the decimal digits of a ball, behind the point where it is below 1."""
+    """Return the decimal digits that a ball decides, behind the point where it is below 1."""
     share = ball.rad() / max(1, abs(ball.mid()))
     if share == 0:
         return 10**6
-    lost = share.log() / flint().arb(10).log()
-    return int((-lost).lower().floor().unique_fmpz())
+    return int((-share.log() / flint().arb(10).log()).lower().floor().unique_fmpz())

@@ -1,4 +1,4 @@
-"""What a proof returns: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
+"""Results of proofs: a `Certificate` with its enclosures, or a `Refusal` with its reason."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +7,8 @@ from gearlib.analysis.proofs.balls import Enclosure
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
+#: Entries of certificates whose floats are exact numbers.
+_EXACT = "tuning", "start", "stop", "derived", "pieces"
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Refusal:
 
 
 class Uncertain(Exception):
-    """A step of a proof failed: (status, sentence). What proofs raise, inside."""
+    """A step of a proof failed: (status, sentence)."""
 
 
 @dataclass(frozen=True)
@@ -43,33 +45,34 @@ class MeshEvent(ContactEvent):
 
 
 class _Claim:
-    """What is proven, as a dict."""
+    """A proven statement about a model."""
 
     claim = ""
-    exact: tuple = ()  #: names of floats that are exact numbers
 
     def as_dict(self):
         """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
-        values: dict = vars(self)
-        values = values | (vars(values["train"]) if values.get("train") else {})
-        model = values["pair"]
-        # The teeth of a pair have no part in the motion.
-        unused = () if model.equation is None else ("teeth",)
-        parameters = {name: x for name, x in model.as_dict().items() if name not in unused}
-        exact = {*self.exact, "derived", "pieces"}
-        plain_values = {
-            name: plain(value, name in exact)
-            for name, value in values.items()
-            if name not in ("pair", "train")
-        }
-        return {"claim": self.claim} | plain_values | {"pair": plain(parameters, True)}
+        values = dict(vars(self))
+        model, train = values.pop("pair"), values.pop("train", None)
+        values |= vars(train) if train else {}
+        values = {name: plain(value, name in _EXACT) for name, value in values.items()}
+        parameters = model.as_dict()
+        if model.equation is not None:
+            # The teeth of a pair have no part in the motion.
+            parameters.pop("teeth", None)
+        return {"claim": self.claim, **values, "pair": plain(parameters, True)}
+
+    def __repr__(self):
+        claim: Any = self
+        orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
+        lines = [f"Proven: {orbit} at {claim._tunings.format(claim)}, {claim.stability}"]
+        lines += [f"  {name:<13} {text}" for name, text in claim._facts()]
+        return "\n".join([*lines, f"  {claim.stability}: {claim.reason}"])
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class _OrbitClaim(_Claim):
     """A periodic orbit that is proven to exist; see `docs/theory/proofs.md`."""
 
-    exact = ("tuning",)
     pair: Any  #: the model
     tuning: float
     period: int  #: mesh periods of the reference mesh; it does not repeat after fewer
@@ -83,15 +86,7 @@ class _OrbitClaim(_Claim):
     reason: str  #: why, in a sentence
     digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
 
-    def _described(self, lines):
-        """Return the text of a certificate, with lines of its own kind."""
-        lines = [
-            f"Proven: {_orbit(self.period)} at tuning {self.tuning!r}, {self.stability}",
-            *lines,
-            f"  the only such orbit within {self.radius:.3g}",
-            f"  {self.stability}: {self.reason}",
-        ]
-        return "\n".join(lines)
+    _tunings = "tuning {0.tuning!r}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -106,22 +101,22 @@ class Certificate(_OrbitClaim):
 
     claim = "orbit"
 
-    def __repr__(self):
-        lines = [
-            f"  displacement  {self.displacement}",
-            f"  velocity      {self.velocity}",
-            f"  smallest x    {self.displacement_min}",
-            f"  largest x     {self.displacement_max}",
-            f"  contacts      {_contact_names(self.pattern)}",
+    def _facts(self):
+        return [
+            ("displacement", self.displacement),
+            ("velocity", self.velocity),
+            ("smallest x", self.displacement_min),
+            ("largest x", self.displacement_max),
+            ("contacts", _contact_names(self.pattern)),
+            *(("  phase", event.phase) for event in self.events),
+            *(("multiplier", _complex(*pair)) for pair in self.multipliers),
+            ("the only such orbit", f"within {self.radius:.3g}"),
         ]
-        lines += [f"    phase       {event.phase}" for event in self.events]
-        lines += [f"  multiplier    {_complex(*pair)}" for pair in self.multipliers]
-        return self._described(lines)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainFacts:
-    """What the numbers of a train belong to: there displacement and velocity are tuples."""
+    """The names of a train's meshes and coordinates: displacement and velocity are tuples."""
 
     meshes: tuple  #: their names
     contacts: tuple  #: contact code of every mesh at the start
@@ -136,15 +131,14 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
 
     claim = "train"
 
-    def __repr__(self):
+    def _facts(self):
         both = zip(self.meshes, self.contacts, strict=True)
         starts = ", ".join(f"{name} in {_CONTACT_NAMES[code]}" for name, code in both)
-        lines = [f"  at tau = 0    {starts}"]
-        for event in self.events:
-            name = _CONTACT_NAMES[event.after]
-            lines.append(f"    phase       {event.phase}  {event.mesh} in {name}")
-        largest, count = _complex(*self.multipliers[0]), len(self.multipliers)
-        return self._described([*lines, f"  multiplier    {largest}, the largest of {count}"])
+        largest = f"{_complex(*self.multipliers[0])}, the largest of {len(self.multipliers)}"
+        phases = (f"{e.phase}  {e.mesh} in {_CONTACT_NAMES[e.after]}" for e in self.events)
+        lines = [("at tau = 0", starts), *(("  phase", phase) for phase in phases)]
+        radius = f"within {self.radius:.3g}"
+        return [*lines, ("multiplier", largest), ("the only such orbit", radius)]
 
 
 @dataclass(frozen=True)
@@ -172,19 +166,12 @@ class RangeCertificate(_Claim):
     pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
     train: Any = None  #: `TrainFacts`; None: one degree of freedom
 
-    claim, exact = "range", ("start", "stop")
+    claim = "range"
 
-    def __repr__(self):
-        return (
-            f"Proven: {_orbit(self.period)} at every tuning from {self.start!r} to "
-            f"{self.stop!r}, {self.stability}\n"
-            f"  contacts      {_contact_names(self.pattern)}\n"
-            f"  {self.stability}: {self.reason}"
-        )
+    _tunings = "every tuning from {0.start!r} to {0.stop!r}"
 
-
-def _orbit(period):
-    return f"an orbit of {period} mesh period{'s' * (period > 1)}"
+    def _facts(self):
+        return [("contacts", _contact_names(self.pattern))]
 
 
 def _contact_names(pattern):

@@ -1,24 +1,20 @@
-"""Zeros of systems of equations, proven: Newton's method, then the test of Krawczyk.
+"""Zeros of systems of equations, proven by Krawczyk's test; eigenvalues, and what they say.
 
-With Y near the inverse of the derivative at m and a box X about m, let
-
-    K(X) = m - Y F(m) + (I - Y F'(X)) (X - m).
-
-If K(X) lies in the interior of X, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
-Computing 4 (1969) 187-201; Moore, SIAM J. Numer. Anal. 14 (1977) 611-615; Rump, Acta Numerica 19
-(2010) 287-449).
-
-A *system* is a function of a list of balls that returns residuals and rows of their derivatives
-first. The test says nothing where these are not the derivatives. So they are held against a
-difference of the residuals: F(b) - F(m) lies in F'(X) (b - m) if b is in X.
+With Y near the inverse of the derivative at m, if K(X) = m - Y F(m) + (I - Y F'(X)) (X - m) lies in
+the interior of a box X about m, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
+Computing 4 (1969) 187-201; Rump, Acta Numerica 19 (2010) 287-449). A *system* is a function of a
+list of balls that returns residuals and rows of their derivatives first.
 """
+
+from functools import reduce
+from itertools import chain
 
 from gearlib.analysis.proofs.balls import column_of, flint, identity
 from gearlib.analysis.proofs.certificate_files import Uncertain
 
 _MAX_NEWTON_STEPS = 12
 #: Boxes that are tried for the largest one with a single zero, and the largest radius of one.
-_MAX_BOXES, MAX_RADIUS = 60, 0.1
+_MAX_BOXES, _MAX_RADIUS = 60, 0.1
 #: A derivative whose inverse is larger than this is singular.
 _SINGULAR = 1e13
 #: Status and sentence where the library is at fault, and where the derivative is singular.
@@ -30,20 +26,24 @@ FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
 )
+#: Where the enclosures of multipliers decide nothing.
+UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system, start):
-    """Return (midpoints of a zero near `start`, inverse of the derivative there).
-
-    Plain Newton with midpoints, which proves nothing.
-    """
+    """Return (midpoints of a zero near `start`, inverse of the derivative there); no proof."""
     module = flint()
     zero = [value.mid() for value in start]
     # A step this small squares its error to less than rounding.
     goal = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON_STEPS):
         residuals, rows, *_ = system(zero)
-        inverse = _inverse(rows)
+        try:
+            inverse = module.arb_mat(rows).mid().inv().mid()
+        except ZeroDivisionError:
+            raise Uncertain(*FOLD) from None
+        if not max(map(abs, inverse.entries())) < _SINGULAR:
+            raise Uncertain(*FOLD)
         steps = [step.mid() for step in times(inverse, residuals)]
         zero = [(value - step).mid() for value, step in zip(zero, steps, strict=True)]
         largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, zero, strict=True))
@@ -54,28 +54,21 @@ def polish(system, start):
     raise Uncertain("distance", "Newton's method did not converge at the candidate")
 
 
-def _inverse(rows):
-    try:
-        inverse = flint().arb_mat(rows).mid().inv().mid()
-    except ZeroDivisionError:
-        raise Uncertain(*FOLD) from None
-    if not max(abs(entry) for entry in inverse.entries()) < _SINGULAR:
-        raise Uncertain(*FOLD)
-    return inverse
-
-
 def times(matrix, values):
     """Return the product of a matrix and a list."""
     return (matrix * column_of(values)).entries()
 
 
+def box_of(centre, radii):
+    """Return the balls about the numbers of a centre."""
+    return list(map(flint().arb, centre, radii))
+
+
 def image(system, centre, radii, inverse, residuals):
     """Return K(X) - m for the box of `radii` about the centre m, a list of balls."""
-    module = flint()
-    box = [module.arb(m, r) for m, r in zip(centre, radii, strict=True)]
-    _, rows, *_ = system(box)
-    remainder = identity(len(centre)) - inverse * module.arb_mat(rows)
-    spread = times(remainder, [module.arb(0, r) for r in radii])
+    _, rows, *_ = system(box_of(centre, radii))
+    remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
+    spread = times(remainder, box_of([0] * len(centre), radii))
     return [a - b for a, b in zip(spread, times(inverse, residuals), strict=True)]
 
 
@@ -85,10 +78,7 @@ def inside(shift, radii):
 
 
 def check_derivative(system, centre, residuals):
-    """Hold the derivative against a difference of the residuals, along all unknowns at once.
-
-    Each has its own step, so that no entry that is wrong makes up for another one.
-    """
+    """Hold the derivative against a difference of the residuals, along all unknowns at once."""
     module, n = flint(), len(centre)
     # So far that differences have many digits, and so near that the derivative hardly changes.
     unit = module.arb(2) ** -(0.4 * module.ctx.prec)
@@ -121,15 +111,15 @@ def enclose(system, centre, inverse):
 
 
 def uniqueness_radius(system, centre, inverse):
-    """Return a radius, a float: the box of it about `centre` has exactly one zero.
-
-    The first radius that passes is not the largest possible one.
-    """
-    residuals, *_ = system(centre)
-    radius = MAX_RADIUS
+    """Return a radius, a float: the box of it about `centre` has exactly one zero."""
+    radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
-        shift = image(system, centre, radii, inverse, residuals)
+        try:
+            shift = image(system, centre, radii, inverse, residuals)
+        except Uncertain:
+            radius *= 0.1
+            continue
         if inside(shift, radii):
             # Half of it leaves room for a second program, whose enclosures are others.
             return 0.5 * radius
@@ -137,3 +127,56 @@ def uniqueness_radius(system, centre, inverse):
         # The share falls with the radius; where it has no bound, a much smaller box is tried.
         radius *= 0.1 if not share < 1e3 else min(0.5, 0.5 / share)
     raise Uncertain(*FOLD)
+
+
+def eigenvalues(matrix):
+    """Return complex balls of all eigenvalues, the largest first, by the discs of Gershgorin."""
+    module = flint()
+    complex_matrix = module.acb_mat(matrix)
+    _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
+    try:
+        diagonal = vectors.mid().solve(complex_matrix * vectors.mid())
+    except ZeroDivisionError:
+        raise Uncertain("precision", "the eigenvectors of the map are not told apart") from None
+    clusters: list = []
+    for i, row in enumerate(diagonal.tolist()):
+        radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))
+        ball = module.arb(0, radius.upper())
+        disc = row[i] + module.acb(ball, ball)
+        # Discs that hang together hold as many eigenvalues as they are, each none, one or more.
+        touching = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
+        clusters = [cluster for cluster in clusters if cluster not in touching]
+        clusters.append([disc, *chain(*touching)])
+    unions = [[reduce(lambda a, b: a.union(b), cluster)] * len(cluster) for cluster in clusters]
+    values = list(chain(*unions))
+    values = [_real(value, values) for value in values]
+    return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
+
+
+def _real(value, values):
+    """Return an eigenvalue, made real if its conjugate can be no other eigenvalue."""
+    conjugate = flint().acb(value.real, -value.imag)
+    if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
+        return flint().acb(value.real)
+    return value
+
+
+def verdict(multipliers, matrix, determinant):
+    """Return (stability, reason); two multipliers of a known determinant by Jury's conditions."""
+    outside = any(abs(value) > 1 for value in multipliers)
+    inside, name = all(abs(value) < 1 for value in multipliers), "all"
+    if matrix.nrows() == 2 and determinant is not None:
+        trace, name = abs(matrix.trace()), "both"
+        outside = determinant > 1 or trace > 1 + determinant
+        inside = determinant < 1 and trace < 1 + determinant
+        if determinant == 1 and trace < 2:
+            return (
+                "undecided",
+                "nothing is damped on its way: both multipliers lie on the unit circle, exactly, "
+                "and decide nothing",
+            )
+    if outside:
+        return "unstable", "a multiplier lies outside the unit circle"
+    if inside:
+        return "stable", f"{name} multipliers lie inside the unit circle"
+    return UNDECIDED

@@ -10,6 +10,7 @@ the library derives, are exact too. Speeds are fractions of tooth numbers.
 
 import math
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +18,14 @@ import numpy as np
 from gearlib.analysis.proofs.balls import ball_of, flint
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.models.trains import turning
-from gearlib.models.trains.elastic import linear
 from gearlib.models.trains.structure import Numbers, far_lines
 from gearlib.models.trains.two_gears import TwoGears
 from gearlib.models.trains.waves import excited
 
 #: Numbers of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
+#: Numbers that the library derives from a train.
+_DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "inverse_phases"
 
 
 class MeshTiming(NamedTuple):
@@ -42,7 +44,7 @@ class MeshTiming(NamedTuple):
         if self.switches and 0 < self.overlap < 1:
             phases = {middle + s * self.overlap / 2 for middle in self.phases for s in (1, -1)}
         if self.slides:
-            turns = {self.phases[DRIVE] + pitch for pitch in self.pitches}
+            turns = (self.phases[DRIVE] + pitch for pitch in self.pitches)
             phases |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
         return phases
 
@@ -90,44 +92,23 @@ class ModelNumbers(NamedTuple):
     segments: list
     length: Any  #: the unit of displacements
     frequency: Any  #: the unit of the tuning, rad/s
-    springs: tuple  #: in floats all but the meshes: functionals, shape (s, n), and stiffnesses
-    masses: tuple  #: in floats functionals and masses
     force_waves: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
     derived: dict = {}  #: numbers that the library derives from the model, here exact ones
-
-    def modes(self):
-        """Return free motions and natural modes in contact, a `Linear` model of floats."""
-        rows = [[float(value) for value in mesh.rows[DRIVE]] for mesh in self.meshes]
-        levels = [max(map(float, mesh.stiffness[DRIVE])) for mesh in self.meshes]
-        directions, values = self.springs
-        return linear((np.vstack([directions, rows]), np.append(values, levels)), self.masses)
-
-    def stiffness_in_contact(self):
-        """Return the stiffness with all meshes in contact at their upper levels, shape (n, n)."""
-        total = self.stiffness.copy()
-        for mesh in self.meshes:
-            total += mesh.stiffness[DRIVE][0] * np.outer(mesh.rows[DRIVE], mesh.rows[DRIVE])
-        return total
 
 
 def model_reader(model):
     """Return the function of (model, tuning) that reads a model; refuse one without a proof."""
     if model.train is not None:
         if model.gyroscopic:
-            raise Uncertain(
-                "model",
-                "no proof is written for a train whose axes feel the turning of their frame",
-            )
+            text = "no proof is written for a train whose axes feel the turning of their frame"
+            raise Uncertain("model", text)
         return _of_train if model.train is model else _of_six_degrees
     if model.mesh is model:
         return _of_pair
     if model.piecewise_linear:
         return _of_equation
-    raise Uncertain(
-        "model",
-        "proofs are written for trains, and for one degree of freedom with linear phases of "
-        f"contact, not for this {type(model).__name__}",
-    )
+    text = "proofs are written for trains, and for one degree of freedom with linear phases of"
+    raise Uncertain("model", f"{text} contact, not for this {type(model).__name__}")
 
 
 def numbers_of(model, tuning):
@@ -138,25 +119,23 @@ def numbers_of(model, tuning):
 def ball_numbers():
     """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
     arb = flint().arb
-
-    def cos_sin(angle):
-        sine, cosine = arb(angle).sin_cos()
-        return cosine, sine
-
-    def polar(x, y):
-        return (x * x + y * y).sqrt(), arb.atan2(y, x)
-
-    return Numbers(object, arb, cos_sin, polar, arb.pi())
+    return Numbers(
+        object,
+        arb,
+        cos_sin=lambda angle: arb(angle).sin_cos()[::-1],
+        polar=lambda x, y: ((x * x + y * y).sqrt(), arb.atan2(y, x)),
+        pi=arb.pi(),
+    )
 
 
 def segments_of(meshes, common_period):
     """Return the `Segment`s until all repeats; their ends are exact fractions of a period."""
     starts = {Fraction(0)}
-    for rate, changes in ((timing.rate, timing.changes()) for timing in meshes):
-        for count in range(int(common_period * rate)):
-            starts |= {(change % 1 + count) / rate for change in changes}
-    ordered, segments = sorted(starts), []
-    for start, end in zip(ordered, [*ordered[1:], Fraction(common_period)], strict=True):
+    for timing in meshes:
+        for count in range(int(common_period * timing.rate)):
+            starts |= {(change % 1 + count) / timing.rate for change in timing.changes()}
+    segments = []
+    for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = [
             [timing.condition(side, (start + end) / 2 * timing.rate) for side in (COAST, DRIVE)]
             for timing in meshes
@@ -165,90 +144,75 @@ def segments_of(meshes, common_period):
     return segments
 
 
-def _of_one_degree(mass, ground, load, mesh, segments, **values):
-    """Return the numbers of one coordinate with one mesh; `values` are units and waves."""
-    arb = flint().arb
-    return ModelNumbers(
-        ("displacement",),
-        np.array([[mass]]),
-        np.array([[ground]]),
-        np.array([[arb(0)]]),
-        np.array([load]),
-        (mesh,),
-        segments,
-        springs=(np.ones((1, 1)), np.array([float(ground)])),
-        masses=(np.ones((1, 1)), np.array([float(mass)])),
-        **values,
-    )
-
-
 def _units(pair):
     """Return static deflection and natural frequency of a `GearPair` in balls."""
-    arb = flint().arb
-    kappa, overlap = arb(pair.stiffness_ratio), arb(pair.contact_ratio) - 1
-    mean = arb(pair.max_stiffness) * (kappa * (1 - overlap) + overlap)
+    kappa, overlap = flint().arb(pair.stiffness_ratio), flint().arb(pair.contact_ratio) - 1
+    mean = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
     return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
 
 
-def _of_pair(pair, tuning):
-    arb, unit_row = flint().arb, (flint().arb(1),)
-    upper = arb(pair.max_stiffness)
+def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
+    """Return the numbers of one coordinate; damping is that of coast side, backlash, drive side."""
+    arb = flint().arb
+    unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
     mesh = MeshNumbers(
         "mesh",
         (unit_row, unit_row),
-        (arb(pair.backlash) if math.isfinite(pair.backlash) else None, arb(0)),
-        ((upper, upper * pair.stiffness_ratio),) * 2,
-        (arb(pair.material_damping),) * 2,
-        arb(pair.backlash_damping),
-        pair.backlash > 0.0,
-        MeshTiming(Fraction(pair.contact_ratio) - 1, pair.stiffness_ratio != 1.0, False),
+        tuple(-arb(line) if math.isfinite(line) else None for line in lines),
+        [[arb(level) for level in levels] for levels in stiffness],
+        (coast, drive),
+        backlash,
+        has_backlash=lines[COAST] < lines[DRIVE],
     )
+    mass_matrix, ground_matrix, no_damping = (np.array([[arb(x)]]) for x in (mass, ground, 0))
+    loads = np.array([arb(load)])
+    return ModelNumbers(
+        ("displacement",), mass_matrix, ground_matrix, no_damping, loads, (mesh,), **values
+    )
+
+
+def _of_pair(pair, tuning):
+    upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
+    timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, slides=False)
     return _of_one_degree(
-        arb(pair.reduced_mass),
-        arb(0),
-        arb(pair.load),
-        mesh,
-        segments_of([mesh.timing], 1),
+        pair.reduced_mass,
+        0,
+        pair.load,
+        (-pair.backlash, 0.0),
+        [(upper, upper * kappa)] * 2,
+        (pair.material_damping, pair.backlash_damping, pair.material_damping),
+        segments=segments_of([timing], 1),
         **_units(pair),
     )
 
 
 def _of_equation(model, tuning):
     arb, equation = flint().arb, model.equation
-    unit_row, sides = (arb(1),), equation.sides()
-    far_damping, backlash_damping, near_damping = map(arb, equation.damping[:, 0].tolist())
-    near, far = ([arb(level) for level in side.lines[:, 0].tolist()] for side in sides)
-    mesh = MeshNumbers(
-        "mesh",
-        (unit_row, unit_row),
-        (-arb(equation.lower) if math.isfinite(equation.lower) else None, -arb(equation.upper)),
-        (far, near),
-        (far_damping, near_damping),
-        backlash_damping,
-        equation.lower < equation.upper,
-    )
-    starts, waves, square = [0.0, *sides[0].breaks[1:-1].tolist()], {}, arb(tuning) ** 2
+    near, far = equation.sides()
+    starts, waves = [0.0, *near.breaks[1:-1].tolist()], {}
     rows = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
     # A deviation f acts by its inertia, f''.
-    rows += [(n, -square * n**2 * a, -square * n**2 * b) for n, a, b in equation.deviation.tolist()]
+    for order, *parts in equation.deviation.tolist():
+        rows.append((order, *(-((arb(tuning) * order) ** 2) * part for part in parts)))
     for order, *parts in rows:
         wave = waves.setdefault(Fraction(order), np.full((2, 1), arb(0)))
         wave[:, 0] += parts
     return _of_one_degree(
-        arb(1),
-        arb(equation.ground),
-        arb(equation.load),
-        mesh,
-        [Segment(arb(at), [[(i, 1), (i, 1)]]) for i, at in enumerate(starts)],
+        1,
+        equation.ground,
+        equation.load,
+        (equation.lower, equation.upper),
+        [side.lines[:, 0].tolist() for side in (far, near)],
+        equation.damping[:, 0].tolist(),
+        segments=[Segment(arb(at), [[(i, 1), (i, 1)]]) for i, at in enumerate(starts)],
         length=arb(1),
         frequency=arb(1),
         force_waves=waves,
     )
 
 
-def _of_train(train, tuning, train_in_floats=None):
+def _of_train(train, tuning):
     arb, numbers = flint().arb, ball_numbers()
-    floats = (train_in_floats or train).structure
     structure = train.assembled(numbers)
     coast_rows = far_lines(structure, train.by_name, train.meshes, numbers)
     waves, constants = excited(train, structure.arms, numbers)
@@ -277,31 +241,22 @@ def _of_train(train, tuning, train_in_floats=None):
                 waves={
                     frequency: rows[:, j].tolist()
                     for frequency, rows in waves.items()
-                    if not all(value == 0 for value in rows[:, j].flat)
+                    if not (rows[:, j] == 0).all()
                 },
                 sliding_row=structure.across[j] if timing.slides else None,
                 friction=tuple(map(arb, mesh.friction[::-1])),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
         )
+    linear_parts = structure.mass, structure.stiffness, structure.damping, structure.load
     return ModelNumbers(
         tuple(f"{name} {axis}" for name, axis in structure.coordinates),
-        structure.mass,
-        structure.stiffness,
-        structure.damping,
-        structure.load,
+        *linear_parts,
         tuple(meshes),
         segments_of([mesh.timing for mesh in meshes], train.repeats),
         arb(train.static_deflection),
         arb(train.reference_angular_frequency),
-        floats.springs,
-        floats.masses,
-        derived={
-            "static_deflection": train.static_deflection,
-            "reference_angular_frequency": train.reference_angular_frequency,
-            "phases": dict(train.phases),
-            "inverse_phases": dict(train.inverse_phases),
-        },
+        derived={name: getattr(train, name) for name in _DERIVED_NUMBERS},
     )
 
 
@@ -309,6 +264,6 @@ def _of_six_degrees(model, tuning):
     """Return the numbers of a `SixDegreePair`: of its train, with units in balls."""
     train = TwoGears(gears=model, numbers=ball_numbers())
     bearings = (("y3", "z3", "y2", "z2")[i] for i in model.flexible())
-    return _of_train(train, tuning, model.train)._replace(
+    return _of_train(train, tuning)._replace(
         coordinates=("u3", "u2", *bearings), derived={}, **_units(model.pair)
     )

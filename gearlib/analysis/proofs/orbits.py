@@ -1,29 +1,34 @@
-"""`certify`: a periodic orbit proven to exist, with its contacts, its multipliers and stability."""
+"""`certify` and `certify_range`: orbits proven to exist, with contacts, multipliers, stability.
+
+A range of tunings is cut into pieces, on each of which 1 / nu is a ball that holds them all. Where
+two pieces meet, the orbit lies in the boxes of both, in each of which it is the only one.
+"""
 
 import math
-from itertools import pairwise, product
+from itertools import pairwise
+from typing import Any
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, resting
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.arc_laws import ArcLaws
-from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, precision
+from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     ContactEvent,
     MeshEvent,
+    Piece,
+    RangeCertificate,
     Refusal,
     TrainCertificate,
     Uncertain,
 )
 from gearlib.analysis.proofs.models_in_balls import model_reader
-from gearlib.analysis.proofs.multipliers import eigenvalues, verdict
-from gearlib.analysis.proofs.path import Path
+from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
 from gearlib.analysis.proofs.signs import check_contacts, extrema
-from gearlib.analysis.proofs.windows import Windows, smallest_interval
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Farthest that the proven state may lie from the candidate's, in static deflections.
 REACH = 1e-8
@@ -34,6 +39,14 @@ _GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
 _MAX_ORDERS = 4
 #: By how much derivatives in an order and through windows may differ.
 _DERIVATIVE_TOLERANCE = 2.0**-32
+#: Bits in which ranges are proven.
+_RANGE_BITS = 128
+#: Least radius of a box: far above the rounding of its centre to a float.
+_MIN_RADIUS = 1e-12
+#: Share of a box in which the test has to end: a second program's enclosures are wider.
+_IMAGE_SHARE = 0.8
+#: First piece and shortest piece, as shares of the range; how pieces grow; most pieces.
+_FIRST, _SHORTEST, _GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
 
 
 def certify(orbit, digits=30):
@@ -74,23 +87,22 @@ def certify(orbit, digits=30):
     digits = checks.integer("digits", digits, 10, 300)
     flint()
     try:
-        contacts = listed_contacts(orbit)
-        try:
-            return _certificate(orbit, contacts, digits, _GUARD_BITS)
-        except Uncertain as reason:
-            if reason.args[0] != "together":
-                raise
-            return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
+        return _certificate(orbit, listed_contacts(orbit), digits)
     except Uncertain as reason:
         return Refusal(*reason.args)
 
 
-def _certificate(orbit, contacts, digits, guard_bits):
+def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
     """Return the certificate at the first precision at which it reaches the digits."""
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
-        with precision(bits):
-            certificate, reached = Proof(orbit, *contacts).certificate(digits)
+        try:
+            with precision(bits):
+                certificate, reached = Proof(orbit, *contacts).certificate(digits)
+        except Uncertain as reason:
+            if reason.args[0] != "together" or guard_bits == _WINDOW_GUARD_BITS:
+                raise
+            return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
         if reached >= digits:
             return certificate
         bits *= 2
@@ -100,8 +112,7 @@ def _certificate(orbit, contacts, digits, guard_bits):
 def listed_contacts(orbit):
     """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
 
-    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods; the
-    candidate has to list them. A model without a proof is refused.
+    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
     model_reader(model)
@@ -124,11 +135,8 @@ def listed_contacts(orbit):
     for _, mesh, before, _ in reversed(events):
         codes[mesh] = before
     if pattern != tuple(orbit.pattern):
-        raise Uncertain(
-            "contacts",
-            f"the motion from the candidate has the contacts {pattern}, not the listed "
-            f"{tuple(orbit.pattern)}",
-        )
+        text = f"has the contacts {pattern}, not the listed {tuple(orbit.pattern)}"
+        raise Uncertain("contacts", f"the motion from the candidate {text}")
     return codes, events
 
 
@@ -144,11 +152,8 @@ class Proof:
         self.orbit, self.codes = orbit, tuple(codes)
         self.laws = laws = ArcLaws(orbit.pair, orbit.tuning)
         if orbit.period % laws.common_period:
-            raise Uncertain(
-                "period",
-                f"the excitation repeats after {laws.common_period} mesh periods, not after "
-                f"{orbit.period}",
-            )
+            text = f"{laws.common_period} mesh periods, not after {orbit.period}"
+            raise Uncertain("period", f"the excitation repeats after {text}")
         candidate, n = laws.initial_state(orbit.state), laws.state_count
         centre, inverse = self._polished(candidate, events)
         system = self.path.equations
@@ -161,37 +166,29 @@ class Proof:
         self.box = krawczyk.enclose(system, centre, inverse)
         self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
         if not self.distance < REACH:
-            raise Uncertain(
-                "distance",
-                f"the nearest orbit found lies {float(self.distance):.2g} static deflections from "
-                f"the candidate; {REACH:g} is allowed",
-            )
+            text = f"{float(self.distance):.2g} static deflections from the candidate"
+            text = f"the nearest orbit found lies {text}; {REACH:g} is allowed"
+            raise Uncertain("distance", text)
         if windows.any():
             _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
             self.map, self.determinant = flint().arb_mat(rows), None
-            system = windows.equations_or_nothing
         else:
             self.phases = self.box[n:]
             _, rows, self.arcs, self.ends = system(self.box)
-            phases = self.path.phases(self.phases)
-            self.speeds = check_contacts(self.path, self.arcs, self.ends, phases)
+            self.speeds = check_contacts(self.path, self.arcs, self.ends, self.phases)
             self.map, self.determinant = self.path.monodromy(rows), self.path.determinant(self.arcs)
         self._check_period()
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows, centre):
-        """Hold the derivative through windows against that in the one order that was found.
-
-        Differences would say nothing: at another place than their middle windows are as wide as the
-        step to it.
-        """
+        """Hold the derivative through windows, too wide for differences, against the path's."""
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
         ordered, n = self.path.monodromy(rows), self.laws.state_count
         _, rows = windows.equations(centre[:n])
-        for i, j in product(range(n), repeat=2):
-            difference = ordered[i, j] - (i == j) - rows[i][j]
-            if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(ordered[i, j])):
+        differences = ordered - identity(n) - flint().arb_mat(rows)
+        for difference, entry in zip(differences.entries(), ordered.entries(), strict=True):
+            if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(entry)):
                 raise Uncertain(*krawczyk.WRONG)
 
     def _polished(self, state, events):
@@ -214,11 +211,8 @@ class Proof:
             part = count * self.laws.common_period
             end = (self.laws.basis * self.ends[node]).entries()[:n]
             if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
-                plural = "s" * (part > 1)
-                raise Uncertain(
-                    "period",
-                    f"it repeats after {part} mesh period{plural} already, not after {period}",
-                )
+                text = f"{part} mesh period{'s' * (part > 1)} already, not after {period}"
+                raise Uncertain("period", f"it repeats after {text}")
 
     def contacts(self):
         """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
@@ -240,24 +234,22 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        one_degree, contacts = self.laws.one_degree, self.contacts()
-        names = self.laws.mesh_names
-        events = []
+        one_degree, contacts, events = self.laws.one_degree, self.contacts(), []
         for phase, mesh, before, after, speed in contacts:
             values = enclosed(phase), before, after, enclosed(speed)
-            event = ContactEvent(*values) if one_degree else MeshEvent(*values, names[mesh])
-            events.append(event)
+            name = self.laws.mesh_names[mesh]
+            events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
         state = self.laws.all_coordinates(self.box, self.path.scale)
         displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
-        multipliers = eigenvalues(self.map)
-        stability, reason = verdict(multipliers, self.map, self.determinant)
+        multipliers = krawczyk.eigenvalues(self.map)
+        stability, reason = krawczyk.verdict(multipliers, self.map, self.determinant)
         if one_degree:
             least, largest = extrema(self.path, self.arcs, self.ends)
             facts = {
                 "pattern": pattern_of(self.codes, contacts),
                 "displacement_min": enclosed(least),
                 "displacement_max": enclosed(largest),
-                "trace": enclosed(self.map[0, 0] + self.map[1, 1]),
+                "trace": enclosed(self.map.trace()),
                 "determinant": enclosed(self.determinant),
             }
         else:
@@ -278,3 +270,126 @@ class Proof:
             **facts,
         )
         return certificate, min(map(digits_of, balls))
+
+
+def certify_range(orbit, *, to):
+    """Prove that an orbit lives on at every tuning up to another one, with the same contacts.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Of `gearlib.periodic_orbit`, of a model as of `gearlib.certify` without harmonics of load,
+        deviation or run-out; nothing it says is believed.
+    to : float
+        Tuning at which the range ends, above or below that of the orbit.
+
+    Returns
+    -------
+    RangeCertificate or Refusal
+        The refusal says at which tuning the proof came to its end: where the orbit grazes, where
+        its branch turns round, where its stability changes, or a contact meets a switch.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and the allowed range.
+    ImportError
+        Without python-flint.
+    """
+    check_orbit(orbit)
+    to = check_tuning("to", to)
+    if to == orbit.tuning:
+        checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
+    flint()
+    try:
+        contacts = listed_contacts(orbit)
+        with precision(_RANGE_BITS):
+            return _Range(orbit, *contacts).upto(to)
+    except Uncertain as reason:
+        return Refusal(*reason.args)
+
+
+class _Range:
+    """The branch of an orbit, piece by piece."""
+
+    def __init__(self, orbit, codes, events):
+        if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
+            name = type(orbit.pair).__name__
+            text = "with harmonics of load, deviation or run-out is proven"
+            raise Uncertain("model", f"over the tuning no {name} {text}")
+        self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
+        self.laws, self.events = proof.laws, proof.contacts()
+        if len(proof.box) < self.laws.state_count + len(events):
+            raise Uncertain("together", "contacts come together: no range is proven of them")
+        #: The orbit at the tuning that is reached: its enclosure, a list of balls.
+        self.reached = proof.box
+
+    def path(self, scale):
+        """Return the `Path` at a ball of 1 / nu."""
+        phases = self.reached[self.laws.state_count :]
+        events = [(at, *event[1:]) for at, event in zip(phases, self.events, strict=True)]
+        return Path(self.laws, self.codes, events, self.orbit.period, scale)
+
+    def upto(self, to):
+        """Return the certificate of the range from the orbit to a tuning."""
+        arb, start = flint().arb, float(self.orbit.tuning)
+        at, step = start, _FIRST * (to - start)
+        stability: Any = None
+        pieces: list = []
+        while at != to:
+            end = at + step
+            if (end - to) * (to - start) >= 0.0:
+                end = to
+            scale = (1 / arb(at)).union(1 / arb(end))
+            try:
+                stability, self.reached, box = self._piece(scale, 1 / arb(end), stability)
+            except Uncertain as failed:
+                step *= 0.5
+                if abs(step) < _SHORTEST * abs(to - start) or len(pieces) == _MAX_PIECES:
+                    status, message = failed.args
+                    proven = f"from nu = {start!r} to {at:.9g} it is proven, there: "
+                    raise Uncertain(status, proven + message) from None
+                continue
+            pieces.append(Piece(min(at, end), max(at, end), *box))
+            at, step = end, _GROWTH * step
+        return RangeCertificate(
+            self.orbit.pair,
+            min(start, to),
+            max(start, to),
+            self.orbit.period,
+            pattern_of(self.codes, self.events),
+            stability[0],
+            stability[1],
+            tuple(sorted(pieces, key=lambda piece: piece.start)),
+            self.laws.train_facts(self.codes),
+        )
+
+    def _piece(self, scale, end, stability_before):
+        """Return (stability and reason, enclosure at the end, box as of `Piece`) of a piece."""
+        path, n = self.path(scale), self.laws.state_count
+        zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
+        # As exact floating-point numbers, for a second program.
+        middles = [float(value) for value in zero]
+        centre = list(map(flint().arb, middles))
+        residuals, *_ = path.equations(centre)
+        steps = [float(abs(step).upper()) for step in krawczyk.times(inverse, residuals)]
+        # Wider than the enclosures at both ends, where nothing depends on the tuning too.
+        radii = [2.0 * step + max(steps) + _MIN_RADIUS for step in steps]
+        shift = krawczyk.image(path.equations, centre, radii, inverse, residuals)
+        if not krawczyk.inside(shift, [_IMAGE_SHARE * radius for radius in radii]):
+            raise Uncertain(*krawczyk.FOLD)
+        box = [m + s for m, s in zip(centre, shift, strict=True)]
+        _, rows, arcs, ends = path.equations(box)
+        check_contacts(path, arcs, ends, box[n:])
+        matrix = path.monodromy(rows)
+        stability = krawczyk.verdict(krawczyk.eigenvalues(matrix), matrix, path.determinant(arcs))
+        if stability == krawczyk.UNDECIDED or stability_before not in (None, stability):
+            change = ", unlike before" if stability_before else ""
+            raise Uncertain("stability", stability[1] + change)
+        # The whole boxes hold one orbit each: it has to lie in both where they meet.
+        wide = krawczyk.box_of(centre, radii)
+        system = self.path(end).equations
+        next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
+        if not all(map(flint().arb.contains_interior, 2 * wide, self.reached + next_orbit)):
+            raise Uncertain(*krawczyk.FOLD)
+        return stability, next_orbit, (tuple(middles), tuple(radii))

@@ -3,37 +3,45 @@
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contacts gained
 and lost at unknown ones. Unknowns are the state at tau = 0, (y, dy/dtheta) of its laws, and the
 phases of the contacts. The equations: at each contact the mesh's distance from its flank line is 0;
-the state returns. Arcs are linear flows, so is the derivative.
-
-From arc to arc states are given along orthonormal frames, by the QR method of Lohner: boxes turn
-with the motion, and hardly grow by being wrapped anew after every arc.
+the state returns. From arc to arc states are given along orthonormal frames (Lohner), with which
+boxes turn. Around contacts that come together lies a window of time, through which the derivative
+is I plus the saltations in any order, up to a remainder: derivation in `docs/theory/proofs.md`.
 """
 
-from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gearlib.analysis.proofs.arc_laws import moved
-from gearlib.analysis.proofs.balls import column_of, flint, identity
+from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, matrix_of, norm
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
+from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc
 from gearlib.engines.codes import NORMAL
 
 #: Most arcs of an orbit.
 MAX_ARCS = 1000
+#: By how much wider a window is than what is known of its contacts; more where signs next to it
+#: are to be proven.
+_WIDTH, _PROOF_WIDTH = 4, 32
+_NO_CROSSINGS = "together", "contacts that come together are not proven to be crossings"
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):
     """Where one arc ends and the next begins: a contact gained or lost, a switch, or the end."""
 
     law: Any  #: of the arc that ends here
     phase: Any = None  #: a ball; None: that of a contact, unknown
     mesh: int = -1  #: of a contact
     side: int = DRIVE  #: of the flank line that is crossed
+    distance: Any = None  #: of the mesh from this line, a functional of modal components
     before: int = 0  #: contact code of the mesh before
     after: int = 0
+
+    def crosses(self, rate):
+        """Return whether a rate of the distance is that of the contact gained or lost."""
+        return rate > 0 if self.after > self.before else rate < 0
 
 
 class Arc(NamedTuple):
@@ -60,11 +68,8 @@ class Path:
     def __init__(self, laws, codes, events, period, scale=None):
         self.laws, self.codes = laws, tuple(codes)
         self.scale = 1 / laws.tuning if scale is None else scale
-        #: Numbers of the nodes at which a common period ends, and the next one begins.
-        self.period_ends: list = []
-        self.nodes: list = []
-        #: Phases of the contacts, near to those of the motion.
-        self.guess: list = []
+        #: Nodes; numbers of those at which a common period ends; phases near those of contacts.
+        self.nodes, self.period_ends, self.guess = [], [], []
         self._set_nodes(events, period)
         self._set_arcs()
 
@@ -95,7 +100,8 @@ class Path:
                 raise Uncertain("contacts", "the contacts do not follow from each other")
             side = DRIVE if NORMAL in (before, after) else COAST
             self.guess.append(phase)
-            self.nodes.append(Node(law, None, mesh, side, before, after))
+            distance = laws.distances[mesh][side]
+            self.nodes.append(Node(law, None, mesh, side, distance, before, after))
             codes[mesh] = after
         self.nodes.append(Node(laws.law(codes, segment), turn * period))
 
@@ -112,18 +118,16 @@ class Path:
 
     def _frame(self, node, columns):
         """Return the frame at a node from what the frame before has become there."""
-        n, frame = self.laws.state_count, identity(self.laws.size)
+        n, frame = self.laws.state_count, np.eye(self.laws.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
         # The longest direction first: it decides how the box lies.
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
         if node.phase is None:
             # Across the flank line first, so that a contact fixes this component.
-            distance = self.laws.distances[node.mesh][node.side].entries()
-            axes = np.column_stack([[float(value) for value in distance[:n]], axes])
-        axes, _ = np.linalg.qr(axes)
-        for i, j in np.ndindex(n, n):
-            frame[i, j] = float(axes[i, j])
-        return frame
+            across = [float(value) for value in node.distance.entries()[:n]]
+            axes = np.column_stack([across, axes])
+        frame[:n, :n], _ = np.linalg.qr(axes)
+        return matrix_of(frame)
 
     def phases(self, contact_phases):
         """Return the phase of every node."""
@@ -132,11 +136,13 @@ class Path:
 
     def start(self, state, unknown_count):
         """Return modal components at the start and their derivatives, (size, 1 + unknowns)."""
-        waves, rows = [1, 0] * len(self.laws.frequencies), []
-        modal_state = (self.laws.basis_inverse * column_of([*state, 1, *waves])).entries()
-        for value, row in zip(modal_state, self.laws.basis_inverse.tolist(), strict=True):
-            rows.append([value, *row[: len(state)], *[0] * (unknown_count - len(state))])
-        return flint().arb_mat(rows)
+        waves = [1, 0] * len(self.laws.wave_columns)
+        columns = flint().arb_mat(self.laws.size, 1 + unknown_count)
+        for i, value in enumerate([*state, 1, *waves]):
+            columns[i, 0] = value
+        for i in range(len(state)):
+            columns[i, 1 + i] = 1
+        return self.laws.basis_inverse * columns
 
     def equations(self, unknowns):
         """Return (residuals, derivatives by the unknowns, a row each, arcs, ends).
@@ -154,8 +160,10 @@ class Path:
             columns = arc.moved(columns, time)
             if node.phase is None:
                 column += 1
-                _add(columns, column, arc.law * first_column(columns) * scale)
-                row = laws.distances[node.mesh][node.side] * arc.frame
+                unit = flint().arb_mat(1, len(unknowns) + 1)
+                unit[0, column] = 1
+                columns += arc.law * first_column(columns) * scale * unit
+                row = node.distance * arc.frame
                 residual, *slopes = (row * columns).entries()
                 residuals.append(residual)
                 rows.append(slopes)
@@ -164,7 +172,7 @@ class Path:
             if node.phase is None:
                 # The later the next arc begins, the less of it there is.
                 speed = self.nodes[i + 1].law * state * scale
-                _add(columns, column, arc.frame_inverse * speed * -1)
+                columns -= arc.frame_inverse * speed * unit
             ends.append(state)
             last_phase = phase
         for i, row in enumerate((laws.basis * arc.frame * columns).tolist()[:n]):
@@ -174,15 +182,10 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows):
-        """Return the map of small deviations of y and dy/dtheta, from rows of `equations`.
-
-        The phases of the contacts follow from the state: by the derivative of an implicit function.
-        """
+        """Return the map of small deviations of y and dy/dtheta, with all phases eliminated."""
         arb_mat, n = flint().arb_mat, self.laws.state_count
         k = len(rows) - n
-        by_state = arb_mat([row[:n] for row in rows[k:]])
-        for i in range(n):
-            by_state[i, i] += 1
+        by_state = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
         if not k:
             return by_state
         by_phases = arb_mat([row[n:] for row in rows[:k]])
@@ -193,33 +196,142 @@ class Path:
         return by_state - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs):
-        """Return that of the map of small deviations, of all arcs: by Liouville's formula.
-
-        Saltation has the determinant 1.
-        """
-        exponent = flint().arb(0)
-        for node, (_, time) in zip(self.nodes, arcs, strict=True):
-            exponent += sum(np.diagonal(node.law.tolist())) * time
-        return exponent.exp()
-
-
-def first_column(matrix):
-    """Return the first column of a matrix, shape (n, 1)."""
-    return column_of([matrix[i, 0] for i in range(matrix.nrows())])
-
-
-def _add(matrix, column, values):
-    for i, value in enumerate(values.entries()):
-        matrix[i, column] += value
+        """Return the determinant of the map of deviations by Liouville: that of saltation is 1."""
+        both = zip(self.nodes, arcs, strict=True)
+        return sum((node.law.trace() * time for node, (_, time) in both), flint().arb(0)).exp()
 
 
 def _on_line(row):
-    """Return what puts a state on the flank line, as its equation says: row * state = 0.
-
-    The first component of its frame goes across the line.
-    """
+    """Return what puts a framed state, whose first axis goes across the line, on the flank line."""
     across, *others = row.entries()
     matrix = identity(len(others) + 1)
     for i, value in enumerate([0, *(-value / across for value in others)]):
         matrix[0, i] = value
     return matrix
+
+
+def smallest_interval():
+    """Return how near contacts come to each other that share a window, in phase."""
+    return flint().arb(2) ** -(flint().ctx.prec // 2)
+
+
+class Windows:
+    """The nodes of a `Path`, with windows in place of contacts at exact `phases` in their order."""
+
+    def __init__(self, path, phases):
+        self.path, self.laws = path, path.laws
+        #: (Numbers of the nodes that are passed at once, phase).
+        self.groups: list = []
+        last = None
+        for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
+            is_contact = node.phase is None
+            if is_contact and last is not None and phase - last < smallest_interval():
+                self.groups[-1][0].append(i)
+            else:
+                self.groups.append(([i], phase))
+            last = phase if is_contact else None
+
+    def any(self):
+        """Return whether any contacts come together."""
+        return any(len(numbers) > 1 for numbers, _ in self.groups)
+
+    def equations(self, unknowns):
+        """Return (residuals, derivatives, a row each) of the return, by (y, dy/dtheta)."""
+        ends, rows, *_ = self.run(unknowns)
+        for i, row in enumerate(rows):
+            row[i] -= 1
+        return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
+
+    def run(self, unknowns, prove=False):
+        """Return (state at the end, rows of its derivatives, phases, speeds, states at switches).
+
+        A phase is a ball that holds a whole window; speeds are those of the distances by theta.
+        Only where `prove` is set is it proven that no mesh comes to a flank line between windows.
+        """
+        module, laws, path = flint(), self.laws, self.path
+        n, codes = len(unknowns), list(path.codes)
+        columns = path.start(unknowns, n)
+        start, time, phases, speeds, switches = first_column(columns), 0, [], [], {}
+        for numbers, phase in self.groups:
+            node, arc = path.nodes[numbers[0]], path.arcs[numbers[0]]
+            end, half = phase * path.scale, 0
+            if node.phase is None:
+                near = arc.frame * arc.moved(first_column(columns), end - time)
+                half = self._half_width(numbers, near, _PROOF_WIDTH if prove else _WIDTH)
+            duration = end - half - time
+            if not duration > 0:
+                text = "from others, a switch of a stiffness or the start of the orbit"
+                text = f"contacts that come together cannot be told apart {text}"
+                raise Uncertain("together", text)
+            columns = arc.moved(columns, duration)
+            before = arc.frame * first_column(columns)
+            if prove:
+                at = float(phase.mid())
+                check_arc(laws, node.law, start, before, duration, codes, (None, None), at)
+            time = end + half
+            if node.phase is not None:
+                start = switches[numbers[0]] = before
+                continue
+            transition, start, rates = self._crossed(numbers, before, 2 * half, codes)
+            speeds += rates
+            window = module.arb(end.mid(), (half + end.rad()).upper())
+            phases += [window / path.scale] * len(rates)
+            inverse = path.arcs[numbers[-1]].frame_inverse
+            slopes = (inverse * (transition * (arc.frame * columns))).tolist()
+            state = (inverse * start).entries()
+            columns = module.arb_mat([[z, *row[1:]] for z, row in zip(state, slopes, strict=True)])
+        rows = (laws.basis * arc.frame * columns).tolist()[:n]
+        return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switches
+
+    def _half_width(self, numbers, state, width):
+        """Return half the length of a window about contacts, by a modal state near to them."""
+        largest = flint().arb(2) ** -(0.7 * flint().ctx.prec)
+        for node in (self.path.nodes[i] for i in numbers):
+            distance = (node.distance * state)[0, 0]
+            rate = (node.distance * (node.law * state))[0, 0]
+            if not (rate > 0 or rate < 0):
+                raise Uncertain(*_NO_CROSSINGS)
+            largest = max(largest, (width * abs(distance).upper() / abs(rate).lower()).upper())
+        return largest
+
+    def _crossed(self, numbers, state, length, codes):
+        """Return (map of deviations through a window, state behind it, speeds); set `codes`."""
+        module, laws, nodes = flint(), self.laws, self.path.nodes
+        e, size, arb = len(laws.retained), laws.size, module.arb
+        matrices = [nodes[i].law for i in [*numbers, numbers[-1] + 1]]
+        changes = [after - before for before, after in pairwise(matrices)]
+        bound = norm(matrices[0]) + sum(map(norm, changes), arb(0))
+        eta = (bound * length).expm1().upper()
+        room = arb(0, (eta * max(abs(value).upper() for value in state.entries())).upper())
+        within = state + column_of([room] * size)
+        rate, jumps = matrices[0] * within, [change * within for change in changes]
+        end = state + sum((jump * arb(0.5, 0.5) for jump in jumps), rate) * length
+        speeds = self._checked_speeds(numbers, state, within, end, rate, codes)
+        transition, growth = identity(size), arb(1)
+        for i, jump, speed in zip(numbers, jumps, speeds, strict=True):
+            # Forces change rates only.
+            values = [value if e <= k < 2 * e else 0 for k, value in enumerate(jump.entries())]
+            saltation = column_of(values) * nodes[i].distance * (1 / speed)
+            transition += saltation
+            growth *= 1 + norm(saltation)
+        remainder = arb(0, (((1 + eta) ** (len(numbers) + 1) - 1) * growth).upper())
+        return transition + module.arb_mat(size, size, [remainder] * size**2), end, speeds
+
+    def _checked_speeds(self, numbers, begin, within, end, rate, codes):
+        """Return the speeds at which meshes are proven to cross their lines once; set `codes`."""
+        laws, nodes, speeds = self.laws, [self.path.nodes[i] for i in numbers], []
+        crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)
+        if len(crossed) < len(nodes):
+            raise Uncertain(*_NO_CROSSINGS)
+        for node in nodes:
+            codes_after[node.mesh] = node.after
+            before, after, speed = ((node.distance * state)[0, 0] for state in (begin, end, rate))
+            if not (node.crosses(-before) and node.crosses(after) and node.crosses(speed)):
+                raise Uncertain(*_NO_CROSSINGS)
+            speeds.append(speed)
+        for bound in [*bounds_of(laws, codes), *bounds_of(laws, codes_after)]:
+            is_open = bound.sign * (bound.row * within)[0, 0] > 0
+            if not (is_open or bound.is_of(crossed.get(bound.mesh))):
+                raise Uncertain(*(JAMMED if bound.is_overlap else _NO_CROSSINGS))
+        codes[:] = codes_after
+        return speeds
