@@ -18,6 +18,8 @@ from gearlib.engines.codes import INVERSE, NORMAL
 _MAX_CUTS, _SHORTEST_PART = 2000, 2**-48
 #: Time of a piece by the norm of the law.
 _PIECE_LENGTH = 1.0
+#: Radius of a state from which on it is wide.
+_WIDE_STATE = 2.0**-40
 _TOGETHER = (
     "contacts of several meshes coincide, or come too near to each other to tell their order"
 )
@@ -89,6 +91,9 @@ def pieces(law, state, end, time, rows):
     degree = module.ctx.prec // 4 + 2
     count = max(1, math.ceil(float(size * time.mid()) / _PIECE_LENGTH))
     duration = time / count
+    # A wide state would be wrapped anew at every piece; a narrow one needs one exponential.
+    is_wide = count > 1 and max(value.rad() for value in state.entries()) > _WIDE_STATE
+    step = None if is_wide or count == 1 else (law * duration).exp()
     # Row k of a functional's table: its derivative k + 1 over (k + 1)! by the rate of state.
     orders = [rows]
     for k in range(2, degree + 2):
@@ -100,7 +105,10 @@ def pieces(law, state, end, time, rows):
     for number in range(1, count + 1):
         begins, rate = (rows * state).entries(), law * state
         largest = max(abs(value).upper() for value in rate.entries())
-        state = end if number == count else moved(law, start, number * duration)
+        if number == count:
+            state = end
+        else:
+            state = moved(law, start, number * duration) if is_wide else step * state
         curves = []
         for functional in zip(begins, (rows * state).entries(), tables, remainders, strict=True):
             begin, stop, table, remainder = functional
