@@ -6,8 +6,7 @@ name                responsibility
 ``protocol``        what every engine offers
 ``pair``            one degree of freedom, linear damping: contact and flight in closed form
 ``linear``          many coordinates, events of all meshes: modes of their contacts
-``taylor``          nonlinear mesh: Taylor steps of order 20 that end at events
-``tooth_pairs``     one mesh whose pairs of teeth touch one by one
+``taylor``          nonlinear mesh, pairs of teeth: Taylor steps of order 20
 ``exponential``     matrix exponentials by their series
 ``codes``           contact of a mesh, how a run ended
 ``polynomial``      first crossing and largest value of a polynomial, guaranteed

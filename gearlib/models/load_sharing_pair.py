@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.engines.tooth_pairs.tooth_pairs_system import ToothPairSystem
+from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
 from gearlib.models.geometry.load_sharing import (
     FEWEST_LINES,
@@ -40,7 +40,7 @@ from gearlib.models.profiles import Tabulated
 from gearlib.parameters import TRUTH, Instance, Integer, Number, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.tooth_pairs import propagator as tooth_pairs  # noqa: F401
+    from gearlib.engines.taylor import teeth  # noqa: F401
 
 #: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
 _CONVERGED = 1.18
@@ -92,7 +92,7 @@ class LoadSharingPair(WithPair):
     ] = True
 
     by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
-    propagators = {"exact": "tooth_pairs.propagator"}
+    propagators = {"exact": "taylor.teeth"}
     piecewise_linear = False
     damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")
     references = (
@@ -262,7 +262,7 @@ class LoadSharingPair(WithPair):
             np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
             for a, b in zip(*lines, strict=True)
         )
-        # In the order of the columns of `gearlib.engines.tooth_pairs.tooth_pairs_system`.
+        # In the order of the columns of `gearlib.engines.taylor.teeth`.
         force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
         least = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
         members = inside @ 2 ** np.arange(inside.shape[1])

@@ -19,8 +19,7 @@ SOURCES = [
 #: Kernels that take a state through mesh periods.
 GOING = {
     "gearlib.engines.pair.pair_run": {"run"},
-    "gearlib.engines.pair.many_runs": {"run_many", "skip_many"},
-    "gearlib.engines.pair.sections": {"section"},
+    "gearlib.engines.pair.many_runs": {"run_many", "skip_many", "section"},
     "gearlib.engines.pair.maps": {"vary"},
     "gearlib.engines.linear.train_run": {"run_train"},
     "gearlib.engines.taylor.taylor_run": {"run_nonlinear"},

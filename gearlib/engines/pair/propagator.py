@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.engines.orbit import Record
-from gearlib.engines.pair import many_runs, pair_run, sections
+from gearlib.engines.pair import many_runs, pair_run
 from gearlib.engines.pair.maps import vary
 from gearlib.engines.pair.motion import mesh
 from gearlib.engines.pair.stiffness import levels, segment_lengths
@@ -65,4 +65,4 @@ class Propagator(Base):
 
     def sections(self, *arguments):
         """Fill the states at one phase of every period."""
-        sections.section(self.mesh, *arguments)
+        many_runs.section(self.mesh, *arguments)

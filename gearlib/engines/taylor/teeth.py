@@ -1,11 +1,19 @@
-"""The run of a mesh whose pairs of teeth touch one by one: Taylor steps that end at events.
+"""One mesh whose pairs of teeth touch one by one: Taylor steps that end at events.
 
-Between events the motion is linear with coefficients that are straight lines of phase: the series
-has all its digits on steps below 1.18 over the natural frequency. A step ends with its segment and
-where a pair comes to touch or to part, at the first crossing of the step's own polynomial.
+While the pairs of one set touch, the displacement x over the phase tau follows
+
+    x'' = (1 - a x + b) / nu^2 - d (x' - e'),
+
+a and b straight lines on each segment of phase. A set of the k pairs is an integer with a bit for
+each; set 0 is the backlash and set 2^k contact of the coast side. Pair i overlaps by p x - r beside
+the other pairs of a set: it touches where that is > 0. Displacements are in static deflections,
+forces over the load. The series has all its digits on steps below 1.18 over the natural frequency.
+A step ends with its segment and at the first crossing of its polynomial, where a pair touches or
+parts.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,28 +32,33 @@ from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair.maps import multiply
 from gearlib.engines.polynomial import WORK_ROWS
+from gearlib.engines.protocol import Base
+from gearlib.engines.taylor import propagator
 from gearlib.engines.taylor.deviations import set_identity
-from gearlib.engines.taylor.series import (
-    ORDER,
-    PUSH,
-    ROWS,
-    C,
-    V,
-    X,
-    state_at,
-)
-from gearlib.engines.taylor.taylor_run import (
-    add_samples,
-    add_step,
-    first_crossing,
-    samples_of,
-)
-from gearlib.engines.tooth_pairs.tooth_pairs_system import (
-    FACTOR,
-    FACTOR_SLOPE,
-    OFFSET,
-    OFFSET_SLOPE,
-)
+from gearlib.engines.taylor.series import ORDER, PUSH, ROWS, C, V, X, state_at
+from gearlib.engines.taylor.taylor_run import add_samples, add_step, first_crossing, samples_of
+
+#: Columns of the tables: value at the start of a segment and slope, of the factor of x (a, p) and
+#: of what is taken off (b, r).
+FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE = range(4)
+
+
+class ToothPairSystem(NamedTuple):
+    """One mesh at one tuning: k pairs of teeth, p segments of phase."""
+
+    starts: np.ndarray  #: phases that bound the segments, shape (p + 1,)
+    first_segment: np.ndarray  #: int, where each mesh period begins, shape (repeats + 1,)
+    renewed: np.ndarray  #: bool, whether pairs come or go where a segment starts, shape (p,)
+    inside: np.ndarray  #: int, set of the pairs on their path of contact, shape (p,)
+    force: np.ndarray  #: of a set, a and b, shape (p, 2^k + 1, 4)
+    overlap: np.ndarray  #: of a pair beside a set without it, p and r, shape (p, 2^k, k, 4)
+    slip: np.ndarray  #: e', rate of the gap without load, shape (p,)
+    damping: np.ndarray  #: d in the backlash and in contact, over nu, shape (2,)
+    lower: float  #: displacement of the coast side, may be -inf
+    longest: float  #: phase of the longest step
+    tuning: float  #: nu
+    repeats: int  #: mesh periods after which the pairs of teeth repeat
+    closing: bool  #: whether pairs of teeth and the coast side might touch at once
 
 
 @inlined
@@ -295,3 +308,17 @@ def run_pairs(
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, height, system.repeats)
     return x, v, period, events, found, OK, steps
+
+
+class Propagator(propagator.Propagator):
+    """A `LoadSharingPair` at one tuning."""
+
+    at = Base.at
+
+    def __init__(self, model, tuning):
+        Base.__init__(self, model, tuning)
+        self.system = model.system(tuning)
+
+    def integrate(self, *arguments):
+        """Call the kernel; arguments and returns are those of `run_pairs`."""
+        return run_pairs(self.system, propagator.TO_BERNSTEIN, *arguments)
