@@ -8,9 +8,8 @@ from pydantic import model_validator
 from gearlib import parameters
 from gearlib.config import drawing
 from gearlib.config.types import Given, Name, Option, entry, like, type_of
-from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import Material, Rack, TipRelief, Web
 
 Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
 _ADDENDUM, _DEDENDUM, _RADIUS = (type_of(one.kind) for one in parameters.declared(Rack).values())

@@ -13,7 +13,7 @@ corners of tips touch or the slices of a helical face come and go the lines are 
 """
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +22,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.engines.tooth_pairs.tooth_pairs_system import ToothPairSystem
 from gearlib.models.geometry.energy import PairCompliance
+from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.load_sharing import (
     FEWEST_LINES,
     SAME_PLACE,
@@ -32,7 +33,6 @@ from gearlib.models.geometry.load_sharing import (
     zone_of_contact,
 )
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import PathTable
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
@@ -344,11 +344,6 @@ class LoadSharingPair(WithPair):
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         longest = _CONVERGED / (math.sqrt(stiffest) / tuning + damping.max())
         return system._replace(damping=damping, longest=longest, tuning=tuning)
-
-    def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
-        values = asdict(self)
-        return {**values.pop("pair"), **values}
 
 
 def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):

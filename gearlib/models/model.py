@@ -17,6 +17,7 @@ import numpy as np
 
 from gearlib import checks, parameters
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
+from gearlib.models.profiles import Profile
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import one_mesh  # noqa: F401
@@ -283,7 +284,8 @@ class Model:
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        return dataclasses.asdict(self)
+        profiles = {x: y.as_dict() for x, y in fields_of(self).items() if isinstance(y, Profile)}
+        return dataclasses.asdict(self) | profiles
 
     def replace(self, **changes):
         """Return a copy with some parameters changed (and checked): its own, or of its `GearPair`.

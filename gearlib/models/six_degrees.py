@@ -39,6 +39,7 @@ import numpy as np
 
 from gearlib.models.geometry.drawn_parameters import bodies
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.parameters import (
@@ -163,6 +164,7 @@ class SixDegreePair(WithPair):
 
     parameters = property(lambda model: named(type(model)), doc="Phases of run-out and friction.")
     contact_map = contact_map
+    as_dict = Model.as_dict
 
     @property
     def reduced_mass_torsional(self):

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import RACKS, Material, TipRelief, Web
 
 #: Fields that the second gear of a mesh takes from the first where they are left out.
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")

@@ -29,9 +29,8 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.models.geometry.energy import PairCompliance, matrix
-from gearlib.models.geometry.gear import inv
+from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
-from gearlib.models.geometry.parts import PathTable
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12

@@ -9,8 +9,8 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data.variables import describe
+from gearlib.models.geometry.gear import SHAPES, TipRelief
 from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
-from gearlib.models.geometry.parts import SHAPES, TipRelief
 
 #: Over the deflection: an error below is flat up to rounding.
 _FLAT = 1e-12
