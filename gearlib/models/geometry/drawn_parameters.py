@@ -39,22 +39,20 @@ def mesh_parameters(
     options=None,
 ):
     """Return stiffness, backlash and damping of a mesh as a dict; see `GearPair.from_geometry`."""
-    ratios = rectangle(mesh, stiffness, torque=torque, **checks.options(options))
-    high, kappa, epsilon = ratios
+    options = {"torque": torque, **checks.options(options)}
+    # Those of ISO 6336 without the numerical stack, which a start of the workflow does not load.
+    if isinstance(stiffness, str) and stiffness == "iso":
+        high, kappa, epsilon = iso_rectangle(mesh, **options)
+    else:
+        high, kappa, epsilon = mesh.stiffness(stiffness, **options).ratios().values()
     mean = high * mean_over_max(epsilon, kappa)
-    dampings = {
-        "damping_ratio": damping_ratio,
-        "logarithmic_decrement": logarithmic_decrement,
-        "material_damping": material_damping,
-    }
-    dampings = {name: value for name, value in dampings.items() if value is not None}
+    names = "damping_ratio", "logarithmic_decrement", "material_damping"
+    values = damping_ratio, logarithmic_decrement, material_damping
+    dampings = [x for x in zip(names, values, strict=True) if x[1] is not None]
     if len(dampings) > 1:
-        raise ValueError(
-            f"{' and '.join(dampings)} are not allowed together: it must be one of them at most"
-        )
-    damping = None
-    for name, value in dampings.items():
-        damping = drawn_damping(name, value, mean, mesh.reduced_mass)
+        together = " and ".join(name for name, _ in dampings)
+        raise ValueError(f"{together} are not allowed together: it must be one of them at most")
+    damping = drawn_damping(*dampings[0], mean, mesh.reduced_mass) if dampings else None
     oil = "backlash_damping_ratio", backlash_damping_ratio
     return {
         "max_stiffness": high,
@@ -71,10 +69,9 @@ def _check_deflection(mesh, torque, parameters, name, value, unit):
     ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
     mean = parameters["max_stiffness"] * mean_over_max(*ratios)
     share = abs(mesh.load(torque)) / mean / (MAX_DEFLECTION * mesh.pinion.module)
-    if share > 1.0:
-        most = f"at most {abs(value) / share:.4g} {unit}"
-        words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
-        raise checks.refusal(name, value, words)
+    most = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
+    words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
+    checks.require(share <= 1.0, name, value, words)
     return mean
 
 
@@ -100,18 +97,11 @@ def train_parameters(mesh, *, torque=None, stated=None, **options):
         _check_deflection(mesh, torque, parameters, *(stated or ("torque", torque, "N m")))
     angle = mesh.working_pressure_angle
     # Tooth thickness over the pitch, on the working circles.
-    thickness = (
-        gear.thickness_at(circle) / (math.pi * circle / gear.teeth)
-        for gear in (mesh.pinion, mesh.wheel)
-        for circle in [gear.base_diameter / math.cos(angle)]
-    )
-    return {
-        **parameters,
-        "internal": mesh.wheel.internal,
-        "pressure_angle": angle,
-        "pitch_phase": mesh.pitch_phase,
-        "tooth_thickness": tuple(thickness),
-    }
+    gears = mesh.pinion, mesh.wheel
+    circles = [(gear, gear.base_diameter / math.cos(angle)) for gear in gears]
+    thickness = tuple(x.thickness_at(d) / (math.pi * d / x.teeth) for x, d in circles)
+    of_mesh = {"internal": mesh.wheel.internal, "pressure_angle": angle}
+    return parameters | of_mesh | {"pitch_phase": mesh.pitch_phase, "tooth_thickness": thickness}
 
 
 def coefficient(ratio, stiffness, mass, decrement=False):
@@ -119,16 +109,6 @@ def coefficient(ratio, stiffness, mass, decrement=False):
     if decrement:
         ratio /= math.hypot(math.tau, ratio)
     return 2.0 * ratio * math.sqrt(stiffness * mass)
-
-
-def rectangle(mesh, method, **options):
-    """Return C_max, kappa and epsilon by a method; see `mesh_stiffness`.
-
-    Those of ISO 6336 without the numerical stack, which a start of the workflow does not load.
-    """
-    if isinstance(method, str) and method == "iso":
-        return iso_rectangle(mesh, **options)
-    return tuple(mesh.stiffness(method, **options).ratios().values())
 
 
 def bodies(mesh):
@@ -151,9 +131,8 @@ def torque_of(torque, power, speed):
         raise ValueError("torque is missing: it must be given in N m, or power and speed")
     if power is not None and speed is None:
         raise ValueError("speed is missing: it must be given in rpm, where power is given")
+    if speed is not None:
+        speed = checks.finite_positive("speed", speed)
     if power is None:
-        if speed is not None:
-            checks.finite_positive("speed", speed)
         return checks.finite_positive("torque", torque)
-    turning = math.tau / 60.0 * checks.finite_positive("speed", speed)
-    return checks.finite_positive("power", power) / turning
+    return checks.finite_positive("power", power) / (math.tau / 60.0 * speed)

@@ -111,7 +111,7 @@ class ToothPairs:
             forces = np.zeros((count, rows.size, k))
             forces[..., pairs] = rise * x[..., None] - back
             # The pull that pairs in contact would need, the overlap of the others: both <= 0.
-            wrong = x[..., None] - self.gap[rows] - _image(self.compliance[rows], forces)
+            wrong = x[..., None] - self.gap[rows] - _displacements(self.compliance[rows], forces)
             wrong[..., pairs] = -(diagonal[rows] * forces)[..., pairs]
             most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
             better = most < worst[:, rows]
@@ -130,14 +130,17 @@ class ToothPairs:
         Of a pair that touches it is > 0, of others the negative distance of their flanks.
         """
         diagonal = np.einsum("mii->mi", self.compliance)
-        overlap = sharing.error[..., None] - self.gap - _image(self.compliance, sharing.force)
+        overlap = (
+            sharing.error[..., None] - self.gap - _displacements(self.compliance, sharing.force)
+        )
         overlap = overlap + diagonal * sharing.force
         # Without load pairs touch that do not overlap: the sign tells.
         least = np.finfo(float).tiny
         return np.where(sharing.touching, np.maximum(overlap, least), np.minimum(overlap, -least))
 
 
-def _image(compliance, forces):
+def _displacements(compliance, forces):
+    """Return Q F, shape (..., k)."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
@@ -171,24 +174,18 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     """
     choice = Options(**options)
     deviation, corners, load = choice.deviation, choice.corners, choice.load
-    if deviation is not None and not isinstance(deviation, PathTable):
-        raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
+    possible = isinstance(deviation, PathTable | None)
+    checks.require(possible, "deviation", deviation, "a PathTable")
     errors, overlap = checked_errors(mesh, choice.pitch_errors), mesh.overlap_ratio
-    if overlap > 0.0 and load is None:
-        raise ValueError(
-            f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
-            "along the path of contact is that of spur gears"
-        )
+    words = "0, load sharing along the path of contact is that of spur gears"
+    possible = overlap == 0.0 or load is not None
+    checks.require(possible, "helix_angle", mesh.pinion.helix_angle, words)
     before, behind = zone_of_contact(mesh, corners, load, errors)
     face = face_of(mesh, errors.size)
     begun = np.floor((pitches if middle is None else middle) + before + face.reach)
     count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.reach) + 1
-    checks.require(
-        count <= _MAX_PAIRS,
-        "total contact ratio",
-        mesh.total_contact_ratio,
-        f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh",
-    )
+    words = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
+    checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, words)
     slots = np.arange(count)
     number = begun.astype(int)[:, None] - slots
     pieces = len(face.shares)
@@ -268,9 +265,9 @@ def _over_face(shares, compliances, numbers, inside, gap, load: float):
     for _ in range(_NEWTON_STEPS):
         way = np.repeat(x, len(shares))[:, None] - gap
         inverse = _inverse(compliances, numbers, touching)
-        force = _image(inverse, way)
+        force = _displacements(inverse, way)
         wrong = inside * np.where(
-            touching, -diagonal * force, way - _image(slice_compliances, force)
+            touching, -diagonal * force, way - _displacements(slice_compliances, force)
         )
         total, stiffness = over_face(force), over_face(np.einsum("mij->mi", inverse))
         step = (total.sum(-1) - load) / stiffness.sum(-1)

@@ -66,8 +66,14 @@ class Mesh:
                 f"contact_ratio = {self.contact_ratio:.4f} is not allowed: it must be >= 1; larger "
                 "tip diameters or a smaller centre distance raise it"
             )
+        longest = self.longest_relief
+        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
         for name in ("pinion", "wheel"):
-            self._check_relief(name, getattr(self, name).tip_relief)
+            relief = getattr(self, name).tip_relief
+            # A length of just so much may have been computed another way.
+            fits = relief is None or relief.length <= longest * (1.0 + 1e-9)
+            place = f"length of the tip relief of the {name}"
+            checks.require(fits, place, relief and relief.length, words)
         self._set_backlash()
 
     def _put(self, name, value):
@@ -78,11 +84,8 @@ class Mesh:
 
     def _check_gears(self):
         pinion, wheel = self.pinion, self.wheel
-        if pinion.internal:
-            raise ValueError(
-                "internal of the pinion = True is not allowed: it must be False; the ring gear is "
-                "the wheel"
-            )
+        words = "False; the ring gear is the wheel"
+        checks.require(not pinion.internal, "internal of the pinion", True, words)
         for name in ("module", "pressure_angle", "helix_angle"):
             value, other = getattr(pinion, name), getattr(wheel, name)
             fits = math.isclose(other, value, rel_tol=1e-9, abs_tol=1e-12)
@@ -145,16 +148,6 @@ class Mesh:
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
-    def _check_relief(self, name, relief):
-        """A pair that carries alone keeps its involutes."""
-        if relief is None:
-            return
-        longest = self.longest_relief
-        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
-        # A length of just so much may have been computed another way.
-        fits = relief.length <= longest * (1.0 + 1e-9)
-        checks.require(fits, f"length of the tip relief of the {name}", relief.length, words)
-
     def _tips_pass(self):
         """Whether the tips of an internal mesh pass each other after they left contact."""
         a, angle = self.centre_distance, self.working_pressure_angle
@@ -180,21 +173,19 @@ class Mesh:
         if -_ROUNDING * module <= backlash < 1e-12 * module:
             backlash = 0.0
         words = (
-            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little "
-            "room"
+            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little"
         )
+        words += " room"
         backlash = checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
         self._put("backlash", backlash)
 
     def _geometric_backlash(self):
         """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""
-        angle = self.working_pressure_angle
-        widths = 0.0
-        for gear in (self.pinion, self.wheel):
-            widths += gear.thickness_at(gear.base_diameter / math.cos(angle))
-        circle = self.pinion.base_diameter / math.cos(angle)
-        play = math.pi * circle / self.pinion.teeth - widths
-        return play * math.cos(angle) * math.cos(self.pinion.base_helix_angle)
+        cosine = math.cos(self.working_pressure_angle)
+        gears = (self.pinion, self.wheel)
+        widths = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
+        play = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - widths
+        return play * cosine * math.cos(self.pinion.base_helix_angle)
 
     @property
     def width(self):
@@ -224,8 +215,7 @@ class Mesh:
     @property
     def path(self):
         """Where the path of contact begins and ends, m; see the head of the module; ISO 21771."""
-        beyond = self.wheel.tip_roll_length
-        start = self._tangents - beyond if not self.wheel.internal else beyond - self._tangents
+        start = self.wheel.sign * (self._tangents - self.wheel.tip_roll_length)
         return start, self.pinion.tip_roll_length
 
     @property
@@ -363,10 +353,5 @@ class Mesh:
 
         return transmission_error(self, torque, phases, **options)
 
-    def pair_parameters(self, **options):
-        """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
-        return pair_parameters(self, **options)
-
-    def train_parameters(self, **options):
-        """Return what `gearlib.Mesh.from_geometry` takes of the mesh, as a dict."""
-        return train_parameters(self, **options)
+    # Arguments of the constructors of a `GearPair` and of a mesh of a `GearTrain`.
+    pair_parameters, train_parameters = pair_parameters, train_parameters
