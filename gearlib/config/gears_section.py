@@ -128,7 +128,7 @@ class Gears(MethodSection, DrawnPair):
 
     def driving_torque(self):
         """Return the torque of the pinion, N m, to 12 digits."""
-        from gearlib.models.geometry.drawn_parameters import torque_of
+        from gearlib.models.geometry.mesh import torque_of
 
         return drawing.rounded(torque_of(self.torque, self.power, self.speed))
 

@@ -45,8 +45,8 @@ def of_train(train, driver=None, mass=None):
         by_default = strongest if max(powers) > 0.0 else train.reference_pinion.name
         rotation = structure.motions[names.index(driver or by_default), 2]
         lever = rotation @ rigid_motion
-        if not abs(lever) > _ROUNDING * np.abs(rigid_motion).max():
-            raise ValueError(f"driver = {driver!r} is not allowed: it must be a body that turns")
+        turns = abs(lever) > _ROUNDING * np.abs(rigid_motion).max()
+        checks.require(turns, "driver", driver, "a body that turns")
         force = force - rotation * (rigid_motion @ force / lever)
         unbalanced = np.abs(free.T @ force)
         largest = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()

@@ -146,9 +146,8 @@ class Model:
                 if type(value) is float and math.isfinite(value):
                     described.setdefault(name, (units, words))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
-                    for i, entry in enumerate(value):
-                        if math.isfinite(entry):
-                            described[f"{name}[{i}]"] = units, f"{words} [{i}]"
+                    finite = [f"[{i}]" for i, entry in enumerate(value) if math.isfinite(entry)]
+                    described |= {name + place: (units, f"{words} {place}") for place in finite}
         if self.mesh:
             described |= {name: ("1", words) for name, words in RATIO_NAMES.items()}
         return described
@@ -193,7 +192,7 @@ class Model:
     def empty_record(self, samples=0, events=16):
         """Return empty tables (samples, events, summary) for the record of a run.
 
-        Columns as of `gearlib.engines.orbit`; samples also have those of `more_samples`.
+        Columns are those of `gearlib.engines.orbit`; samples also have those of `more_samples`.
         """
         from gearlib.engines import orbit  # here, since a model without motion needs no kernels
 
@@ -203,10 +202,9 @@ class Model:
 
     def more_samples(self, samples):
         """Return name -> (dims, values) of the columns of samples that not every model has."""
-        columns = samples[:, samples.shape[1] - len(self.extra_samples) :]
-        return {
-            name: (("phase",), x) for name, x in zip(self.extra_samples, columns.T, strict=True)
-        }
+        columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
+        names = zip(self.extra_samples, columns, strict=True)
+        return {name: (("phase",), values) for name, values in names}
 
     def more_summary(self, dims, table, span):
         """Return name -> (dims, values) of summaries that not every model has.
@@ -290,10 +288,9 @@ class Model:
     def replace(self, **changes):
         """Return a copy with some parameters changed (and checked): its own, or of its `GearPair`.
 
-        A name that both have is that of the model. A field that has the value which others give it
-        by default, as ``by_default`` has it, goes on following them, unless it is changed itself: a
-        `SixDegreePair` takes new torques from a new load, unless its torques are others than those
-        of the load.
+        A name that both have is that of the model. A field with the value that others give it by
+        default goes on following them, unless it is changed itself: a `SixDegreePair` takes new
+        torques from a new load, unless its torques are others than those of the load.
 
         Raises
         ------

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq, nnls
 
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
-from gearlib.models.geometry.energy import energy_stiffness
 from gearlib.models.geometry.load_sharing import ToothPairs, _over_face, tooth_pairs
+from gearlib.models.geometry.mesh_stiffness import energy_stiffness
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
 MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}

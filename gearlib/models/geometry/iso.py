@@ -93,7 +93,7 @@ def iso_rectangle(mesh, **options):
 
     One pair of teeth has c', each more 0.75 c', so that the mean is c_gamma_alpha. Of helical gears
     they are extrema and mean of the average over the face, see
-    `gearlib.models.geometry.drawn_stiffness`.
+    `gearlib.models.geometry.mesh_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     single = pair_stiffness(mesh, **options)

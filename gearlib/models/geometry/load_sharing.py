@@ -17,7 +17,7 @@ The pairs of a helical gear are averages over transverse slices of the face, eac
 is in mesh a little later than the last, linearized at the displacement under a load. From each of
 `Face.lines` phases to the next all slices move on by as many, so that stiffness has no steps.
 
-Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.models.geometry.energy`.
+Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy method.
 """
 
 import itertools
@@ -28,9 +28,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.models.geometry.energy import PairCompliance, matrix
 from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
+from gearlib.models.geometry.mesh_stiffness import PairCompliance, matrix
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12
