@@ -19,8 +19,7 @@ _ROUNDING = 1e-9
 def of_mesh(pair, driven_mass, base_radius):
     """Return the acceleration of the displacement for a unit of d2tau/dtheta2, shape (1,).
 
-    `driven_mass` is J_2 / r_b2^2 of what the mesh drives, kg; `base_radius`, m, is that of the gear
-    whose teeth count.
+    `driven_mass` is J_2 / r_b2^2, kg; `base_radius`, m, is that of the gear whose teeth count.
     """
     force = driven_mass * base_radius * pair.mean_eigenfrequency**2 / pair.teeth
     return np.array([force / pair.load])

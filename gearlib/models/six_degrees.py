@@ -195,11 +195,9 @@ class SixDegreePair(WithPair):
         return 4 + 2 * len(self.flexible())
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2).
-
-        Only the sum of the two rotations enters the mesh; their difference turns freely.
-        """
+        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2)."""
         n = self.size
+        # Only the sum of the two rotations enters the mesh; their difference turns freely.
         # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
         reduce = lift.T.copy()
@@ -240,11 +238,7 @@ class SixDegreePair(WithPair):
         return rows
 
     def initial(self, system, state):
-        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase.
-
-        Bearings at rest, deflected by the load or free; the rotations share the motion as their
-        inertias do.
-        """
+        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase."""
         z = np.zeros(len(system.free), system.free.dtype)
         moving, near = self.flexible(), system.near[0]
         m = 2 + len(moving)

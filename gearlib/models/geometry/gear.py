@@ -9,6 +9,7 @@ much later than its involutes a pair of teeth touches. Positions on the path of 
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 from gearlib import checks
@@ -173,11 +174,9 @@ class PathTable:
         for name in ("position", "value"):
             object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:
-            raise ValueError(
-                f"a table of {len(self.position)} positions and {len(self.value)} values is not "
-                "allowed: it must have equally many, at least 1"
-            )
-        if any(a >= b for a, b in zip(self.position, self.position[1:], strict=False)):
+            table = f"a table of {len(self.position)} positions and {len(self.value)} values"
+            raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
+        if any(a >= b for a, b in pairwise(self.position)):
             raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
 
     def at(self, position):
@@ -286,10 +285,11 @@ class SpurGear:
         allowed += ", by its base and root circles"
         self._set_within("tip_diameter", allowed, lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        words = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
-        checks.require(
-            thickness > 0.0, "tip_diameter", self.tip_diameter, words + "> 0 is allowed)"
+        words = (
+            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; > 0 "
         )
+        words += "is allowed)"
+        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
         words = f"{self.teeth} numbers, one for each tooth"
         fits = len(self.pitch_errors) in (0, self.teeth)
         checks.require(fits, "pitch_errors", self.pitch_errors, words)
@@ -310,14 +310,13 @@ class SpurGear:
         if web is None:
             return
         checks.require(not ring, "web", web, "left out of a ring gear")
-        words = f"at most the face width, {self.width!r} m"
-        checks.require(web.thickness <= self.width, "thickness of the web", web.thickness, words)
-        words = f"below the root circle, {root:.6g} m"
-        checks.require(web.rim_diameter < root, "rim_diameter of the web", web.rim_diameter, words)
-        words = f"at least the bore, {self.bore!r} m"
-        checks.require(
-            web.hub_diameter >= self.bore, "hub_diameter of the web", web.hub_diameter, words
-        )
+        thick, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
+        for name, value, fits, words in (
+            ("thickness", thick, thick <= self.width, f"at most the face width, {self.width!r} m"),
+            ("rim_diameter", rim, rim < root, f"below the root circle, {root:.6g} m"),
+            ("hub_diameter", hub, hub >= self.bore, f"at least the bore, {self.bore!r} m"),
+        ):
+            checks.require(fits, f"{name} of the web", value, words)
 
     @property
     def sign(self):
@@ -417,11 +416,9 @@ class SpurGear:
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
     def _tolerance(self, of_class_5):
-        if self.quality is None:
-            raise ValueError(
-                "quality = None is not allowed: it must be an integer from 1 to 11, or the "
-                "deviations must be given"
-            )
+        """Return the tolerance of the quality from that of class 5."""
+        words = "an integer from 1 to 11, or the deviations must be given"
+        checks.require(self.quality is not None, "quality", None, words)
         return of_class_5 * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
@@ -440,13 +437,11 @@ class SpurGear:
         return self._moment(4, math.pi / 32.0)
 
     def _moment(self, power, factor):
+        """Return `factor` times the density times the volume with a power of the diameters."""
         outer, inner = self.mean_diameter, self.bore
         if self.internal:
-            if self.outer_diameter is None:
-                raise ValueError(
-                    "outer_diameter = None is not allowed: it must be given for the inertia of a "
-                    f"ring gear, above {self.root_diameter:.6g} m"
-                )
+            words = f"given for the inertia of a ring gear, above {self.root_diameter:.6g} m"
+            checks.require(self.outer_diameter is not None, "outer_diameter", None, words)
             outer, inner = self.outer_diameter, self.mean_diameter
         volume = self.width * (outer**power - inner**power)
         if self.web is not None:
