@@ -23,7 +23,7 @@ Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy metho
 import itertools
 import math
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,26 +152,25 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
     return pairs_at(mesh, pitches, pitch_errors=pitch_errors, **options)
 
 
-def pairs_at(
-    mesh,
-    pitches,
-    middle=None,
-    inside=None,
-    *,
-    stiffness="energy",
-    coupling=1.0,
-    deviation=None,
-    pitch_errors=None,
-    corners=False,
-    load=None,
-):
-    """Return the `ToothPairs` of a mesh; the first four options are of `Mesh.transmission_error`.
+class Options(NamedTuple):
+    """Options of pairs of teeth; the first four are those of `Mesh.transmission_error`."""
+
+    stiffness: Any = "energy"
+    coupling: float = 1.0
+    deviation: PathTable | None = None
+    pitch_errors: Any = None
+    corners: bool = False  #: whether corners of tips touch beyond the path of contact
+    load: float | None = None  #: N, that of corners and of helical gears
+
+
+def pairs_at(mesh, pitches, middle=None, inside=None, **options):
+    """Return the `ToothPairs` of a mesh; further arguments are `Options`.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
     contact. The pairs in mesh are those at `middle`, by default at `pitches`; `inside`, shape
-    (m, k), states them if they are known. Corners of tips touch beyond the path of contact if
-    `corners` says so; they and helical gears need the load, N.
+    (m, k), states them if they are known.
     """
+    stiffness, coupling, deviation, pitch_errors, corners, load = Options(**options)
     possible = isinstance(deviation, PathTable | None)
     checks.require(possible, "deviation", deviation, "a PathTable")
     errors, overlap = checked_errors(mesh, pitch_errors), mesh.overlap_ratio

@@ -372,25 +372,30 @@ class _Course:
 
     def __init__(self, u, values):
         self.u, self.values = np.asarray(u, float), np.asarray(values, float)
+        areas = np.diff(self.u) * (self.values[1:] + self.values[:-1]) / 2.0
+        self._areas = np.append(0.0, np.cumsum(areas))
+
+    def integral(self, u):
+        """Return the integral from 0 to `u`, which may lie outside of the base pitch."""
+        whole = np.floor(u)
+        fraction = u - whole
+        i = np.clip(np.searchsorted(self.u, fraction, side="right") - 1, 0, self.u.size - 2)
+        length = self.u[i + 1] - self.u[i]
+        slope = (self.values[i + 1] - self.values[i]) / np.where(length > 0.0, length, 1.0)
+        beyond = fraction - self.u[i]
+        inner = self._areas[i] + beyond * (self.values[i] + slope * beyond / 2.0)
+        return whole * self._areas[-1] + inner
 
     def over_face(self, overlap):
         """Return the average over `overlap` base pitches; exact where the course is rectangular."""
-        # Imported here: only helical gears need it.
-        from scipy.interpolate import BSpline
-
-        half, knots = overlap / 2.0, np.concatenate([self.u[:1], self.u, self.u[-1:]])
-        antiderivative = BSpline(knots, self.values, 1).antiderivative()
-
-        def integral(u):
-            return np.floor(u) * antiderivative(1.0) + antiderivative(u % 1.0)
-
+        half = overlap / 2.0
         # The average has its corners where a window begins or ends at a step.
         step = np.isin(self.u, [0.0, 1.0, *self.u[1:][np.diff(self.u) == 0.0]])
         at = [self.u[~step], self.u[step] - half, self.u[step] + half]
         at = np.sort(np.concatenate(at) % 1.0)
         # Corners that coincide up to rounding are one.
         at = at[np.diff(at, append=at[0] + 1.0) > 1e-12]
-        return _Course(at, (integral(at + half) - integral(at - half)) / overlap)
+        return _Course(at, (self.integral(at + half) - self.integral(at - half)) / overlap)
 
     def table(self, segment):
         """Return the course as `Tabulated`; a step becomes a ramp."""
