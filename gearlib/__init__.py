@@ -27,7 +27,7 @@ from importlib import import_module
 
 _PUBLIC = {
     "Body": "models.trains.elements",
-    "DeadZoneOscillator": "models.dead_zone",
+    "DeadZoneOscillator": "models.one_degree",
     "Fourier": "models.profiles",
     "GearPair": "models.pair",
     "GearTrain": "models.trains.train",

@@ -6,12 +6,10 @@ The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gear
 
 from typing import TYPE_CHECKING
 
-from gearlib.models.geometry.drawn_stiffness import MeshStiffness, mesh_stiffness
-from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.iso import IsoStiffness, iso_stiffness
-from gearlib.models.geometry.iso_dynamic_factor import DynamicFactor, dynamic_factor
+from gearlib.models.geometry.gear import RACKS, Material, PathTable, Rack, SpurGear, TipRelief, Web
+from gearlib.models.geometry.iso import DynamicFactor, IsoStiffness, dynamic_factor, iso_stiffness
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import RACKS, Material, PathTable, Rack, TipRelief, Web
+from gearlib.models.geometry.mesh_stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
 
 if TYPE_CHECKING:

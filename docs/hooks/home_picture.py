@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gearlib import GearPair, sweep
 from gearlib.figures import style
 from gearlib.geometry import Mesh, SpurGear
-from gearlib.models.geometry.energy import Tooth
+from gearlib.models.geometry.mesh_stiffness import Tooth
 
 PICTURE = Path(__file__).parents[1] / "images" / "home.png"
 

@@ -12,8 +12,8 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_error
 from gearlib.data.result import result
-from gearlib.models.geometry.drawn_parameters import torque_of
-from gearlib.models.geometry.iso_dynamic_factor import dynamic_factor
+from gearlib.models.geometry.iso import dynamic_factor
+from gearlib.models.geometry.mesh import torque_of
 from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed

@@ -127,7 +127,7 @@ def _resonance(section, pair, speed):
 
 def _too_damped(dampings, pair):
     """Return a sentence for each damping that no mesh of drawn gears has."""
-    from gearlib.models.geometry.drawn_parameters import drawn_damping
+    from gearlib.models.geometry.mesh import drawn_damping
 
     problems = []
     for name, given in dampings.items():

@@ -38,7 +38,7 @@ def check_ring(place, ring, pinion, words=""):
 
 def six_degrees(mesh):
     """Return what the section `six_degrees` has of a drawing, without friction and run-out."""
-    from gearlib.models.geometry.drawn_parameters import bodies
+    from gearlib.models.geometry.mesh import bodies
 
     bodies_of_drawing = {
         key: rounded(value) for key, value in bodies(mesh).items() if key != "teeth"
@@ -56,7 +56,7 @@ def derived(key, derive, names=(), **options):
 
 def coefficient(name, value, stiffness, mass):
     """Return the damping, N s/m, rounded, of a ratio or decrement by its name; N/m and kg."""
-    from gearlib.models.geometry.drawn_parameters import coefficient
+    from gearlib.models.geometry.mesh import coefficient
 
     return rounded(coefficient(value, stiffness, mass, name == "logarithmic_decrement"))
 

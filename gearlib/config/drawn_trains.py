@@ -43,7 +43,7 @@ class PlanetarySet(_Set):
 
     def arguments(self):
         """Return the arguments of `planetary_set` as plain values, gears as dicts."""
-        from gearlib.models.geometry.drawn_parameters import torque_of
+        from gearlib.models.geometry.mesh import torque_of
 
         given = self.model_dump(exclude={"torque", "power", "speed", "stiffness_options"})
         given |= drawing.method("train.planetary_set", self)

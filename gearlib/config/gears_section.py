@@ -8,9 +8,8 @@ from pydantic import model_validator
 from gearlib import parameters
 from gearlib.config import drawing
 from gearlib.config.types import Given, Name, Option, entry, like, type_of
-from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import Material, Rack, TipRelief, Web
 
 Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
 _ADDENDUM, _DEDENDUM, _RADIUS = (type_of(one.kind) for one in parameters.declared(Rack).values())
@@ -129,7 +128,7 @@ class Gears(MethodSection, DrawnPair):
 
     def driving_torque(self):
         """Return the torque of the pinion, N m, to 12 digits."""
-        from gearlib.models.geometry.drawn_parameters import torque_of
+        from gearlib.models.geometry.mesh import torque_of
 
         return drawing.rounded(torque_of(self.torque, self.power, self.speed))
 

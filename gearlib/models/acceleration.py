@@ -19,8 +19,7 @@ _ROUNDING = 1e-9
 def of_mesh(pair, driven_mass, base_radius):
     """Return the acceleration of the displacement for a unit of d2tau/dtheta2, shape (1,).
 
-    `driven_mass` is J_2 / r_b2^2 of what the mesh drives, kg; `base_radius`, m, is that of the gear
-    whose teeth count.
+    `driven_mass` is J_2 / r_b2^2, kg; `base_radius`, m, is that of the gear whose teeth count.
     """
     force = driven_mass * base_radius * pair.mean_eigenfrequency**2 / pair.teeth
     return np.array([force / pair.load])
@@ -45,8 +44,8 @@ def of_train(train, driver=None, mass=None):
         by_default = strongest if max(powers) > 0.0 else train.reference_pinion.name
         rotation = structure.motions[names.index(driver or by_default), 2]
         lever = rotation @ rigid_motion
-        if not abs(lever) > _ROUNDING * np.abs(rigid_motion).max():
-            raise ValueError(f"driver = {driver!r} is not allowed: it must be a body that turns")
+        turns = abs(lever) > _ROUNDING * np.abs(rigid_motion).max()
+        checks.require(turns, "driver", driver, "a body that turns")
         force = force - rotation * (rigid_motion @ force / lever)
         unbalanced = np.abs(free.T @ force)
         largest = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()

@@ -13,7 +13,7 @@ corners of tips touch or the slices of a helical face come and go the lines are 
 """
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +21,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.taylor.teeth import ToothPairSystem
-from gearlib.models.geometry.energy import PairCompliance
+from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.load_sharing import (
     FEWEST_LINES,
     SAME_PLACE,
@@ -32,7 +32,7 @@ from gearlib.models.geometry.load_sharing import (
     zone_of_contact,
 )
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import PathTable
+from gearlib.models.geometry.mesh_stiffness import PairCompliance
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
@@ -107,42 +107,25 @@ class LoadSharingPair(WithPair):
         self._pairs(np.zeros(1))
 
     @classmethod
-    def from_geometry(
-        cls,
-        mesh,
-        *,
-        phases=32,
-        stiffness="energy",
-        coupling=1.0,
-        deviation=None,
-        pitch_errors=None,
-        corner_contact=True,
-        **options,
-    ):
+    def from_geometry(cls, mesh, *, stiffness="energy", coupling=1.0, **options):
         """Return the pair of two drawn gears, its scales from the same mesh stiffness.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-        phases, coupling, deviation, pitch_errors, corner_contact
-            Fields of the class.
         stiffness : {"energy", "iso"}, default "energy"
             A table needs a `pair` of one's own.
+        coupling : float, default 1
+            How far pairs of teeth share the body.
         **options
-            Arguments of `GearPair.from_geometry` such as torque and damping_ratio.
+            Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
+            `GearPair.from_geometry` such as torque and damping_ratio.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
+        fields = {x: options.pop(x) for x in cls.__dataclass_fields__ if x in options}
         of_stiffness = {"coupling": coupling} if stiffness == "energy" else {}
-        return cls(
-            pair=GearPair.from_geometry(mesh, stiffness=stiffness, options=of_stiffness, **options),
-            drawing=mesh,
-            phases=phases,
-            stiffness=stiffness,
-            coupling=coupling,
-            deviation=deviation,
-            pitch_errors=pitch_errors,
-            corner_contact=corner_contact,
-        )
+        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=of_stiffness, **options)
+        return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **fields)
 
     def at_load(self, *, phases=128, harmonics=24):
         """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
@@ -163,28 +146,25 @@ class LoadSharingPair(WithPair):
             If successive pairs of teeth differ.
         """
         if self.repeats > 1:
-            raise ValueError(
-                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
-                "where one mesh period stands for all"
-            )
+            words = "is not allowed: it must have one value, where one mesh period stands for all"
+            raise ValueError(f"pitch_errors = {self.pitch_errors!r} {words}")
         pairs = tooth_pairs(self.drawing, phases, **self._options)
         bare, loaded = pairs.share([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
-        stiffness, stiffness_ratio, contact_ratio = profile.ratios()
-        pair = self.pair.replace(
-            max_stiffness=stiffness, stiffness_ratio=stiffness_ratio, contact_ratio=contact_ratio
-        )
+        names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
+        pair = self.pair.replace(**dict(zip(names, profile.ratios(), strict=True)))
         deviation = Harmonics.from_table(phase, -bare, harmonics)
         return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
     @property
     def _options(self):
-        names = ("stiffness", "coupling", "deviation", "pitch_errors")
-        options = {name: getattr(self, name) for name in names}
-        return options | {"load": self.load, "corners": self.corner_contact}
+        """Options of `pairs_at`."""
+        names = ("stiffness", "coupling", "deviation", "pitch_errors", "load")
+        return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
     def _pairs(self, pitches, middle=None, inside=None):
+        """Return the `ToothPairs` at base pitches, see `pairs_at`."""
         return pairs_at(self.drawing, pitches, middle, inside, **self._options)
 
     def tooth_forces(self, phase, displacement):
@@ -212,6 +192,7 @@ class LoadSharingPair(WithPair):
 
     @cached_property
     def _zone(self):
+        """Base pitches on which corners may touch before and behind the path of contact."""
         return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
     def _cuts(self):
@@ -344,11 +325,6 @@ class LoadSharingPair(WithPair):
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         longest = _CONVERGED / (math.sqrt(stiffest) / tuning + damping.max())
         return system._replace(damping=damping, longest=longest, tuning=tuning)
-
-    def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
-        values = asdict(self)
-        return {**values.pop("pair"), **values}
 
 
 def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):

@@ -17,6 +17,7 @@ import numpy as np
 
 from gearlib import checks, parameters
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
+from gearlib.models.profiles import Profile
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import one_mesh  # noqa: F401
@@ -91,10 +92,7 @@ class Model:
         return 1.0
 
     def propagator(self, tuning, method=None, **options):
-        """Return the engine of the model at one tuning, a `gearlib.engines.protocol.Base`.
-
-        The method is one of `propagators`; options are of Taylor steps: tolerance.
-        """
+        """Return the engine of the model at one tuning by one of the methods in `propagators`."""
         return self.kind(method)(self, float(tuning), **options)
 
     def law(self, tuning, tolerance=0.0):
@@ -145,9 +143,8 @@ class Model:
                 if type(value) is float and math.isfinite(value):
                     described.setdefault(name, (units, words))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
-                    for i, entry in enumerate(value):
-                        if math.isfinite(entry):
-                            described[f"{name}[{i}]"] = units, f"{words} [{i}]"
+                    finite = [f"[{i}]" for i, entry in enumerate(value) if math.isfinite(entry)]
+                    described |= {name + place: (units, f"{words} {place}") for place in finite}
         if self.mesh:
             described |= {name: ("1", words) for name, words in RATIO_NAMES.items()}
         return described
@@ -159,11 +156,7 @@ class Model:
         return value[int(index)] if index else value
 
     def with_values(self, changes):
-        """Return the model with some of `settable`, name -> value, changed and checked.
-
-        Fields keep the values of all other fields; a ratio is set last, with the fields as they are
-        then.
-        """
+        """Return the model with some of `settable`, name -> value, changed; ratios are set last."""
         fields: dict = {}
         for name, value in changes.items():
             field, _, index = name.rstrip("]").partition("[")
@@ -190,10 +183,7 @@ class Model:
         return state[0] + disturbance, *state[1:]
 
     def empty_record(self, samples=0, events=16):
-        """Return empty tables (samples, events, summary) for the record of a run.
-
-        Columns as of `gearlib.engines.orbit`; samples also have those of `more_samples`.
-        """
+        """Return empty tables (samples, events, summary) with the columns of `engines.orbit`."""
         from gearlib.engines import orbit  # here, since a model without motion needs no kernels
 
         columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
@@ -201,17 +191,13 @@ class Model:
         return tuple(np.empty(shape) for shape in tables)
 
     def more_samples(self, samples):
-        """Return name -> (dims, values) of the columns of samples that not every model has."""
-        columns = samples[:, samples.shape[1] - len(self.extra_samples) :]
-        return {
-            name: (("phase",), x) for name, x in zip(self.extra_samples, columns.T, strict=True)
-        }
+        """Return name -> (dims, values) of the columns of samples that only some models have."""
+        columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
+        names = zip(self.extra_samples, columns, strict=True)
+        return {name: (("phase",), values) for name, values in names}
 
     def more_summary(self, dims, table, span):
-        """Return name -> (dims, values) of summaries that not every model has.
-
-        `table` is that of `empty_record`, for one run or many; `span` the recorded phase.
-        """
+        """Return name -> (dims, values) of summaries that only some models have."""
         return {}
 
     def coordinates(self):
@@ -219,10 +205,7 @@ class Model:
         return {"component": list(self.components)}
 
     def reduction(self):
-        """Return the matrices (reduce, lift) between the state and the one without free rotation.
-
-        A free rotation would add two multipliers 1. Identities where nothing turns freely.
-        """
+        """Return the matrices (reduce, lift) to the state without free rotation and back."""
         return np.eye(self.size), np.eye(self.size)
 
     @property
@@ -242,11 +225,7 @@ class Model:
         return float(max(lengths))
 
     def bound(self, tuning, state=(0.0, 0.0)):
-        """Return the displacement beyond which a motion from a state has grown without bound.
-
-        It is `FAR` times the largest of the model's lengths and of the start: a motion that gains
-        as much as these in every period would take as many periods.
-        """
+        """Return the displacement beyond which a motion from a state has grown without bound."""
         n = 0 if isinstance(state, str) else len(state) // 2
         start = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
         return FAR * max(self.extent, *start)
@@ -283,15 +262,15 @@ class Model:
 
     def as_dict(self):
         """Return the parameters as plain values, in the order of the fields."""
-        return dataclasses.asdict(self)
+        profiles = {x: y.as_dict() for x, y in fields_of(self).items() if isinstance(y, Profile)}
+        return dataclasses.asdict(self) | profiles
 
     def replace(self, **changes):
         """Return a copy with some parameters changed (and checked): its own, or of its `GearPair`.
 
-        A name that both have is that of the model. A field that has the value which others give it
-        by default, as ``by_default`` has it, goes on following them, unless it is changed itself: a
-        `SixDegreePair` takes new torques from a new load, unless its torques are others than those
-        of the load.
+        A name that both have is that of the model. A field with the value that others give it by
+        default goes on following them, unless it is changed itself: a `SixDegreePair` takes new
+        torques from a new load, unless its torques are others than those of the load.
 
         Raises
         ------

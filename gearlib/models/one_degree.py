@@ -1,30 +1,152 @@
-"""One degree of freedom with all that Eq. (3) admits.
+"""Models of one degree of freedom: their one equation, gear pairs and dead-zone oscillators.
+
+    x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
+        = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
+
+    g(x) = x - upper     x >= upper           NORMAL contact, c and d of the near side
+         = 0             lower < x < upper    BACKLASH, d of the gap
+         = x - lower     x <= lower           INVERSE contact, c and d of the far side
+
+with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the model's own time t; nu is the frequency
+of the excitation in that unit. Models give their parameters as an `Equation`; the kernels get it
+as a `Law` (Taylor steps) or, where all phases are linear with constant coefficients, as a
+`TrainSystem` of one mesh (modes).
+
+A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
     m y'' + k y' + D2 |y'| y' + D3 y'^3 + C(tau) (g + g2 |g| g + g3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + m f''(tau),
 
-Eq. (3) of Hortel & Skuderova (2007) for one coordinate, the relative mesh displacement
-y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks plus deviation f from the involute,
-whose inertia appears as a force. Contact (normal and inverse mesh) takes the material values of
-k, D2, D3, the backlash those of the oil; g(y) as in `gearlib.data.contact_states`.
-
-The equation is written in static deflections d_s = F / C_s and 1 / Omega_s of time. Over the mesh
-phase its damping is d1 = 2 beta / nu, d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
+with the relative mesh displacement y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks
+plus deviation f from the involute, whose inertia appears as a force. Contact (normal and inverse
+mesh) takes the material values of k, D2, D3, the backlash those of the oil. In static deflections
+d_s = F / C_s and 1 / Omega_s of time its damping over the mesh phase is d1 = 2 beta / nu,
+d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
-from dataclasses import asdict, dataclass, replace
+import math
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 
+from gearlib import checks
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.taylor.series import Law
+from gearlib.models import one_mesh_system
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.oscillator import linear_equation
+from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
-from gearlib.models.profiles import Fourier, Rectangular, Tabulated
-from gearlib.parameters import Instance, Number, documented, named
+from gearlib.models.profiles import Fourier, Pieces, Rectangular, Series, Steps, Tabulated
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented, named
 
-_QUADRATIC, _CUBIC = Number(unit="N s^2/m^2", least=0), Number(unit="N s^3/m^3", least=0)
+_HARMONICS = Instance((Harmonics,))
+_QUADRATIC, _CUBIC = Number("N s^2/m^2", least=0), Number("N s^3/m^3", least=0)
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Parameters of the equation above, in a unit of length and of time."""
+
+    upper: float  #: finite
+    lower: float  #: <= upper, may be -inf: no far side
+    near: Pieces  #: c(tau) of the near side
+    far: Pieces  #: c(tau) of the far side; the same object where both are alike
+    damping: np.ndarray  #: d1, d2, d3 of far side, gap and near side, shape (3, 3)
+    powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
+    ground: float = 0.0  #: e
+    load: float = 1.0  #: F
+    #: Rows (n, a_n, b_n) of the force, shape (k, 3), and of f, shape (j, 3).
+    force: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    deviation: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    natural: float = 1.0  #: frequency of the motion in contact, to choose steps by
+
+    def is_piecewise_linear(self):
+        """Return whether the phases between events have closed forms."""
+        curved = self.damping[:, 1:].any() or self.powers.any()
+        constant = all(
+            not side.harmonics.size and not side.lines[:, 1].any() for side in (self.near, self.far)
+        )
+        return bool(constant and not curved)
+
+    def law(self, tuning, tolerance):
+        """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
+        unit, (near, far) = 1.0 / tuning**2, self._sides()
+        # Velocities are by phase: each power of x' comes with nu, all with 1 / nu^2.
+        damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
+        waves = np.array([1.0, unit, unit])
+        return Law(
+            tuning,
+            self.upper - self.lower,
+            damping[NORMAL + 1],
+            damping[BACKLASH + 1],
+            self.powers,
+            near.breaks,
+            near.lines * unit,
+            near.low,
+            near.harmonics * waves,
+            np.vstack([[0.0, self.load * unit, 0.0], self._excitation(unit)]),
+            tolerance,
+            self.upper,
+            self.lower,
+            self.ground * unit,
+            damping[INVERSE + 1],
+            far.lines * unit,
+            far.harmonics * waves,
+        )
+
+    def system(self, tuning):
+        """Return the `TrainSystem` at one frequency, if the equation is piecewise linear.
+
+        Components q = x - f, dq/dt, 1 and a cosine and a sine of each order, over the model's own
+        time t: the deviation f moves the flanks, and its inertia falls out of the equation.
+        """
+        near, far = self._sides()
+        orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
+        n = 3 + 2 * orders.size
+        upper, lower, push = np.zeros((3, n), np.result_type(tuning))
+        upper[0], push[1] = 1.0, -1.0
+        gap = self.damping[BACKLASH + 1, 0]
+        free = one_mesh_system.waves(n, 3, tuning * orders).astype(push.dtype)
+        free[0, 1] = 1.0
+        free[1, 2] = self.load
+        for row, functional in ((free[1], self.force), (upper, self.deviation)):
+            for order, cosine, sine in functional:
+                column = 3 + 2 * int(np.searchsorted(orders, order))
+                row[column : column + 2] += cosine, sine
+        # Of x and its rate, the functional and its image, depend the spring e and the damping.
+        free[1] -= self.ground * upper + gap * (upper @ free)
+        lower[:] = upper
+        upper[2] = -self.upper
+        flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap)}
+        if np.isfinite(self.lower):
+            lower[2] = -self.lower
+            flanks[INVERSE] = lower, far.lines[:, 0], self.damping[INVERSE + 1, 0] - gap
+        return one_mesh_system.one_mesh(free, push, flanks, near.low, near.breaks, orders, tuning)
+
+    def _excitation(self, unit):
+        """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""
+        deviation = self.deviation.copy()
+        # f'' of a harmonic of order n is -n^2 times the harmonic.
+        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
+        return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
+
+    def _sides(self):
+        """Return the stiffness of near and far side over the same breaks."""
+        if self.near is self.far:
+            return self.near, self.far
+        breaks = np.union1d(self.near.breaks, self.far.breaks)
+        return self.near.at(breaks), self.far.at(breaks)
+
+
+def equation_of_pair(pair, pieces: Pieces, damping=0.0, **more: np.ndarray) -> Equation:
+    """Return the `Equation` of a pair; `damping` and `more` add what is not linear."""
+    damping = np.zeros((3, 3)) + damping
+    damping[:, 0] += 2.0 * np.array(
+        [pair.damping_ratio, pair.backlash_damping_ratio, pair.damping_ratio]
+    )
+    return Equation(0.0, -pair.backlash_ratio, pieces, pieces, damping, **more)
 
 
 @documented
@@ -51,17 +173,17 @@ class OneDegreePair(WithPair):
     )
     backlash_cubic_damping: Annotated[float, _CUBIC, "Cubic damping D3m of the oil"] = 0.0
     quadratic_stiffness: Annotated[
-        float, Number(unit="1/m", least=0), "Quadratic stiffness g2; power law in contact, |g| g"
+        float, Number("1/m", least=0), "Quadratic stiffness g2; power law in contact, |g| g"
     ] = 0.0
-    cubic_stiffness: Annotated[float, Number(unit="1/m^2", least=0), "Cubic stiffness g3"] = 0.0
+    cubic_stiffness: Annotated[float, Number("1/m^2", least=0), "Cubic stiffness g3"] = 0.0
     profile: Annotated[
         Rectangular | Fourier | Tabulated,
         Instance((Rectangular, Fourier, Tabulated)),
         "Mesh stiffness over the phase",
         "C(tau)",
     ] = Rectangular()
-    excitation: Annotated[Harmonics, Instance((Harmonics,)), "Added to the load, N"] = Harmonics()
-    deviation: Annotated[Harmonics, Instance((Harmonics,)), "Of the flanks f(tau), m"] = Harmonics()
+    excitation: Annotated[Harmonics, _HARMONICS, "Added to the load, N"] = Harmonics()
+    deviation: Annotated[Harmonics, _HARMONICS, "Of the flanks f(tau), m"] = Harmonics()
 
     one_mesh = True
     nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")
@@ -78,23 +200,169 @@ class OneDegreePair(WithPair):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
-        quadratic = deflection / mass
-        cubic = deflection**2 * pair.mean_eigenfrequency / mass
-        scales = np.array([1.0, quadratic, cubic])
+        scales = np.array([1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass])
         material = 0.0, self.quadratic_damping, self.cubic_damping
         oil = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
-        linear = linear_equation(pair, self.profile.pieces(pair))
-        return replace(
-            linear,
-            damping=linear.damping + np.array([material, oil, material]) * scales,
-            powers=np.array([self.quadratic_stiffness, self.cubic_stiffness])
-            * [deflection, deflection**2],
+        powers = np.array([self.quadratic_stiffness, self.cubic_stiffness])
+        return equation_of_pair(
+            pair,
+            self.profile.pieces(pair),
+            np.array([material, oil, material]) * scales,
+            powers=powers * [deflection, deflection**2],
             force=self.excitation.table(1.0 / pair.load),
             deviation=self.deviation.table(1.0 / deflection),
         )
 
-    def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
-        values = asdict(self)
-        del values["profile"]
-        return {**values.pop("pair"), **values, "profile": self.profile.as_dict()}
+
+class _Stiffness(Number):
+    """A stiffness, constant or not."""
+
+    words = "a finite number >= 0, a Series or Steps"
+
+    def check(self, name, value):
+        return value if isinstance(value, (Series, Steps)) else super().check(name, value)
+
+
+class _Edge(Number):
+    """The lower edge, which may be at -infinity."""
+
+    words = "a number < infinity"
+
+    def accepts(self, value):
+        return value < math.inf
+
+
+_STIFFNESS = _Stiffness("1", least=0)
+_Stiff = float | Series | Steps
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class DeadZoneOscillator(Model):
+    """A driven oscillator between two elastic contacts with a gap; immutable.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+
+    References
+    ----------
+    Kahraman, Singh: Non-linear dynamics of a spur gear pair, Journal of Sound and Vibration 142
+    (1990) 49-75.
+    """
+
+    upper_edge: Annotated[float, FINITE, "Upper edge, where the upper contact begins"] = 0.0
+    lower_edge: Annotated[
+        float, _Edge("1"), "Lower edge, where the lower contact begins; -inf: there is none"
+    ] = -math.inf
+    upper_stiffness: Annotated[_Stiff, _STIFFNESS, "Stiffness of the upper contact", "c_u"]
+    lower_stiffness: Annotated[
+        _Stiff | None,
+        _STIFFNESS,
+        "Stiffness of the lower contact; by default that of the upper one",
+        "c_l",
+    ] = None
+    damping: Annotated[float, NONNEGATIVE, "Damping of the gap", "d"] = 0.0
+    upper_damping: Annotated[
+        float | None, NONNEGATIVE, "Damping of the upper contact; by default that of the gap", "d"
+    ] = None
+    lower_damping: Annotated[
+        float | None, NONNEGATIVE, "Damping of the lower contact; by default that of the gap", "d"
+    ] = None
+    ground_stiffness: Annotated[
+        float, NONNEGATIVE, "Stiffness to the ground; a spring to x = 0 that never parts", "e"
+    ] = 0.0
+    load: Annotated[float, FINITE, "Load, the mean force", "F"] = 0.0
+    forcing: Annotated[
+        Harmonics, _HARMONICS, "Force; its amplitudes do not depend on the frequency", "a_n, b_n"
+    ] = Harmonics()
+    deviation: Annotated[
+        Harmonics,
+        _HARMONICS,
+        "Motion of the support; its inertia is a force of amplitude (n W)^2",
+        "f",
+    ] = Harmonics()
+
+    # The tuning is W, the frequency of the forcing in the model's unit of time, phase is W t and
+    # velocities in results are dx/dphase = x' / W.
+    long_names = {
+        "phase": "phase of the forcing, 2 pi per period",
+        "tuning": "frequency of the forcing",
+        "displacement": "displacement",
+        "velocity": "velocity by phase",
+        "acceleration": "acceleration by phase",
+        "stiffness": "contact stiffness",
+        "modified_stiffness": "contact stiffness, 0 in the gap",
+        "dynamic_force": "contact force",
+        "event_phase": "phase of the crossing of an edge",
+        "event_velocity": "velocity by phase at the event",
+        "displacement_max": "largest displacement",
+        "displacement_min": "smallest displacement",
+        "dynamic_force_max": "largest contact force",
+        "dynamic_force_min": "smallest contact force",
+        "fraction_normal": "fraction of time in upper contact",
+        "fraction_backlash": "fraction of time in the gap",
+        "fraction_inverse": "fraction of time in lower contact",
+        "fraction_min_stiffness": "fraction of time in contact below the mean upper stiffness",
+        "bounces": "losses of upper contact per period of the forcing",
+        "period": "periods of the forcing after which the settled motion repeats, 0: not settled",
+        "followed": "periods of the forcing over which the motion was followed to settle",
+        "final_state": "displacement and velocity by phase at the end of the run",
+        "state": "displacement and velocity by phase at phase 0",
+        "exponent": "largest Lyapunov exponent per period of the forcing",
+        "grazing": "whether the orbit touches an edge",
+        "strobe": "period of the forcing of the stroboscopic state",
+        "trap_radius": "radius of the smallest trap of the orbit",
+    }
+    title_noun = "a dead-zone oscillator"
+    by_default = {
+        "lower_stiffness": lambda model: model.upper_stiffness,
+        "upper_damping": lambda model: model.damping,
+        "lower_damping": lambda model: model.damping,
+    }
+    references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
+
+    def __post_init__(self):
+        upper = FINITE.check("upper_edge", self.upper_edge)
+        allowed = f"from -inf to upper_edge = {upper!r}"
+        checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
+        super().__post_init__()
+        names = ["upper_stiffness", "lower_stiffness"][: 1 + math.isfinite(self.lower_edge)]
+        if not any(_mean(getattr(self, name)) for name in names):
+            values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
+            raise ValueError(f"{values} is not allowed: one contact must have a stiffness > 0")
+
+    @cached_property
+    def equation(self):
+        """The `Equation`, in the model's own units."""
+        near = _pieces(self.upper_stiffness)
+        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
+        stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
+        damping = np.zeros((3, 3))
+        damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
+        return Equation(
+            upper=self.upper_edge,
+            lower=self.lower_edge,
+            near=near,
+            far=near if same else _pieces(self.lower_stiffness),
+            damping=damping,
+            ground=self.ground_stiffness,
+            load=self.load,
+            force=self.forcing.table(),
+            deviation=self.deviation.table(),
+            natural=math.sqrt(self.ground_stiffness + stiffest),
+        )
+
+
+def _pieces(stiffness):
+    """Return the `Pieces` of a stiffness, constant or not."""
+    if isinstance(stiffness, float):
+        stiffness = Steps((0.0,), (stiffness,))
+    return stiffness.pieces()
+
+
+def _mean(stiffness):
+    """Return the mean of a stiffness over a period."""
+    pieces = _pieces(stiffness)
+    return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

@@ -84,10 +84,7 @@ def never(n, constant):
 
 
 def contact_map(model, tuning):
-    """Return the map of deviations over all periods of the excitation, always in normal mesh.
-
-    See `Model.reduction`.
-    """
+    """Return the map of deviations over all periods of the excitation, always in normal mesh."""
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
     codes = [NORMAL] * len(system.near)
     for segment, length in enumerate(np.diff(system.starts)):

@@ -140,10 +140,10 @@ class GearPair(PairParameters, Model):
     def equation(self):
         """The `Equation` in static deflections and 1 / Omega_s of time."""
         # Here: a start of the workflow reads what is declared, and does not pay for numbers.
-        from gearlib.models.oscillator import linear_equation
+        from gearlib.models.one_degree import equation_of_pair
         from gearlib.models.profiles import Rectangular
 
-        return linear_equation(self, Rectangular().pieces(self))
+        return equation_of_pair(self, Rectangular().pieces(self))
 
     @property
     def propagators(self):
@@ -216,6 +216,11 @@ class WithPair(Model):
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
+
+    def as_dict(self):
+        """Return the parameters as plain values, those of the pair among them."""
+        values = super().as_dict()
+        return values.pop("pair") | values
 
 
 for _name in (

@@ -12,6 +12,7 @@ wholly above or wholly below it ("at the lower stiffness").
 import csv
 import math
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -197,11 +198,10 @@ class Tabulated(Profile):
 
             with xr.open_dataset(path) as dataset:
                 table = {name: dataset[name].values.tolist() for name in dataset.variables}
-        for name in (phase, stiffness):
-            if name not in table:
-                raise ValueError(
-                    f"{path.name} has no column {name!r}: it must be one of {sorted(table)}"
-                )
+        missing = [name for name in (phase, stiffness) if name not in table]
+        if missing:
+            words = f"it must be one of {sorted(table)}"
+            raise ValueError(f"{path.name} has no column {missing[0]!r}: {words}")
         try:
             return cls(tuple(map(float, table[phase])), tuple(map(float, table[stiffness])))
         except ValueError as error:
@@ -248,21 +248,18 @@ def _check_table(profile, least):
     parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < least:
-        raise ValueError(
-            f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses is not allowed: "
-            f"it must have equally many, at least {least}"
-        )
-    rising = all(a < b for a, b in zip(phase, phase[1:], strict=False))
+        table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"
+        words = f"it must have equally many, at least {least}"
+        raise ValueError(f"{table} is not allowed: {words}")
+    rising = all(a < b for a, b in pairwise(phase))
     if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
-        raise ValueError(
-            f"phase = {phase[0]!r} ... {phase[-1]!r} is not allowed: it must rise strictly "
-            "within [0, 2 pi)"
-        )
+        words = "is not allowed: it must rise strictly within [0, 2 pi)"
+        raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {words}")
 
 
 def _constant(breaks, values, low, harmonics=()):
     """Return the `Pieces` of a constant in each piece, and harmonics, rows as in `Pieces`."""
-    lines = np.column_stack([values, np.zeros(values.size)])
+    lines = np.column_stack([values, 0.0 * values])
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 

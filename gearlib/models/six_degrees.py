@@ -37,8 +37,9 @@ from typing import Annotated
 
 import numpy as np
 
-from gearlib.models.geometry.drawn_parameters import bodies
+from gearlib.models.geometry.mesh import bodies
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.parameters import (
@@ -59,7 +60,7 @@ from gearlib.parameters import (
     named,
 )
 
-_BEARING = Number(unit="N/m", example="1 kN/um", above=0, infinite="infinity: rigid")
+_BEARING = Number("N/m", "1 kN/um", above=0, infinite="infinity: rigid")
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: How the bearing coordinates enter y; z does not.
 _IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -157,12 +158,13 @@ class SixDegreePair(WithPair):
             Other parameters of the class, also in place of those of the drawing, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
-        given = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
+        fields = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
         pair = GearPair.from_geometry(mesh, **more)
-        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | given))
+        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | fields))
 
     parameters = property(lambda model: named(type(model)), doc="Phases of run-out and friction.")
     contact_map = contact_map
+    as_dict = Model.as_dict
 
     @property
     def reduced_mass_torsional(self):
@@ -193,11 +195,9 @@ class SixDegreePair(WithPair):
         return 4 + 2 * len(self.flexible())
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2).
-
-        Only the sum of the two rotations enters the mesh; their difference turns freely.
-        """
+        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2)."""
         n = self.size
+        # Only the sum of the two rotations enters the mesh; their difference turns freely.
         # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
         reduce = lift.T.copy()
@@ -222,8 +222,8 @@ class SixDegreePair(WithPair):
     def outputs(self, system):
         """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""
         pair, moving = self.pair, self.flexible()
-        m, n = 2 + len(moving), len(system.free)
-        rows = np.zeros((len(OUTPUTS), *system.effect.shape[:2], n), system.free.dtype)
+        m, shape = 2 + len(moving), (*system.effect.shape[:2], len(system.free))
+        rows = np.zeros((len(OUTPUTS), *shape), system.free.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # s = y - (y - s)
         rows[OUTPUTS.index("backlash")] = system.near[0] - system.far[0]
@@ -238,11 +238,7 @@ class SixDegreePair(WithPair):
         return rows
 
     def initial(self, system, state):
-        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase.
-
-        Bearings at rest, deflected by the load or free; the rotations share the motion as their
-        inertias do.
-        """
+        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase."""
         z = np.zeros(len(system.free), system.free.dtype)
         moving, near = self.flexible(), system.near[0]
         m = 2 + len(moving)

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from gearlib.models.geometry.drawn_stiffness import SOURCES, UNCERTAINTY
+from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
 #: Mesh orders of the duty point that are told.

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from gearlib import checks, parameters
+from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import PathTable
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.model import is_model

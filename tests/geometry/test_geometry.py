@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib.geometry import Mesh, SpurGear, Web
-from gearlib.models.geometry.energy import Tooth
 from gearlib.models.geometry.gear import angle_of, inv
+from gearlib.models.geometry.mesh_stiffness import Tooth
 from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
 
 MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair, Rectangular, Tabulated
 from gearlib.geometry import Mesh, SpurGear, Web, iso_stiffness
-from gearlib.models.geometry.energy import PairCompliance, Tooth, energy_stiffness, matrix
+from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness, matrix
 from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
 
 MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}

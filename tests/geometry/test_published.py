@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gearlib.geometry import Material, Mesh, SpurGear, Web, iso_stiffness
-from gearlib.models.geometry.energy import _BODY, PairCompliance, Tooth
+from gearlib.models.geometry.mesh_stiffness import _BODY, PairCompliance, Tooth
 
 STEEL = Material(density=7830.0)
 HELICAL = {"module": 14e-3, "width": 0.36, "helix_angle": math.radians(10.0), "material": STEEL}

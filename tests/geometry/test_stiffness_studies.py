@@ -7,7 +7,7 @@ import pytest
 
 from gearlib.config import load
 from gearlib.models.geometry import drawings
-from gearlib.models.geometry.energy import energy_stiffness
+from gearlib.models.geometry.mesh_stiffness import energy_stiffness
 from gearlib.studies import mesh_stiffness
 from tests.geometry.drawings import fzg_c, twenty
 from tests.paper import CONFIG as PROJECT

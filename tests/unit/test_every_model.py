@@ -38,7 +38,7 @@ from gearlib.data.provenance import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.from_values import model_of
 from gearlib.models.model import Model
-from gearlib.models.oscillator import Equation
+from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER

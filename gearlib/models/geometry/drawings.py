@@ -3,14 +3,12 @@
 import dataclasses
 import math
 import re
-from collections.abc import Callable
 from contextlib import contextmanager
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.parts import RACKS, Material, TipRelief, Web
 
 #: Fields that the second gear of a mesh takes from the first where they are left out.
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
@@ -86,16 +84,12 @@ def planets_of(
 ):
     """Return the `Planets` of drawn gears; `planetary_set` documents arguments and errors."""
     backlash = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
-    if not getattr(ring, "internal", False):
-        raise ValueError(
-            "internal of the ring = False is not allowed: it must be True, of a ring gear"
-        )
+    internal = getattr(ring, "internal", False)
+    checks.require(internal, "internal of the ring", False, "True, of a ring gear")
     try:
-        with renaming(_renamed_parts({"pinion": "sun", "wheel": "planet"}, "sun")):
+        with _renaming_gears("sun mesh", pinion="sun", wheel="planet"):
             sun_mesh = Mesh(sun, planet, centre_distance, backlash[0])
-        with renaming(
-            _renamed_parts({"pinion": "planet", "wheel": "ring", "ring gear": "ring"}, "ring")
-        ):
+        with _renaming_gears("ring mesh", **{"ring gear": "ring"}, pinion="planet", wheel="ring"):
             ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
         _check_sum(sun, planet, ring, centre_distance)
@@ -153,10 +147,6 @@ def _check_neighbours(mesh: Mesh, count: int, places: tuple) -> None:
         )
 
 
-def _renamed_parts(names: dict, mesh: str) -> Callable:
-    """Return the function for `renaming` that names gears of a planetary set."""
-
-    def rename(name, part):
-        return f"{name} of the {names.get(part, f'{mesh} mesh')}"
-
-    return rename
+def _renaming_gears(mesh: str, **names: str):
+    """Rename the gears of a mesh of a planetary set, by `renaming`."""
+    return renaming(lambda name, part: f"{name} of the {names.get(part, mesh)}")

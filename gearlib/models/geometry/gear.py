@@ -1,16 +1,36 @@
-"""One gear by its drawing: diameters, thicknesses, inertia (ISO 21771, ISO 6336-1).
+"""A gear by its drawing, and its parts: material, basic rack, web, tip relief (ISO 21771, ISO 53).
 
 Formulas are those of ISO 21771, with a negative number of teeth for a ring gear there and
 ``sign = -1`` here; all diameters are positive. A positive profile shift moves the teeth towards
-their tips, of a ring gear towards its axis.
+their tips, of a ring gear towards its axis. A gap is measured along the line of action, in m: by so
+much later than its involutes a pair of teeth touches. Positions on the path of contact are those of
+`gearlib.models.geometry.mesh`.
 """
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
-from gearlib import checks, parameters
-from gearlib.models.geometry.parts import RACKS, Material, Rack, TipRelief, Web
+from gearlib import checks
+from gearlib.parameters import (
+    BORE,
+    DIAMETER,
+    ERROR,
+    MODULE,
+    NONNEGATIVE,
+    RELIEF,
+    RELIEF_LENGTH,
+    TRUTH,
+    WIDTH,
+    Instance,
+    Integer,
+    Many,
+    Number,
+    OneOf,
+    check,
+    documented,
+)
 
 #: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
 #: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
@@ -37,18 +57,143 @@ def angle_of(value):
     return math.atan(tangent)
 
 
-class _RackKind(parameters.OneOf):
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """An elastic material; steel of ISO 6336-1 by default."""
+
+    young: Annotated[float, Number("Pa", "206 GPa", above=0), "Modulus of elasticity"] = 206e9
+    poisson: Annotated[float, Number("1", least=0, below=0.5), "Poisson's ratio"] = 0.3
+    density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", above=0), "Density"] = 7850.0
+
+    def __post_init__(self):
+        check(self, " of a material")
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """The basic rack that generates the teeth, in modules."""
+
+    addendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_aP"] = 1.0
+    dedendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_fP"] = 1.25
+    tip_radius: Annotated[
+        float,
+        NONNEGATIVE,
+        "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
+        "between the flanks, the largest that does",
+    ] = 0.38
+
+    def __post_init__(self):
+        check(self, " of a rack")
+        words = f">= 0 and below the dedendum, {self.dedendum}"
+        fits = self.tip_radius < self.dedendum
+        checks.require(fits, "tip_radius of a rack", self.tip_radius, words)
+
+
+#: The four basic racks of ISO 53.
+RACKS = {
+    "A": Rack(dedendum=1.25, tip_radius=0.38),
+    "B": Rack(dedendum=1.25, tip_radius=0.30),
+    "C": Rack(dedendum=1.25, tip_radius=0.25),
+    "D": Rack(dedendum=1.40, tip_radius=0.39),
+}
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Web:
+    """A web between rim and hub, thinner than the face width."""
+
+    thickness: Annotated[float, WIDTH, "Of the web,", "b_s"]
+    rim_diameter: Annotated[float, DIAMETER, "Inside of the rim"]
+    hub_diameter: Annotated[float, DIAMETER, "Outside of the hub, smaller than that of the rim"]
+
+    def __post_init__(self):
+        check(self, " of a web")
+        fits = self.rim_diameter > self.hub_diameter
+        words = f"above hub_diameter, {self.hub_diameter!r}"
+        checks.require(fits, "rim_diameter of a web", self.rim_diameter, words)
+
+
+#: Exponent of the relief over its length.
+SHAPES = {"linear": 1, "parabolic": 2}
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class TipRelief:
+    """Tip relief of a gear, as on its drawing; immutable.
+
+    Its length is the difference of the radii of curvature between the tip and its start.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible; the message names parameter, value and range.
+    """
+
+    amount: Annotated[float, RELIEF, "C_a, by how much the tip lies back, normal to the flank"]
+    length: Annotated[float, RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"]
+    shape: Annotated[str, OneOf(tuple(SHAPES)), "Over that length"] = "linear"
+
+    def __post_init__(self):
+        check(self, " of a tip relief")
+
+    def gap(self, from_tip):
+        """Return the gap at distances from the tip along the path of contact, m."""
+        # Here and below: a start of the workflow checks drawings without the numerical stack.
+        import numpy as np
+
+        inside = np.maximum(1.0 - np.asarray(from_tip) / self.length, 0.0)
+        return self.amount * inside ** SHAPES[self.shape]
+
+
+@dataclass(frozen=True)
+class PathTable:
+    """A table over the path of contact, linear between its points and constant beyond.
+
+    Parameters
+    ----------
+    position : sequence of float
+        Radii of curvature of the pinion's flank, m, strictly rising; ``mesh.path`` bounds them.
+    value : sequence of float
+        What is tabulated: a deviation of the flanks in m, or the stiffness of a pair of teeth in
+        N/m; finite.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry that is wrong.
+    """
+
+    position: tuple
+    value: tuple
+
+    def __post_init__(self):
+        for name in ("position", "value"):
+            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
+        if len(self.position) != len(self.value) or not self.position:
+            table = f"a table of {len(self.position)} positions and {len(self.value)} values"
+            raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
+        if any(a >= b for a, b in pairwise(self.position)):
+            raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
+
+    def at(self, position):
+        """Return the values at positions of the path."""
+        import numpy as np
+
+        return np.interp(position, self.position, self.value)
+
+
+class _RackKind(OneOf):
     """A basic rack, or its letter."""
 
-    def __init__(self):
-        super().__init__(tuple(RACKS))
-
     def check(self, name, value):
-        """Return a `Rack`, else raise ValueError."""
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
 
 
-@parameters.documented
+@documented
 @dataclass(frozen=True, kw_only=True)
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
@@ -60,59 +205,55 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, parameters.Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, parameters.MODULE, "Normal module", "m_n"]
-    width: Annotated[float, parameters.WIDTH, "Face width", "b"]
-    shift: Annotated[
-        float, parameters.Number("1", least=-3, most=3), "Profile shift coefficient", "x"
-    ] = 0.0
+    teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
+    module: Annotated[float, MODULE, "Normal module", "m_n"]
+    width: Annotated[float, WIDTH, "Face width", "b"]
+    shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
     pressure_angle: Annotated[
         float,
-        parameters.Number("rad", "20 deg", above=0, below=math.pi / 4),
+        Number("rad", "20 deg", above=0, below=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        parameters.Number("rad", "15.8 deg", least=0, below=math.pi / 3),
+        Number("rad", "15.8 deg", least=0, below=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
-    internal: Annotated[bool, parameters.TRUTH, "Whether it is a ring gear"] = False
+    internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
         float | None,
-        parameters.DIAMETER,
+        DIAMETER,
         "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -",
     ] = None
     rack: Annotated[
-        Rack | str, _RackKind(), "Basic rack, by its letter in ISO 53; A by default"
+        Rack | str, _RackKind(tuple(RACKS)), "Basic rack, by its letter in ISO 53; A by default"
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        parameters.Number("m", "-50 um", most=0),
+        Number("m", "-50 um", most=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
-    bore: Annotated[float, parameters.BORE, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0
     outer_diameter: Annotated[
-        float | None, parameters.DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
+        float | None, DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
-    web: Annotated[Web | None, parameters.Instance((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, parameters.Instance((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()
     quality: Annotated[
         int | None,
-        parameters.Integer(1, 11),
+        Integer(1, 11),
         "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
     ] = None
-    tip_relief: Annotated[
-        TipRelief | None, parameters.Instance((TipRelief,)), "None by default"
-    ] = None
+    tip_relief: Annotated[TipRelief | None, Instance((TipRelief,)), "None by default"] = None
     pitch_errors: Annotated[
         tuple,
-        parameters.Many(parameters.ERROR),
+        Many(ERROR),
         "By how much each flank lies back from its place along the line of action, tooth after "
         "tooth as they come into mesh; as many as teeth, or none",
     ] = ()
 
     def __post_init__(self):
-        parameters.check(self)
+        check(self)
         self._check_teeth()
         self._check_blank()
 
@@ -144,10 +285,11 @@ class SpurGear:
         allowed += ", by its base and root circles"
         self._set_within("tip_diameter", allowed, lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        words = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; "
-        checks.require(
-            thickness > 0.0, "tip_diameter", self.tip_diameter, words + "> 0 is allowed)"
+        words = (
+            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; > 0 "
         )
+        words += "is allowed)"
+        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
         words = f"{self.teeth} numbers, one for each tooth"
         fits = len(self.pitch_errors) in (0, self.teeth)
         checks.require(fits, "pitch_errors", self.pitch_errors, words)
@@ -168,14 +310,13 @@ class SpurGear:
         if web is None:
             return
         checks.require(not ring, "web", web, "left out of a ring gear")
-        words = f"at most the face width, {self.width!r} m"
-        checks.require(web.thickness <= self.width, "thickness of the web", web.thickness, words)
-        words = f"below the root circle, {root:.6g} m"
-        checks.require(web.rim_diameter < root, "rim_diameter of the web", web.rim_diameter, words)
-        words = f"at least the bore, {self.bore!r} m"
-        checks.require(
-            web.hub_diameter >= self.bore, "hub_diameter of the web", web.hub_diameter, words
-        )
+        thick, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
+        for name, value, fits, words in (
+            ("thickness", thick, thick <= self.width, f"at most the face width, {self.width!r} m"),
+            ("rim_diameter", rim, rim < root, f"below the root circle, {root:.6g} m"),
+            ("hub_diameter", hub, hub >= self.bore, f"at least the bore, {self.bore!r} m"),
+        ):
+            checks.require(fits, f"{name} of the web", value, words)
 
     @property
     def sign(self):
@@ -275,11 +416,9 @@ class SpurGear:
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
     def _tolerance(self, of_class_5):
-        if self.quality is None:
-            raise ValueError(
-                "quality = None is not allowed: it must be an integer from 1 to 11, or the "
-                "deviations must be given"
-            )
+        """Return the tolerance of the quality from that of class 5."""
+        words = "an integer from 1 to 11, or the deviations must be given"
+        checks.require(self.quality is not None, "quality", None, words)
         return of_class_5 * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
@@ -298,13 +437,11 @@ class SpurGear:
         return self._moment(4, math.pi / 32.0)
 
     def _moment(self, power, factor):
+        """Return `factor` times the density times the volume with a power of the diameters."""
         outer, inner = self.mean_diameter, self.bore
         if self.internal:
-            if self.outer_diameter is None:
-                raise ValueError(
-                    "outer_diameter = None is not allowed: it must be given for the inertia of a "
-                    f"ring gear, above {self.root_diameter:.6g} m"
-                )
+            words = f"given for the inertia of a ring gear, above {self.root_diameter:.6g} m"
+            checks.require(self.outer_diameter is not None, "outer_diameter", None, words)
             outer, inner = self.outer_diameter, self.mean_diameter
         volume = self.width * (outer**power - inner**power)
         if self.web is not None:

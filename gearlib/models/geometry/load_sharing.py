@@ -17,7 +17,7 @@ The pairs of a helical gear are averages over transverse slices of the face, eac
 is in mesh a little later than the last, linearized at the displacement under a load. From each of
 `Face.lines` phases to the next all slices move on by as many, so that stiffness has no steps.
 
-Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q from `gearlib.models.geometry.energy`.
+Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy method.
 """
 
 import itertools
@@ -28,10 +28,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.models.geometry.energy import PairCompliance, matrix
-from gearlib.models.geometry.gear import inv
+from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
-from gearlib.models.geometry.parts import PathTable
+from gearlib.models.geometry.mesh_stiffness import PairCompliance, matrix
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12
@@ -112,7 +111,7 @@ class ToothPairs:
             forces = np.zeros((count, rows.size, k))
             forces[..., pairs] = rise * x[..., None] - back
             # The pull that pairs in contact would need, the overlap of the others: both <= 0.
-            wrong = x[..., None] - self.gap[rows] - _image(self.compliance[rows], forces)
+            wrong = x[..., None] - self.gap[rows] - _displacements(self.compliance[rows], forces)
             wrong[..., pairs] = -(diagonal[rows] * forces)[..., pairs]
             most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
             better = most < worst[:, rows]
@@ -131,14 +130,15 @@ class ToothPairs:
         Of a pair that touches it is > 0, of others the negative distance of their flanks.
         """
         diagonal = np.einsum("mii->mi", self.compliance)
-        overlap = sharing.error[..., None] - self.gap - _image(self.compliance, sharing.force)
-        overlap = overlap + diagonal * sharing.force
+        beside = _displacements(self.compliance, sharing.force) - diagonal * sharing.force
+        overlap = sharing.error[..., None] - self.gap - beside
         # Without load pairs touch that do not overlap: the sign tells.
         least = np.finfo(float).tiny
         return np.where(sharing.touching, np.maximum(overlap, least), np.minimum(overlap, -least))
 
 
-def _image(compliance, forces):
+def _displacements(compliance, forces):
+    """Return Q F, shape (..., k)."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
@@ -170,26 +170,19 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     contact. The pairs in mesh are those at `middle`, by default at `pitches`; `inside`, shape
     (m, k), states them if they are known.
     """
-    choice = Options(**options)
-    deviation, corners, load = choice.deviation, choice.corners, choice.load
-    if deviation is not None and not isinstance(deviation, PathTable):
-        raise ValueError(f"deviation = {deviation!r} is not allowed: it must be a PathTable")
-    errors, overlap = checked_errors(mesh, choice.pitch_errors), mesh.overlap_ratio
-    if overlap > 0.0 and load is None:
-        raise ValueError(
-            f"helix_angle = {mesh.pinion.helix_angle!r} is not allowed: it must be 0, load sharing "
-            "along the path of contact is that of spur gears"
-        )
+    stiffness, coupling, deviation, pitch_errors, corners, load = Options(**options)
+    possible = isinstance(deviation, PathTable | None)
+    checks.require(possible, "deviation", deviation, "a PathTable")
+    errors, overlap = checked_errors(mesh, pitch_errors), mesh.overlap_ratio
+    words = "0, load sharing along the path of contact is that of spur gears"
+    possible = overlap == 0.0 or load is not None
+    checks.require(possible, "helix_angle", mesh.pinion.helix_angle, words)
     before, behind = zone_of_contact(mesh, corners, load, errors)
     face = face_of(mesh, errors.size)
     begun = np.floor((pitches if middle is None else middle) + before + face.reach)
     count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.reach) + 1
-    checks.require(
-        count <= _MAX_PAIRS,
-        "total contact ratio",
-        mesh.total_contact_ratio,
-        f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh",
-    )
+    words = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
+    checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, words)
     slots = np.arange(count)
     number = begun.astype(int)[:, None] - slots
     pieces = len(face.shares)
@@ -203,7 +196,9 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     place = np.round(slices[:, 0] / SAME_PLACE).astype(int) * 2**count + there @ 2**slots
     _, first, each = np.unique(place, return_index=True, return_inverse=True)
     on_path = np.clip(position[first], *mesh.path)
-    compliance = _compliance(mesh, on_path, there[first], choice)
+    # With corners more pairs are inside; a body that changed with their number would be a jump.
+    together = math.floor(mesh.contact_ratio) + 1 if corners else there[first].sum(-1)
+    compliance = _compliance(mesh, on_path, stiffness, coupling, together)
     gap = relief_gap(mesh, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -214,9 +209,9 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
     gap = gap[each] + np.repeat(errors[number % errors.size], pieces, axis=0)
     if overlap == 0.0:
         return ToothPairs(pitches, position, there, compliance[each], gap)
-    force, stiffness, x = _over_face(face.shares, compliance, each, there, gap, load)
+    force, slopes, x = _over_face(face.shares, compliance[each], there, gap, load)
     # A pair about to touch has no stiffness yet; a small one keeps the compliance finite.
-    regular = np.maximum(stiffness, 1e-9 * stiffness.sum(-1, keepdims=True))
+    regular = np.maximum(slopes, 1e-9 * slopes.sum(-1, keepdims=True))
     return ToothPairs(
         pitches,
         position.reshape(-1, pieces, count).mean(axis=1),
@@ -252,43 +247,32 @@ def face_of(mesh, periods):
     return Face(shares, places, lines, (overlap + 1.0 / lines) / 2.0)
 
 
-def _over_face(shares, compliances, numbers, inside, gap, load: float):
+def _over_face(shares, compliance, inside, gap, load: float):
     """Return forces and stiffnesses of pairs, shape (m, k), and the displacement under a load.
 
     In each step of Newton's method a pair of a slice begins to touch or parts where its force or
-    its overlap has the wrong sign. Slices have the compliances, shape (u, k, k), of their numbers.
+    its overlap has the wrong sign. Compliances of the slices have the shape (m n, k, k).
     """
-    count = gap.shape[1]
+    count, touching = gap.shape[1], inside
 
     def over_face(values):
         return shares @ values.reshape(-1, len(shares), count)
 
-    slice_compliances, touching = compliances[numbers], inside
-    diagonal = np.einsum("mii->mi", slice_compliances)
-    x = np.full(len(gap) // len(shares), load * compliances.max() + gap[inside].max())
+    diagonal = np.einsum("mii->mi", compliance)
+    x = np.full(len(gap) // len(shares), load * compliance.max() + gap[inside].max())
     for _ in range(_NEWTON_STEPS):
         way = np.repeat(x, len(shares))[:, None] - gap
-        inverse = _inverse(compliances, numbers, touching)
-        force = _image(inverse, way)
-        wrong = inside * np.where(
-            touching, -diagonal * force, way - _image(slice_compliances, force)
-        )
+        both = touching[:, :, None] & touching[:, None, :]
+        inverse = np.linalg.inv(np.where(both, compliance, np.eye(count))) * both
+        force = _displacements(inverse, way)
+        overlap = way - _displacements(compliance, force)
+        wrong = inside * np.where(touching, -diagonal * force, overlap)
         total, stiffness = over_face(force), over_face(np.einsum("mij->mi", inverse))
         step = (total.sum(-1) - load) / stiffness.sum(-1)
         if max(np.abs(step).max(), wrong.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
             return total, stiffness, x
         x, touching = x - step, touching ^ (wrong > 0.0)
     raise RuntimeError(f"no displacement of a helical mesh in {_NEWTON_STEPS} steps")
-
-
-def _inverse(compliances, numbers, touching):
-    """Return the inverse of the compliances of the pairs that touch, 0 for the others."""
-    key = numbers * 2 ** touching.shape[1] + touching @ 2 ** np.arange(touching.shape[1])
-    _, first, back = np.unique(key, return_index=True, return_inverse=True)
-    both = touching[first][:, :, None] & touching[first][:, None, :]
-    return (
-        np.linalg.inv(np.where(both, compliances[numbers[first]], np.eye(touching.shape[1]))) * both
-    )[back]
 
 
 def zone_of_contact(mesh, corners, load, errors):
@@ -300,11 +284,8 @@ def zone_of_contact(mesh, corners, load, errors):
         return 0.0, 0.0
     limit = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(errors)
     beyond = np.linspace(0.0, _LONGEST_APPROACH, 201)
-    start, end = mesh.path
-    gaps = (
-        corner_gap(mesh, place)
-        for place in (start - beyond * mesh.base_pitch, end + beyond * mesh.base_pitch)
-    )
+    (start, end), ways = mesh.path, beyond * mesh.base_pitch
+    gaps = (corner_gap(mesh, place) for place in (start - ways, end + ways))
     # The gap grows with the square of the distance.
     return tuple(float(np.interp(math.sqrt(limit), np.sqrt(gap), beyond)) for gap in gaps)
 
@@ -359,26 +340,21 @@ def relief_gap(mesh, position):
     return gap
 
 
-def _compliance(mesh, position, inside, choice: Options):
-    """Return the compliances Q of pairs at positions on the path, shape (m, k, k)."""
-    stiffness = choice.stiffness
-    coupling = checks.number("coupling", choice.coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
+def _compliance(mesh, position, stiffness, coupling, together):
+    """Return the compliances Q of pairs, of which `together` touch, shape (m, k, k)."""
+    coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         values = stiffness.at(position)
         if not values.min() > 0.0:
-            raise ValueError(
-                f"stiffness = {values.min():.6g} N/m is not allowed: it must be > 0 all along the "
-                "path of contact"
-            )
+            words = "is not allowed: it must be > 0 all along the path of contact"
+            raise ValueError(f"stiffness = {values.min():.6g} N/m {words}")
         return identity / values[..., None]
     if stiffness == "energy":
         return matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
     checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / pair_stiffness(mesh)
-    # With corners more pairs are inside; a body that changed with their number would be a jump.
-    together = math.floor(mesh.contact_ratio) + 1 if choice.corners else inside.sum(-1)
     count = np.broadcast_to(together, len(position))[:, None, None]
     body = single * coupling / (1.0 + 3.0 * count)
     return (single - body) * identity + body

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from gearlib import checks, parameters
-from gearlib.models.geometry.drawn_parameters import pair_parameters, train_parameters
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, angle_of, inv
+from gearlib.models.geometry.iso import iso_rectangle
 from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 
 #: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
@@ -24,6 +25,8 @@ _ROUNDING = 1e-3
 #: by some two thousandths of a module there; rings with full addenda, as in most published
 #: planetary sets, reach 0.03 modules below it.
 _INTO_FILLET = 0.05
+#: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
+MAX_DEFLECTION = 0.1
 
 
 @documented
@@ -66,8 +69,14 @@ class Mesh:
                 f"contact_ratio = {self.contact_ratio:.4f} is not allowed: it must be >= 1; larger "
                 "tip diameters or a smaller centre distance raise it"
             )
+        longest = self.longest_relief
+        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
         for name in ("pinion", "wheel"):
-            self._check_relief(name, getattr(self, name).tip_relief)
+            relief = getattr(self, name).tip_relief
+            # A length of just so much may have been computed another way.
+            fits = relief is None or relief.length <= longest * (1.0 + 1e-9)
+            place = f"length of the tip relief of the {name}"
+            checks.require(fits, place, relief and relief.length, words)
         self._set_backlash()
 
     def _put(self, name, value):
@@ -78,11 +87,8 @@ class Mesh:
 
     def _check_gears(self):
         pinion, wheel = self.pinion, self.wheel
-        if pinion.internal:
-            raise ValueError(
-                "internal of the pinion = True is not allowed: it must be False; the ring gear is "
-                "the wheel"
-            )
+        words = "False; the ring gear is the wheel"
+        checks.require(not pinion.internal, "internal of the pinion", True, words)
         for name in ("module", "pressure_angle", "helix_angle"):
             value, other = getattr(pinion, name), getattr(wheel, name)
             fits = math.isclose(other, value, rel_tol=1e-9, abs_tol=1e-12)
@@ -145,16 +151,6 @@ class Mesh:
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
-    def _check_relief(self, name, relief):
-        """A pair that carries alone keeps its involutes."""
-        if relief is None:
-            return
-        longest = self.longest_relief
-        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
-        # A length of just so much may have been computed another way.
-        fits = relief.length <= longest * (1.0 + 1e-9)
-        checks.require(fits, f"length of the tip relief of the {name}", relief.length, words)
-
     def _tips_pass(self):
         """Whether the tips of an internal mesh pass each other after they left contact."""
         a, angle = self.centre_distance, self.working_pressure_angle
@@ -180,21 +176,19 @@ class Mesh:
         if -_ROUNDING * module <= backlash < 1e-12 * module:
             backlash = 0.0
         words = (
-            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little "
-            "room"
+            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little"
         )
+        words += " room"
         backlash = checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
         self._put("backlash", backlash)
 
     def _geometric_backlash(self):
         """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""
-        angle = self.working_pressure_angle
-        widths = 0.0
-        for gear in (self.pinion, self.wheel):
-            widths += gear.thickness_at(gear.base_diameter / math.cos(angle))
-        circle = self.pinion.base_diameter / math.cos(angle)
-        play = math.pi * circle / self.pinion.teeth - widths
-        return play * math.cos(angle) * math.cos(self.pinion.base_helix_angle)
+        cosine = math.cos(self.working_pressure_angle)
+        gears = (self.pinion, self.wheel)
+        widths = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
+        play = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - widths
+        return play * cosine * math.cos(self.pinion.base_helix_angle)
 
     @property
     def width(self):
@@ -224,8 +218,7 @@ class Mesh:
     @property
     def path(self):
         """Where the path of contact begins and ends, m; see the head of the module; ISO 21771."""
-        beyond = self.wheel.tip_roll_length
-        start = self._tangents - beyond if not self.wheel.internal else beyond - self._tangents
+        start = self.wheel.sign * (self._tangents - self.wheel.tip_roll_length)
         return start, self.pinion.tip_roll_length
 
     @property
@@ -310,7 +303,7 @@ class Mesh:
     def stiffness(self, method="iso", **options):
         """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
         # Here: a start of the workflow checks drawings without the numerical stack.
-        from gearlib.models.geometry.drawn_stiffness import mesh_stiffness
+        from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
 
@@ -363,10 +356,131 @@ class Mesh:
 
         return transmission_error(self, torque, phases, **options)
 
-    def pair_parameters(self, **options):
-        """Return what `GearPair.from_geometry` takes of the mesh, as a dict."""
-        return pair_parameters(self, **options)
+    def pair_parameters(self, *, torque=None, power=None, speed=None, **options):
+        """Return the parameters of a `GearPair` as a dict; see `GearPair.from_geometry`."""
+        stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
+        torque = torque_of(torque, power, speed)
+        parameters = {
+            **self._mesh_parameters(torque=torque, **options),
+            "reduced_mass": self.reduced_mass,
+            "load": self.load(torque),
+            "teeth": self.pinion.teeth,
+        }
+        mean = self._check_deflection(torque, parameters, *stated)
+        if speed is not None:
+            resonance = math.sqrt(mean / self.reduced_mass) * 60.0 / (math.tau * self.pinion.teeth)
+            checks.speed("speed", speed, resonance)
+        return parameters
 
-    def train_parameters(self, **options):
-        """Return what `gearlib.Mesh.from_geometry` takes of the mesh, as a dict."""
-        return train_parameters(self, **options)
+    def train_parameters(self, *, torque=None, stated=None, **options):
+        """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`.
+
+        `stated` is what the user gave in place of the torque: name, value, unit.
+        """
+        parameters = self._mesh_parameters(torque=torque, **options)
+        if torque is not None:
+            self._check_deflection(torque, parameters, *(stated or ("torque", torque, "N m")))
+        angle = self.working_pressure_angle
+        # Tooth thickness over the pitch, on the working circles.
+        gears = self.pinion, self.wheel
+        circles = [(gear, gear.base_diameter / math.cos(angle)) for gear in gears]
+        thickness = tuple(x.thickness_at(d) / (math.pi * d / x.teeth) for x, d in circles)
+        return parameters | {
+            "internal": self.wheel.internal,
+            "pressure_angle": angle,
+            "pitch_phase": self.pitch_phase,
+            "tooth_thickness": thickness,
+        }
+
+    def _mesh_parameters(
+        self,
+        *,
+        torque=None,
+        damping_ratio=None,
+        logarithmic_decrement=None,
+        material_damping=None,
+        backlash_damping_ratio=0.0,
+        stiffness="iso",
+        options=None,
+    ):
+        """Return stiffness, backlash and damping as a dict; see `GearPair.from_geometry`."""
+        options = checks.options(options)
+        # A start of the workflow needs ISO 6336 without the numerical stack.
+        if isinstance(stiffness, str) and stiffness == "iso":
+            high, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
+        else:
+            rectangle = self.stiffness(stiffness, torque=torque, **options).ratios()
+            high, kappa, epsilon = rectangle.values()
+        mean = high * mean_over_max(epsilon, kappa)
+        names = "damping_ratio", "logarithmic_decrement", "material_damping"
+        values = damping_ratio, logarithmic_decrement, material_damping
+        dampings = [x for x in zip(names, values, strict=True) if x[1] is not None]
+        if len(dampings) > 1:
+            together = " and ".join(name for name, _ in dampings)
+            raise ValueError(f"{together} are not allowed together: it must be one of them at most")
+        damping = drawn_damping(*dampings[0], mean, self.reduced_mass) if dampings else None
+        oil = "backlash_damping_ratio", backlash_damping_ratio
+        return {
+            "max_stiffness": high,
+            "stiffness_ratio": kappa,
+            "contact_ratio": epsilon,
+            "backlash": self.line_backlash,
+            "material_damping": damping,
+            "backlash_damping": drawn_damping(*oil, mean, self.reduced_mass),
+        }
+
+    def _check_deflection(self, torque, parameters, name, value, unit):
+        """Refuse a load that deflects the teeth too far; return the mean stiffness."""
+        ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
+        mean = parameters["max_stiffness"] * mean_over_max(*ratios)
+        share = abs(self.load(torque)) / mean / (MAX_DEFLECTION * self.pinion.module)
+        most = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
+        words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
+        checks.require(share <= 1.0, name, value, words)
+        return mean
+
+
+def bodies(mesh):
+    """Return what a `SixDegreePair` takes of a drawing as a dict; see its `from_geometry`."""
+    gears = mesh.pinion, mesh.wheel
+    return {
+        "base_radii": [gear.base_diameter / 2.0 for gear in gears],
+        "inertias": [gear.inertia for gear in gears],
+        "masses": [gear.mass for gear in gears],
+        "teeth": [gear.teeth for gear in gears],
+        "pitch_phase": mesh.pitch_phase,
+    }
+
+
+def drawn_damping(name, value, stiffness, mass):
+    """Return the coefficient, N s/m, of a damping by its name; its damping ratio is below 1."""
+    critical = coefficient(1.0, stiffness, mass)
+    if name in ("material_damping", "backlash_damping"):
+        words = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
+        return checks.number(name, value, words, lambda v: 0.0 <= v < critical)
+    if name == "logarithmic_decrement":
+        return coefficient(checks.finite_nonnegative(name, value), stiffness, mass, decrement=True)
+    words = "a finite number >= 0 and < 1"
+    return checks.number(name, value, words, lambda v: 0.0 <= v < 1.0) * critical
+
+
+def coefficient(ratio, stiffness, mass, decrement=False):
+    """Return k = 2 beta sqrt(C_s m), N s/m, of a damping ratio beta or a logarithmic decrement."""
+    if decrement:
+        ratio /= math.hypot(math.tau, ratio)
+    return 2.0 * ratio * math.sqrt(stiffness * mass)
+
+
+def torque_of(torque, power, speed):
+    """Return the torque of the pinion, N m, from itself or from power in W and speed in rpm."""
+    if torque is not None and power is not None:
+        raise ValueError("torque and power are not allowed together: it must be one of them")
+    if torque is None and power is None:
+        raise ValueError("torque is missing: it must be given in N m, or power and speed")
+    if power is not None and speed is None:
+        raise ValueError("speed is missing: it must be given in rpm, where power is given")
+    if speed is not None:
+        speed = checks.finite_positive("speed", speed)
+    if power is None:
+        return checks.finite_positive("torque", torque)
+    return checks.finite_positive("power", power) / (math.tau / 60.0 * speed)

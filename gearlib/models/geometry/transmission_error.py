@@ -9,13 +9,12 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.data.variables import describe
+from gearlib.models.geometry.gear import SHAPES, TipRelief
 from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
-from gearlib.models.geometry.parts import SHAPES, TipRelief
 
 #: Over the deflection: an error below is flat up to rounding.
 _FLAT = 1e-12
-#: Decimals of the optimum that are kept: further ones follow from rounding and differ between
-#: machines.
+#: Decimals of the optimum: further ones follow from rounding and differ between machines.
 _DIGITS = 6
 #: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
 #: the long one. The descent starts from so many of its best points.
@@ -26,10 +25,9 @@ _STARTS = 2
 
 def transmission_error(mesh, torque, phases=256, **options):
     """Return the static transmission error as a dataset; see `Mesh.transmission_error`."""
-    torques = np.array(
-        [checks.finite_nonnegative("torque", value) for value in np.atleast_1d(torque).tolist()]
-    )
-    if not torques.size:
+    values = np.atleast_1d(torque).tolist()
+    torques = np.array([checks.finite_nonnegative("torque", value) for value in values])
+    if not values:
         raise ValueError("torque = [] is not allowed: it must have at least one value")
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
@@ -37,17 +35,14 @@ def transmission_error(mesh, torque, phases=256, **options):
     # Without load rounding leaves forces, of which no pair has a share.
     share = np.full_like(sharing.force, math.nan)
     np.divide(sharing.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
-    grid = ("torque", "phase")
+    grid, grid_of_pairs = ("torque", "phase"), ("phase", "tooth_pair")
     data = {
         "transmission_error": (grid, sharing.error),
         "load_share": ((*grid, "tooth_pair"), share),
         "pairs_in_contact": (grid, sharing.touching.sum(-1)),
         "mesh_stiffness": (grid, sharing.stiffness.sum(-1)),
-        "path_position": (
-            ("phase", "tooth_pair"),
-            np.where(pairs.inside, pairs.position, math.nan),
-        ),
-        "gap": (("phase", "tooth_pair"), np.where(pairs.inside, pairs.gap, math.nan)),
+        "path_position": (grid_of_pairs, np.where(pairs.inside, pairs.position, math.nan)),
+        "gap": (grid_of_pairs, np.where(pairs.inside, pairs.gap, math.nan)),
         "peak_to_peak_error": ("torque", np.ptp(sharing.error, axis=1)),
         "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, sharing, phases)),
         "mesh_force": ("torque", loads),
@@ -163,7 +158,7 @@ def _least_range(course, first, bounds):
     from scipy.optimize import minimize
 
     values = course(first)
-    found = minimize(
+    minimum = minimize(
         lambda at: at[-1] - at[-2],
         [*first, values.min(), values.max()],
         method="SLSQP",
@@ -174,4 +169,4 @@ def _least_range(course, first, bounds):
         },
         options={"maxiter": 50, "ftol": 1e-9},
     )
-    return np.clip(found.x[:-2], *np.transpose(bounds))
+    return np.clip(minimum.x[:-2], *np.transpose(bounds))
