@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gearlib.cli import model_options, output, progress, refusals
-from gearlib.config import fit_section, measured_description
+from gearlib.config import measured_description
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import declared
 
@@ -37,7 +37,7 @@ def _options(command):
         from gearlib import read_measured
 
         data = read_measured(path)
-        said = measured_description.read(path).fit or fit_section.FitSection()
+        said = measured_description.read(path).fit or measured_description.FitSection()
         free = _ranges(path, asked, said.free)
         known = {name: sum(ends) / 2.0 for name, ends in free.items()} if _alone(others) else {}
         known |= json.loads(data.attrs["known"])
@@ -77,9 +77,9 @@ def _ranges(path, asked, said):
             raise click.UsageError(
                 f"--free {text} is not allowed: it must be {_FREE}, for {path} has no range of it"
             )
-        found[name] = fit_section.range_of(name, ends.split(",") if equals else said[name])
+        found[name] = measured_description.range_of(name, ends.split(",") if equals else said[name])
     if not found:
-        found = {name: fit_section.range_of(name, ends) for name, ends in said.items()}
+        found = {name: measured_description.range_of(name, ends) for name, ends in said.items()}
     if not found:
         raise click.UsageError(f"--free is missing: give {_FREE}, or fit.free in {path}")
     return found

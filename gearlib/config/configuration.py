@@ -5,28 +5,30 @@ from typing import Literal, get_args
 from pydantic import Field, field_validator, model_validator
 
 from gearlib.config import measured_description
-from gearlib.config.agreement import MAX_JOBS, check_different, check_most
 from gearlib.config.experiments import (
+    FRICTION_ONLY,
+    SIX_ONLY,
     AnalyticMethod,
+    Basins,
+    Bifurcation,
     Branches,
     Certificates,
     Figures,
     Jump,
     Labels,
+    Models,
     NonlinearDamping,
     ParametricResonance,
     PhaseLag,
     PhasePlanes,
+    Poincare,
     Resonance,
     RunUps,
+    Scene,
 )
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.gears_section import Gears
-from gearlib.config.global_dynamics import Basins, Bifurcation, Poincare
+from gearlib.config.gears_section import Gears, HarrisMap, MeshStiffness
 from gearlib.config.measured_description import MeasuredPath
-from gearlib.config.reducer_section import Campbell, Reducer
-from gearlib.config.scenes_section import FRICTION_ONLY, SIX_ONLY, Models, Scene
-from gearlib.config.stiffness_section import HarrisMap, MeshStiffness
 from gearlib.config.targets import (
     OF_ANY_TRAIN,
     ONLY_IF_NAMED,
@@ -36,9 +38,18 @@ from gearlib.config.targets import (
     undamped,
 )
 from gearlib.config.tolerances_section import Tolerances
-from gearlib.config.train_section import OF_PAIRS, Train, TrainSweep
+from gearlib.config.train_section import OF_PAIRS, Campbell, Reducer, Train, TrainSweep
 from gearlib.config.trials import Failures, StabilityChart, WorkPrecision
-from gearlib.config.types import Name, ProjectName, Section, entry, listing
+from gearlib.config.types import (
+    MAX_JOBS,
+    Name,
+    ProjectName,
+    Section,
+    check_different,
+    check_most,
+    entry,
+    listing,
+)
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 
 #: Limits that catch a mistyped step or window before it fills a disk.

@@ -12,7 +12,7 @@ from typing import Annotated, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearlib.config import drawing, speeds_section
+from gearlib.config import gears_section, speeds_section
 from gearlib.config.experiments import Resonance
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
 from gearlib.config.gears_section import Gears
@@ -56,7 +56,9 @@ def filled(mapping):
         if refused := _too_damped(mapping["dampings"], pair):
             return mapping, refused
         defaults["resonance"] = _resonance(mapping.get("resonance"), pair, speed)
-        defaults["six_degrees"] = drawing.six_degrees(Gears.model_validate(mapping["gears"]).mesh())
+        defaults["six_degrees"] = gears_section.six_degrees(
+            Gears.model_validate(mapping["gears"]).mesh()
+        )
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems

@@ -3,8 +3,7 @@
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from gearlib.config.agreement import check_most
-from gearlib.config.drawing import coefficient
+from gearlib.config.gears_section import coefficient
 from gearlib.config.types import (
     Angle,
     DampingCoefficient,
@@ -20,6 +19,7 @@ from gearlib.config.types import (
     Stiffness,
     Truth,
     Tuning,
+    check_most,
     entry,
     like,
     number_within,

@@ -7,7 +7,7 @@ point, or "" where the target can be computed.
 from importlib.util import find_spec
 from typing import get_args
 
-from gearlib.config import stiffness_section
+from gearlib.config import gears_section
 from gearlib.config.gear_pair_section import BEARINGS
 from gearlib.config.train_section import OF_PAIRS, Train
 from gearlib.config.trials import PEERS
@@ -156,8 +156,8 @@ _REFUSALS = {
     "reducer": _reducer,
     "campbell": _campbell,
     "train_sweep": _train_sweep,
-    "mesh_stiffness": lambda c: stiffness_section.refusal(c, "mesh_stiffness"),
-    "harris_map": lambda c: stiffness_section.refusal(c, "harris_map"),
+    "mesh_stiffness": lambda c: gears_section.refusal(c, "mesh_stiffness"),
+    "harris_map": lambda c: gears_section.refusal(c, "harris_map"),
     "measured": _measured,
     "tolerances": _tolerances,
 }

@@ -6,8 +6,8 @@ from pydantic import model_validator
 
 from gearlib import parameters
 from gearlib.config import units
-from gearlib.config.agreement import MAX_JOBS, check_different, check_grid, check_most
 from gearlib.config.types import (
+    MAX_JOBS,
     Amount,
     DampingName,
     Finite,
@@ -20,6 +20,9 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
+    check_different,
+    check_grid,
+    check_most,
     entry,
     listing,
     number_within,

@@ -4,7 +4,6 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from gearlib.config.agreement import check_different
 from gearlib.config.types import (
     CubicDamping,
     DampingName,
@@ -18,6 +17,7 @@ from gearlib.config.types import (
     Start,
     Step,
     Stop,
+    check_different,
     entry,
     listing,
     whole,

@@ -76,12 +76,12 @@ def look(mapping: dict, damping: str) -> View:
         phases = max(_FEWEST, min(_PHASES, _ALL_PHASES // count))
         torques = [*(load * torque for load in LOADS), torque]
         error = mesh.transmission_error(torques, phases=phases, stiffness=teeth.stiffness)
-    found = _motion(pair, teeth, grid, float(teeth.tuning_at(speed)))
+    found = _motion(pair, teeth, grid, float(teeth.tuning_at(speed)), count)
     return found._replace(mesh=mesh, error=error)
 
 
-def _motion(pair, moving, grid: np.ndarray, tuning: float) -> View:
-    """Return the view of a pair, and of the model that moves."""
+def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> View:
+    """Return the view of a pair, and of the model that moves, whose errors repeat so often."""
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
 
     def curve(direction):
@@ -95,8 +95,7 @@ def _motion(pair, moving, grid: np.ndarray, tuning: float) -> View:
     with ThreadPoolExecutor(2) as pool:
         (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
     # A revolution, which has a spectrum; of gears with errors until the same teeth meet again.
-    count = len(getattr(moving, "pitch_errors", ())) or 1
-    recorded = max(round(moving.periods_per_revolution), min(count, _LONGEST))
+    recorded = max(round(moving.periods_per_revolution), min(repeats, _LONGEST))
     run = simulate(
         moving,
         tuning,

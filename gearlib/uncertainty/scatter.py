@@ -152,18 +152,17 @@ def shard(
     quantities: Any = ("jump_up", "jump_down"),
     speed: float | None = None,
     seed: int = 0,
-    threads: int | None = None,
-    progress: Callable | None = None,
-    **runs_over_speed: Any,
+    **settings: Any,
 ) -> xr.Dataset:
-    """Return what `gather` takes of the samples first ... last - 1 of a `scatter`."""
+    """Return the samples first ... last - 1 of a `scatter`, with its other settings, for `gather`."""
+    threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     designs = Designs(model, tolerances, seed)
-    runs = _runs(designs.nominal, **runs_over_speed)
+    runs = _runs(designs.nominal, **settings)
     if runs is None and not quantities:
         raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
     search = search_of(designs, quantities, speed) if quantities else None

@@ -7,7 +7,7 @@ import pytest
 
 import gearlib
 from gearlib import Body, GearTrain, Shaft
-from gearlib.config import drawn_trains, load
+from gearlib.config import load, train_section
 from gearlib.geometry import Mesh, SpurGear, planetary_set
 from gearlib.models.trains.described_train import described
 from tests.paper import CONFIG
@@ -80,11 +80,11 @@ def read(kind, section):
 
 
 def test_a_planetary_set_is_that_of_the_library():
-    missing = set(drawn_trains.PlanetarySet.model_fields) - set(SET)
+    missing = set(train_section.PlanetarySet.model_fields) - set(SET)
     one_of = {"power", "speed", "logarithmic_decrement", "material_damping"}
     assert missing == one_of | {"stiffness", "stiffness_options"}
     arguments = set(inspect.signature(planetary_set).parameters) - {"options", "more"}
-    assert arguments == set(drawn_trains.PlanetarySet.model_fields) - {
+    assert arguments == set(train_section.PlanetarySet.model_fields) - {
         "power",
         "speed",
         "stiffness_options",

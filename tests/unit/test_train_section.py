@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import gearlib
-from gearlib.config import drawn_trains, load
+from gearlib.config import load, train_section
 from gearlib.config import train_section as trains
 from gearlib.models.trains.described_train import described
 from tests.paper import CONFIG
@@ -17,7 +17,7 @@ from tests.trains.random_trains import random_train
 
 EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 #: Keys of drawn gears, tested in test_drawn_trains.py.
-DRAWN = {"gear", *drawn_trains.OF_DRAWN} - {"material_damping"}
+DRAWN = {"gear", *train_section.OF_DRAWN} - {"material_damping"}
 READY_MADE = ("split_power_reducer", "planetary", "idler", "two_stage")
 
 

@@ -16,7 +16,7 @@ import gearlib
 from gearlib import config as configuration
 from gearlib import integrators, tunings
 from gearlib.config import gear_names, measured_description, targets, yaml_keys
-from gearlib.config.stiffness_section import drawn_pairs, takes_configured_gears
+from gearlib.config.gears_section import drawn_pairs, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.engines.pair.stiffness import force_note
 from workflow.refusal import refuse
