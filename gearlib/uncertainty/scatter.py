@@ -154,7 +154,7 @@ def shard(
     seed: int = 0,
     **settings: Any,
 ) -> xr.Dataset:
-    """Return the samples first ... last - 1 of a `scatter`, with its other settings, for `gather`."""
+    """Return the samples first ... last - 1 of a `scatter` with its other settings."""
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
