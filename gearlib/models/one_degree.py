@@ -72,7 +72,7 @@ class Equation:
 
     def law(self, tuning, tolerance):
         """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
-        unit, (near, far) = 1.0 / tuning**2, self._sides()
+        unit, (near, far) = 1.0 / tuning**2, self.sides()
         # Velocities are by phase: each power of x' comes with nu, all with 1 / nu^2.
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         waves = np.array([1.0, unit, unit])
@@ -102,7 +102,7 @@ class Equation:
         Components q = x - f, dq/dt, 1 and a cosine and a sine of each order, over the model's own
         time t: the deviation f moves the flanks, and its inertia falls out of the equation.
         """
-        near, far = self._sides()
+        near, far = self.sides()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size
         upper, lower, push = np.zeros((3, n), np.result_type(tuning))
@@ -132,7 +132,7 @@ class Equation:
         deviation[:, 1:] *= -(deviation[:, :1] ** 2)
         return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
 
-    def _sides(self):
+    def sides(self):
         """Return the stiffness of near and far side over the same breaks."""
         if self.near is self.far:
             return self.near, self.far

@@ -88,6 +88,8 @@ EXPERIMENTS = {
         {"nonlinear_damping": 6, "nonlinear_damping_table": 1},
         {"draw_nonlinear_damping": 1},
         simulates=True,
+        # Its damping is the largest of all.
+        with_k1={"nonlinear_damping": 6, "nonlinear_damping_table": 1},
     ),
     "stability_chart": Experiment({"stability_chart": 1}, {"draw_stability_chart": 1}),
     "reducer": Experiment(
@@ -119,6 +121,13 @@ EXPERIMENTS = {
             "work_precision_table": 1,
         },
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
+        # So is that of its damped problems.
+        with_k1={
+            "work_precision_references": 1,
+            "work_precision_errors": 2,
+            "work_precision_times": 2,
+            "work_precision_table": 1,
+        },
     ),
     "analytic_method": Experiment(
         {"analytic_method": 1},
@@ -126,10 +135,10 @@ EXPERIMENTS = {
         simulates=True,
         with_k1={"analytic_method": 1},
     ),
-    "basins": Experiment({"basins": 1}, {"draw_basins": 1}, simulates=True),
-    "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}, simulates=True),
+    "basins": Experiment({"basins": 1}, {"draw_basins": 1}),
+    "bifurcation": Experiment({"bifurcation": 1}, {"draw_bifurcation": 1}),
     "bifurcation_branches": Experiment({"bifurcation_branches": 1}, {"draw_bifurcation": 1}),
-    "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}, simulates=True),
+    "poincare": Experiment({"poincare": 1}, {"draw_poincare": 1}),
 }
 
 

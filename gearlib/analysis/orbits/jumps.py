@@ -31,9 +31,9 @@ _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
 #: Depth of contact loss beyond which it does not count.
 _DEEP = 0.1
-#: First, largest and least step along a branch; size of states from which on, and corrections up
+#: First and largest step along a branch, one within which it may turn, and least step; size of states from which on, and corrections up
 #: to which, steps grow; most steps.
-_FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.1, 0.4, 1e-5
+_FIRST_STEP, _LARGEST_STEP, _SHORT_STEP, _LEAST_STEP = 0.1, 0.4, 1e-3, 1e-5
 _LARGE_STATE, _MAX_EASY_CORRECTIONS, _MAX_POINTS = 2.0, 3, 4000
 #: Tuning that weighs as much as a static deflection, and the share of its first tuning at which a
 #: branch that is followed down ends.
@@ -226,7 +226,9 @@ class _Search:
 
         def go(h):
             last = points[-1]
-            orbit, tangent, corrections = tracing.advance(problem, last.y, last.tangent, h)
+            # A short step may turn: close behind a grazing a fold is sharp.
+            step = last.y, last.tangent, h, None, h < _SHORT_STEP
+            orbit, tangent, corrections = tracing.advance(problem, *step)
             new = branch_point(orbit, tangent)
             if sign * tangent[-1] < 0.0:
                 _, fold = located(problem, last, new, FOLD) or (0.0, None)
