@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from gearlib.config import load
 from gearlib.studies import jump
 from gearlib.studies.trials import high_precision, problems, references
 from gearlib.studies.trials import work_precision as wp
-from gearlib.config import load
 from tests.paper import CONFIG
 
 PAIR, SIX = CONFIG["gear_pair"], CONFIG["six_degrees"]
