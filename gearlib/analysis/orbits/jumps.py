@@ -31,8 +31,8 @@ _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
 #: Depth of contact loss beyond which it does not count.
 _DEEP = 0.1
-#: First and largest step along a branch, one within which it may turn, and least step; size of states from which on, and corrections up
-#: to which, steps grow; most steps.
+#: First and largest step along a branch, one within which it may turn, and the least; size of
+#: states from which on, and corrections up to which, steps grow; most steps.
 _FIRST_STEP, _LARGEST_STEP, _SHORT_STEP, _LEAST_STEP = 0.1, 0.4, 1e-3, 1e-5
 _LARGE_STATE, _MAX_EASY_CORRECTIONS, _MAX_POINTS = 2.0, 3, 4000
 #: Tuning that weighs as much as a static deflection, and the share of its first tuning at which a
