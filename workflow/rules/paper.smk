@@ -222,6 +222,4 @@ rule compute_claims:
 
 rule claims:
     input:
-        asked(
-            "claims", rules.compute_claims.output.csv, rules.compute_claims.output.markdown
-        ),
+        asked("claims", rules.compute_claims.output.csv, rules.compute_claims.output.markdown),
