@@ -8,7 +8,6 @@ config.yaml (2 or 2.0) rerun nothing. A job's params hold exactly the values tha
 import json
 import os
 import re
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
