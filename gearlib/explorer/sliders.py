@@ -11,6 +11,7 @@ from typing import NamedTuple
 from gearlib import config
 from gearlib.config import units
 from gearlib.config.gears_section import Gears
+from gearlib.explorer.view import HIGHEST, LOWEST
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair import GearPair
@@ -101,7 +102,9 @@ class Sliders:
         }
 
     def _of_drawing(self, settings) -> dict[str, Slider]:
-        mesh, torque = settings.gears.mesh(), settings.gears.driving_torque()
+        #: The gears at the start.
+        self.mesh = mesh = settings.gears.mesh()
+        torque = settings.gears.driving_torque()
         pinion, wheel = mesh.pinion, mesh.wheel
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         self.heading = (
@@ -135,8 +138,8 @@ class Sliders:
             "speed": slider(
                 "speed of the pinion, rpm",
                 speed,
-                min(0.2 * resonance, speed),
-                max(2.2 * resonance, speed),
+                min(LOWEST * resonance, speed),
+                max(HIGHEST * resonance, speed),
             ),
         }
 
@@ -166,12 +169,11 @@ class Sliders:
 
     def _draw(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
         """Change the drawing: tips stay as high above the shift, in modules."""
-        before = Gears.model_validate(gears).mesh()
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
             gears["wheel"].pop(name, None)
         for gear in ("pinion", "wheel"):
-            drawing, old = gears[gear], getattr(before, gear)
+            drawing, old = gears[gear], getattr(self.mesh, gear)
             for name in ("teeth", "shift"):
                 if f"{gear}_{name}" in moved:
                     drawing[name] = values[f"{gear}_{name}"]
@@ -198,9 +200,9 @@ class Sliders:
         if "speed" in moved:
             gears["speed"] = values["speed"]
         if "tip_relief" in moved:
-            self._relieve(gears, values["tip_relief"], before)
+            self._relieve(gears, values["tip_relief"])
 
-    def _relieve(self, gears: dict, amount: float, before: Mesh) -> None:
+    def _relieve(self, gears: dict, amount: float) -> None:
         """Change the reliefs of the drawing in proportion; else give both gears the longest one."""
         largest = self.sliders["tip_relief"].start
         if not largest:
@@ -208,5 +210,5 @@ class Sliders:
             for gear in ("pinion", "wheel"):
                 gears[gear]["tip_relief"] = {"amount": amount, "length": length}
         for gear in ("pinion", "wheel") if largest else ():
-            if relief := getattr(before, gear).tip_relief:
+            if relief := getattr(self.mesh, gear).tip_relief:
                 gears[gear]["tip_relief"]["amount"] = relief.amount / largest * amount

@@ -23,7 +23,7 @@ _POINTS, _PERIODS, _RECORDED = 500, 70, 10
 #: Mesh periods of the motion at the setting before its record, and the longest record of them.
 _SETTLE, _LONGEST = 280, 100
 #: Speeds of the characteristic of drawn gears, over that of resonance.
-_LOWEST, _HIGHEST = 0.2, 2.2
+LOWEST, HIGHEST = 0.2, 2.2
 #: Loads of the Harris map beside the chosen one, over it.
 LOADS = 0.0, 0.5, 1.5, 2.0
 #: Phases of a mesh period; most, where errors repeat after many mesh periods, and least of each.
@@ -67,7 +67,7 @@ def look(mapping: dict, damping: str) -> View:
     )
     resonance = pair.speed(1.0)
     speed = float(pair.speed(tuning))
-    ends = min(_LOWEST * resonance, speed), max(_HIGHEST * resonance, speed)
+    ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)
     grid = pair.tuning_at(np.linspace(*ends, _POINTS))
     # After so many mesh periods the same teeth meet again.
     count = len(mesh.pitch_errors)

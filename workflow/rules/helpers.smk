@@ -88,6 +88,8 @@ def canonical(value):
 
 
 CONFIG = checked_configuration()
+#: Targets of a call that names none.
+WANTED = CONFIG.wanted()
 # Captions of the report read this too, and find what the configuration leaves out as well.
 config.update(canonical(CONFIG.model_dump()))
 
@@ -110,16 +112,6 @@ def grid(section, step="step"):
     return tunings.grid(section["start"], section["stop"], section[step])
 
 
-def pair(damping):
-    """Return the parameters of the gear pair with one of the dampings."""
-    return canonical(CONFIG.pair_parameters(damping))
-
-
-def pair_of_job(wildcards):
-    """Return the parameters of the gear pair with the damping of a job."""
-    return pair(wildcards.damping)
-
-
 def global_cases(section):
     """Return the cases of basins or Poincare sections, with the parameters of their gear pairs."""
     return canonical(
@@ -132,7 +124,7 @@ def global_cases(section):
 
 
 #: Damping -> parameters of the gear pair with it.
-PAIRS = {damping: pair(damping) for damping in config["dampings"]}
+PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
 GEAR_PAIR = gear_names.of_pair(CONFIG)
 #: Arguments that `sweep` and `simulate` share; those of runs with samples.
@@ -216,7 +208,7 @@ def asked(target, *files):
 
 def beside(target, files):
     """Return files that a figure shows if the configuration asks for their target, else none."""
-    return files if target in CONFIG.wanted() else []
+    return files if target in WANTED else []
 
 
 # Scenes and measured sets.
@@ -258,7 +250,7 @@ def files_of_set(wildcards):
 
 def path_of_set(wildcards):
     """Return the YAML file of a measured set."""
-    return measured_description.paths(CONFIG.measured)[wildcards.measured]
+    return MEASURED_SETS[wildcards.measured][0]
 
 
 # Methods, drawings, designs.

@@ -11,7 +11,7 @@ use rule _compute as compute_analytic_method with:
         "results/analytic_method.nc",
     params:
         function="gearlib.studies.analytic_method:compute",
-        pair=pair(config["analytic_method"]["damping"]),
+        pair=PAIRS[config["analytic_method"]["damping"]],
         settings=config["analytic_method"],
         run=RUN,
         tunings=grid(config["analytic_method"]),
@@ -53,7 +53,7 @@ use rule _compute as compute_stability_chart with:
     params:
         **only(config["stability_chart"], "steps", "methods"),
         function="gearlib.studies.trials.stability_of_methods:compute",
-        pair=pair(config["stability_chart"]["damping"]),
+        pair=PAIRS[config["stability_chart"]["damping"]],
         tunings=grid(config["stability_chart"]),
         fine_tunings=grid(config["stability_chart"], "fine_step"),
 

@@ -14,7 +14,7 @@ use rule _compute as compute_run_ups with:
     params:
         **only(config["run_ups"], "start", "stop", "damping", "revolutions"),
         function="gearlib.studies.run_ups:compute",
-        pair=pair(config["run_ups"]["damping"]),
+        pair=PAIRS[config["run_ups"]["damping"]],
         mesh_orders=config["run_ups"]["orders"],
 
 
@@ -50,7 +50,7 @@ use rule _compute as compute_jump with:
         "results/jump.nc",
     params:
         function="gearlib.studies.jump:compute",
-        pair=pair(config["jump"]["damping"]),
+        pair=PAIRS[config["jump"]["damping"]],
         settings=without(config["jump"], "marked"),
         run=RUN,
         tunings=grid(config["jump"]),
@@ -87,7 +87,7 @@ use rule _compute as label with:
         "results/labels/{damping}.nc",
     params:
         function="gearlib.studies.trust_labels:compute",
-        pair=pair_of_job,
+        pair=lambda wildcards: PAIRS[wildcards.damping],
         tunings=grid(config["labels"]),
         settings=without(config["labels"], *GRID),
         damping="{damping}",
@@ -112,7 +112,7 @@ use rule _compute as compute_branches with:
     params:
         function="gearlib.studies.resonance_branches:of_damping",
         damping="{damping}",
-        pair=pair_of_job,
+        pair=lambda wildcards: PAIRS[wildcards.damping],
         settings=without(config["branches"], "loci"),
 
 
@@ -128,7 +128,7 @@ use rule _compute as loci with:
         **only(config["branches"], "start", "stop"),
         **only(config["branches"]["loci"], "lowest", "highest"),
         function="gearlib.studies.resonance_branches:loci_of",
-        pair=pair(CONFIG.branches.loci.damping),
+        pair=PAIRS[CONFIG.branches.loci.damping],
 
 
 use rule _draw as draw_branches with:
@@ -416,6 +416,9 @@ rule basins:
         asked("basins", rules.draw_basins.output),
 
 
+BIFURCATION_PAIR = canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping))
+
+
 use rule _compute as compute_bifurcation with:
     pathvars:
         job="bifurcation",
@@ -428,7 +431,7 @@ use rule _compute as compute_bifurcation with:
     priority: LONG
     params:
         function="gearlib.studies.global_picture:bifurcation",
-        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        pair=BIFURCATION_PAIR,
         tunings=grid(config["bifurcation"]),
         coarse=grid(config["bifurcation"], "share_step"),
         settings=without(config["bifurcation"], "damping"),
@@ -445,7 +448,7 @@ use rule _compute as bifurcation_branches with:
     params:
         function="gearlib.studies.resonance_branches:of_damping",
         damping="of the bifurcation diagram",
-        pair=canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping)),
+        pair=BIFURCATION_PAIR,
         settings=without(config["branches"], "loci") | only(config["bifurcation"], "start", "stop"),
 
 

@@ -51,7 +51,7 @@ use rule _compute as sweep_window with:
     params:
         **only(config["resonance"], "step", "lowest"),
         function="gearlib.studies.resonance_windows:compute",
-        pair=pair_of_job,
+        pair=lambda wildcards: PAIRS[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
         run=RUN,
         damping="{damping}",
@@ -111,7 +111,7 @@ use rule _compute as phase_plane with:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
         function="gearlib.studies.recorded_planes:compute",
-        pair=pair_of_job,
+        pair=lambda wildcards: PAIRS[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
         run=SAMPLED_RUN,
         damping="{damping}",

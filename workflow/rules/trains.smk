@@ -15,7 +15,7 @@ use rule _compute as compute_reducer with:
         "results/reducer.nc",
     params:
         function="gearlib.studies.trains.reducer:compute",
-        pair=pair(config["reducer"]["damping"]),
+        pair=PAIRS[config["reducer"]["damping"]],
         tunings=grid(config["reducer"]),
         settings=without(config["reducer"], "damping", *GRID),
 
@@ -55,6 +55,7 @@ rule reducer:
 # Every mesh of the train of the configuration over speed.
 
 TRAIN = gear_names.of_train(CONFIG)
+TRAIN_PARAMETERS = canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))
 
 
 use rule _compute as compute_train_sweep with:
@@ -67,7 +68,7 @@ use rule _compute as compute_train_sweep with:
         "results/train_sweep.nc",
     params:
         function="gearlib.studies.trains.over_speed:compute",
-        train=canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping)),
+        train=TRAIN_PARAMETERS,
         tunings=grid(config["train_sweep"]),
         settings=without(config["train_sweep"], "damping", *GRID),
 
@@ -105,10 +106,10 @@ use rule _compute as compute_campbell with:
         "results/campbell.nc",
     params:
         **(
-            {"train": canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))}
+            {"train": TRAIN_PARAMETERS}
             if HAS_OWN_TRAIN
             else {
-                "pair": pair(config["reducer"]["damping"]),
+                "pair": PAIRS[config["reducer"]["damping"]],
                 "settings": without(config["reducer"], "damping", *GRID, *STARTS),
             }
         ),

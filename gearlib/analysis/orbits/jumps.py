@@ -227,8 +227,10 @@ class _Search:
         def go(h):
             last = points[-1]
             # A short step may turn: close behind a grazing a fold is sharp.
-            step = last.y, last.tangent, h, None, h < _SHORT_STEP
-            orbit, tangent, corrections = tracing.advance(problem, *step)
+            turns = h < _SHORT_STEP
+            orbit, tangent, corrections = tracing.advance(
+                problem, last.y, last.tangent, h, corner=turns
+            )
             new = branch_point(orbit, tangent)
             if sign * tangent[-1] < 0.0:
                 _, fold = located(problem, last, new, FOLD) or (0.0, None)
