@@ -66,7 +66,7 @@ DESCRIPTIONS = {
     "critical_speed": ("min-1", "speed at which the order meets the natural frequency"),
     "mesh_rate": ("1", "mesh frequency over that of the reference mesh"),
     "excites": ("1", "whether the stiffness excites the natural mode at this order"),
-    "speed": ("min-1", "speed of the gear whose revolutions count"),
+    "speed": ("min-1", "speed, of the gear whose revolutions count"),
     "mesh_branch": ("1", "branch of the mesh"),
     "mesh_stage": ("1", "stage of the mesh"),
     "lost_alone_share": ("1", "share of the starts in which only the branch loses contact"),
@@ -86,7 +86,10 @@ DESCRIPTIONS = {
     "path_position": ("m", "position on the path of contact, radius of curvature of the pinion"),
     "gap": ("m", "gap that reliefs and deviations leave between the flanks of the pair"),
     "peak_to_peak_error": ("m", "peak-to-peak static transmission error"),
-    "effective_contact_ratio": ("1", "mean number of pairs of teeth that touch"),
+    "effective_contact_ratio": (
+        "1",
+        "effective contact ratio, mean number of pairs of teeth that touch",
+    ),
     "relief": ("1", "length of the optimum tip relief"),
     "gear": ("1", "gear of the mesh"),
     "relief_amount": ("m", "amount of the tip relief"),
@@ -180,7 +183,7 @@ DESCRIPTIONS = {
     "displacement_error": ("1", "largest error of the displacement in static deflections"),
     "velocity_error": ("1", "largest error of dx/dtau in static deflections"),
     # the analytic method at work
-    "iteration": ("1", "applications of the kernel to the motion"),
+    "iteration": ("1", "iteration, applications of the kernel to the motion"),
     "contact_loss": ("1", "whether contact is lost"),
     "degenerate_count": ("1", "degenerate harmonics"),
     "degenerate_chosen": ("1", "degenerate harmonics, chosen automatically"),
@@ -241,12 +244,12 @@ DESCRIPTIONS = {
     # phase lag
     "lag": ("degree", "lag of the motion behind the mesh stiffness"),
     "first_lag": ("degree", "lag of the first harmonic behind the mesh stiffness"),
-    "shown_tuning": ("1", "tuning of the courses"),
+    "shown_tuning": ("1", "tuning nu, of the courses"),
     # nonlinear damping
     "direction": ("1", "direction of the sweep"),
     "place": ("1", "where the damping acts"),
     "power": ("1", "power of the velocity in the damping force"),
-    "shown": ("1", "tuning of the phase planes"),
+    "shown": ("1", "tuning nu, of the phase planes"),
     "coefficient": ("1", "damping coefficient"),
     "jump_size": ("1", "change of the orbit's height at the jump in static deflections"),
     "peak": ("1", "largest displacement of the characteristic in static deflections"),
@@ -254,7 +257,7 @@ DESCRIPTIONS = {
     "lost_from": ("1", "first tuning of the widest range with contact loss"),
     "lost_to": ("1", "last tuning of the widest range with contact loss"),
     "lost_share": ("1", "fraction of time without drive-side contact"),
-    "torque": ("N m", "torque: of the pinion, of gear 3, load torque of each body of a train"),
+    "torque": ("N m", "torque, of the pinion, of gear 3, load torque of each body of a train"),
     # comparison of models
     "model": ("1", "model"),
     "case": ("1", "case of the scene"),

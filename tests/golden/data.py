@@ -4,11 +4,13 @@ Motions that do not settle (no period was found) carry rounding without bound: o
 label and, widely, the fractions of time in each phase of contact are compared.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from gearlib.data import variables
 from tests.golden.tolerances import tolerance
 
 FOLDER = Path(__file__).with_name("data")
@@ -66,9 +68,15 @@ def write(dataset, path):
 
 
 def read(name):
-    """Return the golden data of a dataset."""
+    """Return the golden data of a dataset, with the units and long names that figures show."""
     with xr.open_dataset(FOLDER / name, engine="netcdf4") as file:
-        return file.load()
+        dataset = file.load()
+    for name in dataset.variables:
+        # Other variables are described by the study that makes them.
+        with suppress(KeyError):
+            alone = xr.Dataset({name: dataset[name].variable})
+            dataset[name].attrs |= variables.describe(alone)[name].attrs
+    return dataset
 
 
 def settled(dataset):
