@@ -39,7 +39,10 @@ OBSERVABLES = {
     "fraction_backlash": ("1", "fraction of time in the backlash"),
     "fraction_inverse": ("1", "fraction of time in inverse mesh"),
     "bounces": ("1", "losses of normal contact per mesh period"),
-    "load_sharing": ("1", "mesh force over the mean of all meshes of the same central gear"),
+    "load_sharing": (
+        "1",
+        "load sharing, mesh force over the mean of those of the same central gear",
+    ),
     "order_amplitude": ("", "amplitude of an order"),
     "order_phase": ("rad", "phase of an order"),
     "temperature": ("K", "temperature"),

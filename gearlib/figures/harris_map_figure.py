@@ -1,20 +1,10 @@
 """Harris maps: static transmission error over the mesh phase at several loads."""
 
-import math
-
 import numpy as np
+import xarray as xr
 from matplotlib import colormaps
 
-from gearlib.figures import style
-
-_TITLES = {
-    "none": "no relief",
-    "short": "short relief",
-    "long": "long relief",
-}
-_LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
-_MARKERS = ("s", "x", "o")
-ERROR = "transmission error, µm"
+from gearlib.figures import panels, style
 
 
 @style.styled()
@@ -23,56 +13,45 @@ def draw(data):
 
     `data` is that of `gearlib.studies.tip_relief.harris_map`. Thick: the design load.
     """
-    figure = style.page(5.0)
-    rows = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
-    maps = rows[0].subplots(1, data.sizes["relief"], sharey=True)
-    loads = data.torque.values / float(data.design_torque)
-    for axes, name in zip(np.atleast_1d(maps), data.relief.values, strict=True):
-        draw_courses(axes, data.sel(relief=name), loads)
-        axes.set_title(_words(data, name))
-    maps[0].set_ylabel(ERROR)
-    spread, contact = rows[1].subplots(1, 2)
-    for i, name in enumerate(data.relief.values):
-        shown = data.sel(relief=name)
-        look = {
-            "color": style.PALETTE[i],
-            "linestyle": _LINES[i % len(_LINES)],
-            "marker": _MARKERS[i % len(_MARKERS)],
-            "markersize": 3.0,
-            "label": _TITLES[name],
-        }
-        spread.plot(loads, 1e6 * shown.peak_to_peak_error.values, **look)
-        loaded = loads > 0.0
-        contact.plot(loads[loaded], shown.effective_contact_ratio.values[loaded], **look)
-    spread.set_ylabel("peak to peak, µm")
-    contact.set_ylabel("effective contact ratio")
-    contact.set_xlim(spread.get_xlim())
-    for axes in (spread, contact):
+    load = (data.torque / data.design_torque).assign_attrs(long_name="torque over design torque")
+    data = data.assign_coords(torque=load.assign_attrs(units="1"))
+    for name in ("transmission_error", "peak_to_peak_error", "relief_amount"):
+        data[name] = panels.in_unit(data[name], 1e-6, "µm")
+    figure = style.page(5.2)
+    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
+    _draw_maps(above, data)
+    # Nothing touches without a load.
+    data["effective_contact_ratio"] = data.effective_contact_ratio.where(data.torque > 0.0)
+    for axes, name in zip(
+        below.subplots(1, 2), ("peak_to_peak_error", "effective_contact_ratio"), strict=True
+    ):
+        entries = panels.draw_curves(
+            axes, data, "torque", name, colour="relief", marker="o", markersize=3.0
+        )
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
-        axes.set_xlabel("torque over design torque")
-    spread.legend()
+    style.legend(figure, entries, 3)
     return figure
 
 
-def draw_courses(axes, data, loads, design=1.0):
-    """Draw the error over two mesh periods at loads, those of `data`; thick: the design load."""
-    turns = data.phase.values / (2.0 * math.pi)
-    for load, course in zip(loads, 1e6 * data.transmission_error.values, strict=True):
-        # A course begins in the middle of double contact; twice, so that both ends are seen.
-        axes.plot(
-            np.concatenate([turns, turns + turns[-1] + turns[1]]),
-            np.tile(course, 2),
-            color=colormaps["viridis"](0.92 * load / max(loads.max(), 1e-9)),
-            linewidth=2.0 if math.isclose(load, design) else 0.9,
-        )
-        at, of = (1.0, course[0]), ("axes fraction", "data")
-        style.note(axes, f"{load:g}", at, (2, 0), of=of, fontsize=5.5)
-    axes.set_xlabel("mesh periods")
-    axes.set_xlim(0.0, 2.0)
-
-
-def _words(data, name):
-    amounts = 1e6 * data.relief_amount.sel(relief=name).values
-    if not amounts.any():
-        return _TITLES[name]
-    return f"{_TITLES[name]}, {amounts[0]:.1f} and {amounts[1]:.1f} µm"
+def _draw_maps(figure, data):
+    """Draw the error over two mesh periods, so that both ends of double contact are seen."""
+    periods = panels.in_mesh_periods(data)
+    step = float(periods.phase[1])
+    second = periods.assign_coords(phase=periods.phase + periods.phase[-1] + step)
+    twice = xr.concat([periods[["transmission_error"]], second[["transmission_error"]]], "phase")
+    shades = colormaps["viridis"](0.92 * data.torque / max(float(data.torque.max()), 1e-9))
+    styles = {
+        load: {"color": shade, "linewidth": 2.0 if np.isclose(load, 1.0) else 0.9}
+        for load, shade in zip(data.torque.values, shades, strict=True)
+    }
+    options = {"panel": "relief", "colour": "torque", "styles": styles, "figure": figure}
+    grid = panels.draw_panels(twice, "phase", "transmission_error", **options)
+    for axes, relief in zip(grid[0], data.relief.values, strict=True):
+        chosen = data.sel(relief=relief)
+        if chosen.relief_amount.any():
+            amounts = " and ".join(f"{amount:.1f}" for amount in chosen.relief_amount.values)
+            axes.set_title(f"{axes.get_title()}, {amounts} µm")
+        for load, error in zip(data.torque.values, chosen.transmission_error.values, strict=True):
+            place = {"of": ("axes fraction", "data"), "fontsize": 5.5}
+            style.note(axes, f"{load:g}", (1.0, error[0]), (2, 0), **place)
+        axes.set_xlim(0.0, 2.0)

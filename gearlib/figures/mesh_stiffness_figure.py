@@ -2,20 +2,10 @@
 
 import math
 
-import numpy as np
+from gearlib.figures import panels, style
 
-from gearlib.figures import style
-
-#: Method of the stiffness -> (words, colour, dashes, marker).
-LOOKS = {
-    "iso": ("ISO 6336-1", style.PALETTE[1], (0, (5, 1.5)), "s"),
-    "energy": ("energy method, one body", style.PALETTE[0], "-", "o"),
-    "energy_twice": ("a body for each pair", style.PALETTE[2], (0, (6, 1.5, 1.5, 1.5)), "^"),
-    "energy_logarithmic": ("logarithmic contact", style.PALETTE[4], (0, (1.5, 1.2)), "D"),
-}
 #: Methods with an uncertainty of their own; the others are what makes that of the energy method.
-_BANDS = ("iso", "energy")
-_UNIT = 1e8
+_UNCERTAIN = ("iso", "energy")
 
 
 @style.styled()
@@ -25,60 +15,56 @@ def draw(stiffness):
     `stiffness` is that of `gearlib.studies.mesh_stiffness.compute`. Bands: the stated
     uncertainty; crosses: published means.
     """
-    data = stiffness
+    data = stiffness.copy()
+    for name in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
+        data[name] = panels.in_unit(stiffness[name], 1e8, "$10^8$ N/m")
+    styles = panels.curve_styles(data.stiffness_method)
     count = data.sizes["pair"]
     rows = -(-count // 2)
     figure = style.page(2.6 * rows + 0.5)
     grid = figure.add_gridspec(rows, min(count, 2))
-    for i, pair in enumerate(data.pair.values):
-        inner = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
-        axes = figure.add_subplot(inner[0])
-        means = figure.add_subplot(inner[1], sharey=axes)
-        _draw_courses(axes, data.sel(pair=pair))
-        _draw_means(means, data, pair)
-        axes.set_title(pair, loc="left")
-        if i % 2 == 0:
-            axes.set_ylabel("mesh stiffness, $10^8$ N/m")
+    for i, name in enumerate(data.pair.values):
+        cell = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
+        courses, means = cell.subplots(sharey=True)
+        pair = data.sel(pair=name)
+        handles = _draw_courses(courses, pair, styles)
+        _draw_means(means, pair, styles)
+        courses.set_title(name, loc="left")
         # Room for what lies above and below, whatever the pair.
-        low, high = axes.get_ylim()
-        axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
-    style.legend(figure, axes, 4, fontsize=6.5)
+        low, high = courses.get_ylim()
+        courses.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
+    style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
 
-def _draw_courses(axes, own):
-    phase = own.stiffness_phase.values
-    for name in own.stiffness_method.values:
-        words, colour, dashes, _ = LOOKS[name]
-        one = own.sel(stiffness_method=name)
-        values = one.mesh_stiffness.values / _UNIT
-        if name in _BANDS:
-            band = float(one.method_uncertainty)
-            axes.fill_between(
-                phase, values * (1.0 - band), values * (1.0 + band), color=colour, alpha=0.12, lw=0
-            )
-        axes.plot(phase, values, color=colour, linestyle=dashes, label=words)
+def _draw_courses(axes, pair, styles):
+    """Draw the stiffness over the mesh period with its bands; return the legend's entries."""
+    for method in _UNCERTAIN:
+        curve = pair.sel(stiffness_method=method)
+        low, high = (curve.mesh_stiffness * (1 + s * curve.method_uncertainty) for s in (-1, 1))
+        look = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
+        axes.fill_between(curve.stiffness_phase, low, high, **look)
+    told = {"colour": "stiffness_method", "styles": styles}
+    handles = panels.draw_curves(axes, pair, "stiffness_phase", "mesh_stiffness", **told)
     axes.set_xlim(-math.pi, math.pi)
     axes.set_xticks([-math.pi, 0.0, math.pi], ["$-\\pi$", "0", "$\\pi$"])
-    axes.set_xlabel("mesh phase $\\tau$")
+    return handles
 
 
-def _draw_means(axes, data, pair):
-    own = data.sel(pair=pair)
-    names = list(own.stiffness_method.values)
-    for j, name in enumerate(names):
-        _, colour, _, marker = LOOKS[name]
-        one = own.sel(stiffness_method=name)
-        mean = float(one.mean_mesh_stiffness) / _UNIT
-        error = mean * float(one.method_uncertainty) if name in _BANDS else 0.0
-        axes.errorbar(j, mean, error, color=colour, marker=marker, markersize=4, capsize=2, lw=0.8)
-    there = np.nonzero(data.published_pair.values == pair)[0]
-    for k in there:
-        value = float(data.published_stiffness[k]) / _UNIT
-        axes.plot(len(names), value, "x", color="black", markersize=4)
-        words = str(data.published.values[k])
-        style.note(axes, words, (len(names), value), (4, 0), fontsize=5.5)
-    axes.set_xlim(-0.8, len(names) + (3.6 if there.size else 0.0))
+def _draw_means(axes, pair, styles):
+    """Draw the mean stiffness by each method, and the published ones."""
+    for place, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
+        chosen = pair.sel(stiffness_method=method)
+        mean = float(chosen.mean_mesh_stiffness)
+        error = mean * float(chosen.method_uncertainty) if method in _UNCERTAIN else 0.0
+        bar = {"color": look["color"], "marker": marker, "markersize": 4, "capsize": 2, "lw": 0.8}
+        axes.errorbar(place, mean, error, **bar)
+    published = pair.isel(published=pair.published_pair.values == pair.pair.item())
+    place = len(styles)
+    for source in published.published.values:
+        value = float(published.published_stiffness.sel(published=source))
+        axes.plot(place, value, "x", color="black", markersize=4)
+        style.note(axes, source, (place, value), (4, 0), fontsize=5.5)
+    axes.set(xlim=(-0.8, place + (3.6 if published.published.size else 0.0)), xlabel="means")
     axes.set_xticks([])
-    axes.set_xlabel("means")
     axes.tick_params(labelleft=False)

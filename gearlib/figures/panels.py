@@ -17,6 +17,21 @@ ROW_HEIGHT, LEGEND_HEIGHT = 1.8, 0.7
 CHARACTERS_PER_INCH = 15
 
 _UNITS = {"1": "", "min-1": "rpm", "degree": "degrees"}
+_WORDS = {
+    "up": "speed up",
+    "down": "speed down",
+    "cold": "from rest",
+    "alike": "branches alike",
+    "pin_error": "axis of satellite 1 displaced",
+    "unequal_backlash": "unequal backlash",
+    "iso": "ISO 6336-1",
+    "energy": "energy method, one body",
+    "energy_twice": "a body for each pair",
+    "energy_logarithmic": "logarithmic contact",
+    "none": "no relief",
+    "short": "short relief",
+    "long": "long relief",
+}
 _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
@@ -40,7 +55,7 @@ def value_label(coordinate):
     """Return the words for the one value of a coordinate: a name, or a number with its unit."""
     value = coordinate.item()
     if isinstance(value, str):
-        return style.damping_label(value.replace("_", " "))
+        return _WORDS.get(value, style.damping_label(value))
     name, unit = name_and_unit(coordinate)
     return f"{name} = {value:g} {unit}".strip()
 
@@ -61,6 +76,11 @@ def curve_styles(coordinate, colours=None):
             coordinate, cycle(style.PALETTE), cycle(_DASHES), strict=False
         )
     }
+
+
+def legend_entries(styles):
+    """Return the entries of a legend for options of `Axes.plot`."""
+    return [Line2D([], [], **look) for look in styles.values()]
 
 
 def in_mesh_periods(dataset, name="phase"):
@@ -135,6 +155,7 @@ def draw_panels(data, x, y, *, panel=None, colour=None, line=None, styles=None, 
             axes.label_outer()
         if panel is not None:
             column[0].set_title(value_label(part[panel]))
+    entries = [entry for entry in entries if not entry.get_label().startswith("_")]
     if entries:
         style.legend(figure, entries, min(len(entries), 4))
     return grid

@@ -8,7 +8,7 @@ else is known of the motions.
 import numpy as np
 from matplotlib.patches import Patch
 
-from gearlib.figures import measured_curves, style
+from gearlib.figures import measured_figure, style
 from gearlib.figures.branches_figure import draw_curve
 
 #: The picture holds all steady orbits and this share of the others; chaotic orbits of an undamped
@@ -81,13 +81,13 @@ def draw(
     grid = figure.add_gridspec(len(heights), _COLUMNS, height_ratios=heights)
     axes = figure.add_subplot(grid[0, :])
     _prepare(axes, resonance, limits, named=True)
-    _draw_all(axes, main, looks, measured_curves.draw(axes, measured, EXTREMA))
+    _draw_all(axes, main, looks, measured_figure.draw_curves(axes, measured, EXTREMA))
     _add_scales(axes, resonance)
     axes.set_ylabel(_Y_LABEL)
     if forces:
         below = figure.add_subplot(grid[1, :], sharex=axes)
         _draw_forces(below, main, looks)
-        measured_curves.draw(below, measured, FORCE)
+        measured_figure.draw_curves(below, measured, FORCE)
     if rows:
         panels = (
             grid[1 + forces :, :]

@@ -1,26 +1,21 @@
 """Work and precision: errors of methods over evaluations or wall time, one panel per problem.
 
-Colour and line style tell the family of a method, the marker the method itself.
-
-Where no method can be, but by luck, is grey:
-
-* below half the last place of the reference (of a multiplier: over the width of the central
-  differences it is taken from): the right result itself, stored as a float, may be off by as much;
-* to the left of the time of one evaluation of the closed form of contact: a run that looks at the
-  motion once in a mesh period evaluates it once, and no step costs less than its solution.
+Colour and line style tell the family of a method, the marker the method itself. Grey is where only
+luck leads: below half the last place of the reference (of a multiplier: over the width of the
+differences it is taken from), and left of the time of one evaluation of the closed form of contact.
 """
 
 from itertools import cycle
 
 import numpy as np
+import xarray as xr
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearlib.figures import style
+from gearlib.figures import panels, style
 
-_COLUMNS = 2
 _ROW_HEIGHT, _FOOT = 2.15, 1.25
-_GREY = style.AREA_COLOURS["backlash"]
+_GREY = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
 
 #: What a problem is, of any gear pair; its name says what it is of the paper's.
 PROBLEMS = {
@@ -33,117 +28,15 @@ PROBLEMS = {
     "reducer": "gear train of six meshes, $\\nu_s$ = 0.9",
 }
 #: family -> (words, colour, line style)
-FAMILIES = {
+_FAMILIES = {
     "located": ("events located", "#0072B2", "-"),
     "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
     "fixed": ("fixed steps", "#E69F00", (0, (1.5, 1.2))),
     "smoothed": ("smoothed contact", "#CC79A7", (0, (6, 1.5, 1.5, 1.5))),
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
-_MARKERS = "*osD^vPX<>hp"
-_SIZE = {"*": 7.0}
-_EVALUATIONS = "evaluations of the right-hand side per mesh period\n(left edge: none)"
-_STATE = "error of the final state"
-
-
-def lines_of(datasets):
-    """Return line -> (family, marker) of all methods, in their order."""
-    markers, found = cycle(_MARKERS), {}
-    for data in datasets:
-        for line, family in zip(data.line.values, data.family.values, strict=True):
-            if line not in found:
-                found[line] = family, next(markers)
-    return found
-
-
-def _options(family, marker):
-    """Return the options of ``Axes.plot`` for a line."""
-    _, colour, dashes = FAMILIES[family]
-    return {
-        "color": colour,
-        "linestyle": dashes,
-        "linewidth": 0.9,
-        "marker": marker,
-        "markersize": _SIZE.get(marker, 3.8),
-        "markeredgewidth": 0.5,
-        "markeredgecolor": "white",
-    }
-
-
-def put_legend(figure, lines, words):
-    """Put the legend of lines and of the grey area under the panels."""
-    families = sorted({family for family, _ in lines.values()}, key=list(FAMILIES).index)
-    handles = [
-        Line2D([], [], **_options(family, lines[name][1]), label=name)
-        for family in families
-        for name in lines
-        if lines[name][0] == family
-    ]
-    handles += [style.entry(*FAMILIES[family]) for family in families]
-    style.legend(figure, [*handles, Patch(color=_GREY, label=words)], 4, fontsize=6.5)
-
-
-def limits_of(values, low=0.4, high=2.5):
-    """Return limits with some room around the positive ones of values."""
-    good = values[np.isfinite(values) & (values > 0.0)]
-    return (low * good.min(), high * good.max()) if good.size else (0.1, 10.0)
-
-
-def draw_panel(axes, costs, errors, lines, floor):
-    """Draw the errors of all methods over their costs; those below `floor` are rounding.
-
-    For each method, over its settings, `costs` has (names of lines, ndarray) and `errors` an
-    ndarray; a cost of 0 is drawn at the left edge. `lines` are those of `lines_of`.
-    """
-    left, right = axes.get_xlim()
-    bottom = axes.get_ylim()[0]
-    if np.isfinite(floor):
-        axes.axhspan(bottom, floor, color=_GREY, linewidth=0, zorder=0)
-    for (names, cost), error in zip(costs, errors, strict=True):
-        for name in dict.fromkeys(names):
-            chosen = names == name
-            x, y = cost[chosen], error[chosen]
-            # An error of 0 is below every floor.
-            y = np.where(y > 0.0, y, np.where(y == 0.0, 1.5 * bottom, np.nan))
-            x = np.where(x > 0.0, x, np.where(x == 0.0, 1.4 * left, np.nan))
-            axes.plot(x, y, **_options(*lines[name]), clip_on=False)
-    axes.set_xlim(left, right)
-
-
-def panelled(count, columns):
-    """Return a figure and its axes, one for each panel."""
-    rows = -(-count // columns)
-    figure = style.page(_FOOT + _ROW_HEIGHT * rows)
-    grid = figure.subplots(rows, columns, squeeze=False, sharey="row")
-    for axes in grid.flat[count:]:
-        axes.remove()
-    for axes in grid.flat[:count]:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-    return figure, grid.flat[:count]
-
-
-def _draw_states(errors, costs, label, words):
-    """Return the figure of the errors of the final state, and its panels."""
-    names = errors[0].problem.values
-    lines = lines_of(errors)
-    figure, panels = panelled(names.size, _COLUMNS)
-    floors = errors[0].state_floor.values
-    every = np.concatenate([data.state_error.values.ravel() for data in errors])
-    limits = limits_of(np.concatenate([every, floors]), 0.1)
-    for i, axes in enumerate(panels):
-        axes.set_ylim(*limits)
-        axes.set_xlim(*limits_of(np.concatenate([cost[i] for cost in costs]), 0.25))
-        rows = [data.state_error.values[i] for data in errors]
-        named = [(data.line.values, cost[i]) for data, cost in zip(errors, costs, strict=True)]
-        draw_panel(axes, named, rows, lines, floors[i])
-        axes.set_title(PROBLEMS.get(names[i], names[i]))
-        if i % _COLUMNS == 0:
-            axes.set_ylabel(_STATE)
-        if i >= names.size - _COLUMNS:
-            axes.set_xlabel(label)
-    put_legend(figure, lines, words)
-    return figure, panels
+_MARKERS = "osD^vPX<>hp"
+_MARKER = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5, "markeredgecolor": "white"}
 
 
 def draw(errors):
@@ -161,9 +54,8 @@ def draw_evaluations(errors):
     `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each
     method. Closed forms evaluate no right-hand side: they are at the left edge.
     """
-    costs = [data.period_evaluations.values for data in errors]
-    figure, _ = _draw_states(errors, costs, _EVALUATIONS, "rounding of the state")
-    return figure
+    data = _joined(errors)
+    return _draw_panels(data, "period_evaluations", _panels(data, "state"), "rounding of the state")
 
 
 @style.styled()
@@ -173,15 +65,14 @@ def draw_time(errors, times):
     Datasets of `errors` and `times` of `gearlib.studies.trials.work_precision`, of the same
     methods.
     """
-    costs = [data.period_time.values for data in times]
+    data = _joined(errors).assign(period_time=_joined(times).period_time)
     # The quickest measurement is the least disturbed one.
-    least = min(float(data.closed_form_time) for data in times)
+    least = min(float(method.closed_form_time) for method in times)
     words = "rounding; less than one closed form"
-    figure, panels = _draw_states(errors, costs, "wall time per mesh period (s)", words)
-    for axes in panels:
-        right = axes.get_xlim()[1]
-        axes.set_xlim(0.3 * least, right)
-        axes.axvspan(0.3 * least, least, color=_GREY, linewidth=0, zorder=0)
+    figure = _draw_panels(data, "period_time", _panels(data, "state"), words)
+    for axes in figure.axes:
+        axes.set_xlim(left=0.3 * least)
+        axes.axvspan(0.3 * least, least, **_GREY)
     return figure
 
 
@@ -192,41 +83,70 @@ def draw_measures(errors):
     `errors` as in `draw_evaluations`. A panel for every problem with events, then for every
     problem with a settled orbit.
     """
-    kinds = {
-        "event_error": ("event_floor", "error of event phases (rad)"),
-        "multiplier_error": ("multiplier_floor", "error of the multiplier"),
-    }
-    names, lines = errors[0].problem.values, lines_of(errors)
-    shown = {kind: _with_numbers(errors, kind) for kind in kinds}
-    shown = {kind: places for kind, places in shown.items() if places}
-    columns = max(map(len, shown.values()), default=1)
-    figure, grid = panelled(max(len(shown), 1) * columns, columns)
-    panels = np.reshape(grid, (-1, columns))
-    for row, (kind, places) in zip(panels, shown.items(), strict=False):
-        floor, label = kinds[kind]
-        floors = errors[0][floor].values
-        every = np.concatenate([data[kind].values.ravel() for data in errors])
-        limits = limits_of(np.concatenate([every, floors]), 0.1)
-        for axes in row[len(places) :]:
-            axes.remove()
-        for axes, i in zip(row, places, strict=False):
-            costs = [data.period_evaluations.values[i] for data in errors]
-            axes.set_xlim(*limits_of(np.concatenate(costs), 0.25))
-            axes.set_ylim(*limits)
-            rows = [data[kind].values[i] for data in errors]
-            named = [(data.line.values, cost) for data, cost in zip(errors, costs, strict=True)]
-            draw_panel(axes, named, rows, lines, float(floors[i]))
-            words = PROBLEMS.get(names[i], names[i])
-            axes.set_title(words.replace(", ", ",\n"), fontsize=7)
-        row[0].set_ylabel(label)
-    if shown:
-        last = len([*shown.values()][-1])
-        panels[-1, min(columns // 2, last - 1)].set_xlabel(_EVALUATIONS)
-    put_legend(figure, lines, "rounding")
+    data = _joined(errors)
+    places = _panels(data, "event") + _panels(data, "multiplier")
+    return _draw_panels(data, "period_evaluations", places, "rounding")
+
+
+def _joined(datasets):
+    """Return the datasets of all methods as one along ``rung``."""
+    return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
+
+
+def _panels(data, kind):
+    """Return (problem, kind of error) of all problems with any error of this kind."""
+    known = data[f"{kind}_error"].notnull().any("rung")
+    return [(problem, kind) for problem in data.problem.values[known.values]]
+
+
+def _draw_panels(data, cost, places, grey_words):
+    """Draw the panels of (problem, kind of error) over a cost, and the legend below."""
+    rows = -(-len(places) // 2)
+    figure = style.page(_FOOT + _ROW_HEIGHT * rows)
+    styles = _line_styles(data)
+    edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
+    for i, (problem, kind) in enumerate(places):
+        axes = figure.add_subplot(rows, 2, i + 1)
+        error, floor = data[f"{kind}_error"], data[f"{kind}_floor"]
+        axes.set(xscale="log", yscale="log", title=PROBLEMS.get(problem, problem))
+        axes.set_xlim(*_log_limits(0.25, data[cost].sel(problem=problem)))
+        axes.set_ylim(*_log_limits(0.1, error, floor))
+        if i % 2 == 0 or places[i - 1][1] != kind:
+            axes.set_ylabel(panels.axis_label(error, 30))
+        if i >= len(places) - 2:
+            axes.set_xlabel(panels.axis_label(data[cost]) + edge)
+        _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
+    families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
+    handles = [Line2D([], [], **look) for look in styles.values()]
+    handles += [style.entry(*family) for family in families]
+    style.legend(figure, [*handles, Patch(label=grey_words, **_GREY)], 4, fontsize=6.5)
     return figure
 
 
-def _with_numbers(errors, kind):
-    """Return the places of the problems of which any method has an error of this kind."""
-    found = np.any([np.isfinite(data[kind].values).any(axis=1) for data in errors], axis=0)
-    return np.flatnonzero(found).tolist()
+def _line_styles(data):
+    """Return line -> options of its curve, sorted by family: the marker is that of the line."""
+    families = dict(zip(data.line.values, data.family.values, strict=True))
+    lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
+    looks = {}
+    for line, marker in zip(lines, cycle(_MARKERS), strict=False):
+        _, colour, dashes = _FAMILIES[families[line]]
+        looks[line] = {"color": colour, "linestyle": dashes, "marker": marker, "label": line}
+    return {line: look | _MARKER for line, look in looks.items()}
+
+
+def _log_limits(factor, *arrays):
+    """Return limits around the positive numbers of arrays, the lower one this factor below."""
+    values = np.concatenate([array.values.ravel() for array in arrays])
+    positive = values[values > 0.0]
+    return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
+
+
+def _draw_errors(axes, data, cost, kind, styles):
+    """Draw the errors of all methods in one problem; zeros lie at the edges of the panel."""
+    left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
+    x, y = data[cost], data[f"{kind}_error"]
+    x, y = x.where(x != 0.0, 1.4 * left), y.where(y != 0.0, 1.5 * bottom)
+    for line, look in styles.items():
+        rungs = data.line.values == line
+        axes.plot(x[rungs], y[rungs], clip_on=False, **look)
+    axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY)

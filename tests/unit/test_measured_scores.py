@@ -12,7 +12,7 @@ import yaml
 
 from gearlib import run_up, sweep
 from gearlib.data.gathering import gather_resonance
-from gearlib.figures import measured_orders_figure, resonance_figure
+from gearlib.figures import measured_figure, resonance_figure
 from gearlib.studies import measured_comparison, measured_scores
 from tests.paper import PAPER
 
@@ -207,7 +207,7 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(tmp_path, resona
     assert second == pytest.approx(1.5 * ratio["measured"], rel=1e-5)
     light = found.sel(damping="light").squeeze().computed_amplitude
     assert np.abs(light / own.computed_amplitude - 1.0).sel(order=1).values.max() > 0.05
-    assert len(measured_orders_figure.draw([found]).axes) == 3
+    assert len(measured_figure.draw_orders([found]).axes) == 3
     lines = table.splitlines(keepends=True)
     gap = lines[: len(lines) // 2] + lines[len(lines) // 2 + 1000 :]
     with pytest.warns(UserWarning, match="2 of 206 blocks of revolutions are left out"):

@@ -404,11 +404,11 @@ use rule _draw as draw_basins with:
         job="draw_basins",
     input:
         data="results/basins.nc",
-        sources=sources_of("draw", "figures.basins_figure"),
+        sources=sources_of("draw", "figures.global_picture_figure"),
     output:
         figure_of("basins", "Basins of attraction", EXPLANATIONS),
     params:
-        draw="basins_figure.draw",
+        draw="global_picture_figure.draw_basins",
 
 
 rule basins:
@@ -459,13 +459,13 @@ use rule _draw as draw_bifurcation with:
         diagram=rules.compute_bifurcation.output.diagram,
         shares=rules.compute_bifurcation.output.shares,
         branches="results/bifurcation_branches.nc",
-        sources=sources_of("draw", "figures.bifurcation_figure"),
+        sources=sources_of("draw", "figures.global_picture_figure"),
     output:
         figure_of(
             "bifurcation", "Bifurcation diagram, exponents, shares of the basins", EXPLANATIONS
         ),
     params:
-        draw="bifurcation_figure.draw",
+        draw="global_picture_figure.draw_bifurcation",
 
 
 rule bifurcation:
@@ -492,11 +492,11 @@ use rule _draw as draw_poincare with:
         job="draw_poincare",
     input:
         data="results/poincare.nc",
-        sources=sources_of("draw", "figures.poincare_figure"),
+        sources=sources_of("draw", "figures.global_picture_figure"),
     output:
         figure_of("poincare", "Poincaré sections", EXPLANATIONS),
     params:
-        draw="poincare_figure.draw",
+        draw="global_picture_figure.draw_sections",
 
 
 rule poincare:

@@ -39,11 +39,11 @@ use rule _draw as draw_reducer with:
         job="draw_reducer",
     input:
         characteristics="results/reducer.nc",
-        sources=sources_of("draw", "figures.reducer_figure"),
+        sources=sources_of("draw", "figures.trains_figure"),
     output:
         figure_of("reducer", "Fig. 1: all meshes of the reducer over speed", EXPLANATIONS),
     params:
-        draw="reducer_figure.draw",
+        draw="trains_figure.draw_reducer",
         gears=REDUCER,
 
 
@@ -78,11 +78,11 @@ use rule _draw as draw_train_sweep with:
         job="draw_train_sweep",
     input:
         curves="results/train_sweep.nc",
-        sources=sources_of("draw", "figures.train_sweep_figure"),
+        sources=sources_of("draw", "figures.trains_figure"),
     output:
         figure_of("train_sweep", "The train of the configuration over speed", TRAINS),
     params:
-        draw="train_sweep_figure.draw",
+        draw="trains_figure.draw_sweep",
         gears=TRAIN,
 
 

@@ -71,11 +71,11 @@ use rule _draw as draw_measured_courses with:
         job="draw_measured_courses",
     input:
         courses=rules.measured_table.input.courses,
-        sources=sources_of("draw", "figures.measured_courses_figure"),
+        sources=sources_of("draw", "figures.measured_figure"),
     output:
         figure_of("measured_courses", "Measured time courses", MEASURED),
     params:
-        draw="measured_courses_figure.draw",
+        draw="measured_figure.draw_courses",
         settings=COLOURS,
 
 
@@ -84,11 +84,11 @@ use rule _draw as draw_measured_orders with:
         job="draw_measured_orders",
     input:
         orders=rules.measured_table.input.orders,
-        sources=sources_of("draw", "figures.measured_orders_figure"),
+        sources=sources_of("draw", "figures.measured_figure"),
     output:
         figure_of("measured_orders", "Mesh orders of measured run-ups", MEASURED),
     params:
-        draw="measured_orders_figure.draw",
+        draw="measured_figure.draw_orders",
         settings=COLOURS,
 
 
