@@ -9,6 +9,7 @@ from itertools import cycle
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
 
 from gearlib.figures import style
 
@@ -76,6 +77,13 @@ def curve_styles(coordinate, colours=None):
             coordinate, cycle(style.PALETTE), cycle(_DASHES), strict=False
         )
     }
+
+
+def plain_ticks(axis):
+    """Write plain numbers at the ticks of a logarithmic axis over few decades."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def legend_entries(styles):
