@@ -1,23 +1,23 @@
 """Difficult problems against methods: a heat map of verdicts with the measured errors."""
 
-import math
+import re
 
 import numpy as np
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
 
-_ROW_HEIGHT, _HEAD, _FOOT = 0.29, 0.85, 0.75
-#: verdict -> (letter, colour); light enough for black letters, apart also in grey by the letter.
-_LOOKS = {
-    "right": ("r", "#E6F2EC"),
-    "inaccurate": ("i", "#F6DF9E"),
-    "missed_event": ("m", "#F0A860"),
-    "wrong_attractor": ("w", "#8CC3E8"),
-    "invented_motion": ("n", "#D9A3C6"),
-    "diverged": ("d", "#E07B5A"),
-    "stalled": ("s", "#A9A9A9"),
-    "refused": ("–", "#FFFFFF"),
+_ROW_HEIGHT, _MARGINS = 0.29, 1.6
+#: verdict -> (letter, colour, words); light enough for black letters.
+_VERDICTS = {
+    "right": ("r", "#E6F2EC", "right"),
+    "inaccurate": ("i", "#F6DF9E", "inaccurate"),
+    "missed_event": ("m", "#F0A860", "missed event"),
+    "wrong_attractor": ("w", "#8CC3E8", "wrong attractor"),
+    "invented_motion": ("n", "#D9A3C6", "invented motion"),
+    "diverged": ("d", "#E07B5A", "diverged"),
+    "stalled": ("s", "#A9A9A9", "stalled"),
+    "refused": ("–", "#FFFFFF", "does not take the model"),
 }
 
 
@@ -28,20 +28,19 @@ def draw(matrix):
     `matrix` is gathered from `gearlib.studies.trials.failures.compute`. A star marks a run of
     fewer periods than the others of its row.
     """
-    names = matrix.verdict.attrs["flag_meanings"].split()
+    verdicts = [_VERDICTS[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
     periods = matrix.periods.values
     brief = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
     rows, trials = matrix.verdict.shape
-    figure = style.page(_HEAD + _FOOT + _ROW_HEIGHT * rows)
+    figure = style.page(_MARGINS + _ROW_HEIGHT * rows)
     axes = figure.subplots()
-    colours = [_LOOKS[name][1] for name in names]
-    style.map_of_codes(axes, range(trials), range(rows), matrix.verdict.values, colours)
+    codes, colours = matrix.verdict.values, [colour for _, colour, _ in verdicts]
+    style.map_of_codes(axes, range(trials), range(rows), codes, colours)
     for i, j in np.ndindex(rows, trials):
-        letter = _LOOKS[names[int(matrix.verdict[i, j])]][0] + "*" * int(brief[i, j])
-        number = _number(float(matrix.error[i, j]))
+        letter = verdicts[codes[i, j]][0] + "*" * int(brief[i, j])
         place = {"side": "center center", "fontsize": 6}
         style.note(axes, letter, (j, i + 0.22), weight="bold", **place)
-        style.note(axes, number, (j, i - 0.22), **place)
+        style.note(axes, _number(float(matrix.error[i, j])), (j, i - 0.22), **place)
     axes.set_xticks(range(trials), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
@@ -50,11 +49,9 @@ def draw(matrix):
     axes.grid(which="minor", color="white", linewidth=0.8)
     axes.tick_params(which="both", length=0)
     axes.set(xlim=(-0.5, trials - 0.5), ylim=(rows - 0.5, -0.5))
+    edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
     patches = [
-        Patch(facecolor=colour, edgecolor="#4D4D4D", linewidth=0.4, label=f"{letter}: {words}")
-        for name in names
-        for letter, colour in [_LOOKS[name]]
-        for words in [name.replace("_", " ").replace("refused", "does not take the model")]
+        Patch(facecolor=c, label=f"{letter}: {words}", **edge) for letter, c, words in verdicts
     ]
     if brief.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
@@ -64,9 +61,8 @@ def draw(matrix):
 
 def _number(error: float) -> str:
     """Return an error as it is printed: one digit and an exponent without its zeros."""
-    if not math.isfinite(error):
+    if not np.isfinite(error):
         return ""
-    if error == 0.0 or (error >= 1.0 and error < 10.0 and error == round(error)):
+    if error < 10.0 and error == round(error):
         return f"{error:.0f}"
-    mantissa, exponent = f"{error:.0e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    return re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", f"{error:.0e}")

@@ -5,15 +5,17 @@ import numpy as np
 from gearlib.figures import style
 
 _ROW_HEIGHT, _HEAD = 1.15, 0.6
-_WORDS = {
+_MODEL_WORDS = {
     "one_degree": "1 degree",
     "six_degrees_plain": "6 degrees, plain",
     "six_degrees": "6 degrees, run-out, friction",
     "one_degree_harmonics": "1 degree, {} harmonics",
 }
-#: Changes below the one or above the other are drawn as these.
-_LEAST, _MOST = 1e-6, 100.0
-_OUTSIDE = 1e5
+#: Changes beyond these are drawn at the edges of the panels.
+_LIMITS = (1e-6, 100.0)
+#: Words stand within bars that are longer than these changes, without and with rounding.
+_MAX_BAR_BESIDE_WORDS = (10.0, 1.0)
+_BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
 @style.styled()
@@ -28,32 +30,13 @@ def draw(comparisons, scenes):
     figure = style.page(_HEAD + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
     for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
-        tolerance = float(data.tolerance)
-        for i, name in enumerate(data.model.values):
-            change, chosen = float(data.change[i]), name == data.chosen.item()
-            width = _LEAST if np.isnan(change) else np.clip(change, _LEAST, _OUTSIDE)
-            blue = style.PALETTE[0]
-            axes.barh(i, width, color=blue if chosen else "white", edgecolor=blue, height=0.7)
-            free = bool(data.change_free_of_rounding[i])
-            if not np.isnan(change) and not free:
-                ends = [min(float(data[f"change_{end}"][i]), _OUTSIDE) for end in ("low", "high")]
-                axes.plot(ends, [i, i], color=style.PALETTE[4], linewidth=2.0)
-                width = max(width, ends[1])
-            words = f"{change:.2g}" if free else "rounding decides"
-            words = "the largest model" if np.isnan(change) else words
-            words += ", used for the scene" if chosen else ""
-            words += f", cost {float(data.cost[i]):.3g}" if free else ""
-            # Beside the bar, or within it where the words would leave the panel.
-            inside = width > _MOST / (100.0 if free else 10.0)
-            away, side = ((-4, 0), "right center") if inside else ((4, 0), "left center")
-            # The dashed line would run through the words.
-            style.note(axes, words, (min(width, _MOST), i), away, side, white=(0.1,))
-        axes.axvline(tolerance, color=style.PALETTE[4], linewidth=0.8, linestyle="--")
-        axes.set_xscale("log")
-        axes.set_xlim(_LEAST, _MOST)
+        for i in range(data.sizes["model"]):
+            _draw_bar(axes, data.isel(model=i), i)
+        axes.axvline(data.tolerance, color=_ORANGE, linewidth=0.8, linestyle="--")
+        axes.set(xscale="log", xlim=_LIMITS)
         # Inward ticks would lie in the bars and before the words.
         axes.tick_params(axis="y", length=0)
-        names = [_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
+        names = [_MODEL_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
         axes.invert_yaxis()
         axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
@@ -64,3 +47,25 @@ def draw(comparisons, scenes):
         fontsize=7,
     )
     return figure
+
+
+def _draw_bar(axes, model, place):
+    """Draw the change of one model, its range where rounding decides, and its words."""
+    change, chosen = float(model.change), model.model.item() == model.chosen.item()
+    certain = bool(model.change_free_of_rounding)
+    end = np.clip(np.nan_to_num(change, nan=0.0), *_LIMITS)
+    axes.barh(place, end, color=_BLUE if chosen else "white", edgecolor=_BLUE, height=0.7)
+    words = "the largest model" if np.isnan(change) else "rounding decides"
+    if not (np.isnan(change) or certain):
+        ends = np.clip([model.change_low, model.change_high], None, _LIMITS[1])
+        axes.plot(ends, [place, place], color=_ORANGE, linewidth=2.0)
+        end = max(end, ends[1])
+    elif not np.isnan(change):
+        words = f"{change:.2g}"
+    words += ", used for the scene" if chosen else ""
+    words += f", cost {float(model.cost):.3g}" if certain else ""
+    # Beside the bar, or within it where the words would leave the panel.
+    inside = end > _MAX_BAR_BESIDE_WORDS[certain]
+    shift, side = ((-4, 0), "right center") if inside else ((4, 0), "left center")
+    # The dashed line would run through the words.
+    style.note(axes, words, (end, place), shift, side, white=(0.1,))

@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from gearlib.figures import style
+from gearlib.figures import panels, style
 from gearlib.figures.order_map_figure import order_map
 
 _HEIGHT, _MAP_HEIGHT = 3.4, 4.0
-_LINES = {"up": "-", "down": (0, (1.5, 1.2))}
-_SWEEP = "#BBBBBB"
+_EXTREMA = ("displacement_max", "displacement_min")
+_SWEEP = {"color": "#BBBBBB", "linewidth": 2.5, "zorder": 1}
+_FOLD = {"line": style.DASHED, "linewidth": 0.6}
 #: Code of a fold in the labels of branches.
-_FOLD = 1
+_FOLD_CODE = 1
 
 
 @style.styled()
@@ -22,25 +23,17 @@ def draw(run_ups, *, resonance=None, branches=None):
     figure = style.page(_HEIGHT + _MAP_HEIGHT)
     above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
     axes = above.subplots()
-    handles = []
+    for name in _EXTREMA:
+        told = {"colour": "revolutions", "line": "direction"}
+        handles = panels.draw_curves(axes, run_ups, "tuning", name, **told)
     if resonance is not None:
         _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
-        handles.append(style.entry("sweeps", _SWEEP, linewidth=2.5))
-    for i, count in enumerate(run_ups.revolutions.values):
-        colour = style.PALETTE[i % len(style.PALETTE)]
-        for j, direction in enumerate(run_ups.direction.values):
-            for name in ("displacement_max", "displacement_min"):
-                x, y = (run_ups[one].values[i, j] for one in ("tuning", name))
-                axes.plot(x, y, color=colour, linestyle=_LINES[str(direction)])
-        handles.append(style.entry(f"{count} revolutions", colour))
-    handles += [style.entry(f"speed goes {way}", "black", line) for way, line in _LINES.items()]
+        handles.append(style.entry("sweeps", _SWEEP["color"], linewidth=_SWEEP["linewidth"]))
     if branches is not None:
-        for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD]):
-            axes.axvline(tuning, color="black", linewidth=0.6, linestyle=style.DASHED)
-        handles.append(style.entry("fold", line=style.DASHED, linewidth=0.6))
-    tunings = run_ups.tuning.values
-    axes.set_xlim(np.nanmin(tunings), np.nanmax(tunings))
-    axes.set_xlabel(style.TUNING)
+        for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD_CODE]):
+            axes.axvline(tuning, color="black", linestyle=_FOLD["line"], linewidth=0.6)
+        handles.append(style.entry("fold", **_FOLD))
+    axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
     # Of what the study says in its attributes numbers alone may be left.
@@ -51,10 +44,10 @@ def draw(run_ups, *, resonance=None, branches=None):
 
 def _draw_sweeps(axes, resonance, damping):
     """Draw the sweeps that carry their state, of one damping."""
-    if damping not in resonance.damping.values:
-        return
-    for direction in ("up", "down"):
-        if direction in resonance.direction.values:
-            one = resonance.sel(damping=damping, direction=direction)
-            for name in ("displacement_max", "displacement_min"):
-                axes.plot(one.tuning, one[name], color=_SWEEP, linewidth=2.5, zorder=1)
+    if damping in resonance.damping.values:
+        sweeps = resonance.sel(damping=damping)
+        sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])
+        for name in _EXTREMA:
+            panels.draw_curves(
+                axes, sweeps, "tuning", name, line="direction", linestyle="-", **_SWEEP
+            )

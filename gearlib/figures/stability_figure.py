@@ -3,11 +3,13 @@
 import numpy as np
 from matplotlib.patches import Patch
 
-from gearlib.figures import style
+from gearlib.figures import panels, style
 
 _HEIGHT = 2.3
 #: A radius this close to the true one is right to the eye of a user: 1 % per mesh period.
 CLOSE = 0.01
+#: Limit of explicit Runge-Kutta steps on the imaginary axis.
+_RK4_LIMIT = 2.0 * np.sqrt(2.0)
 
 VERDICTS = (
     ("invents motion", "#D55E00"),
@@ -20,14 +22,14 @@ VERDICTS = (
 
 def verdicts(radius, true):
     """Return the index in `VERDICTS` of every radius; shapes (s, t), (t,)."""
-    stable = true <= 1.0 + 1e-9
-    code = np.full(radius.shape, 2)
-    code[(radius > true + CLOSE) & ~stable] = 1
-    code[(radius > np.maximum(true, 1.0) + CLOSE) & stable] = 0
-    code[(radius > true + CLOSE) & stable & (radius <= 1.0 + CLOSE)] = 1
-    code[radius < true - CLOSE] = 3
-    code[(radius <= 1.0) & ~stable & (true > 1.0 + CLOSE)] = 4
-    return code
+    stable, above = true <= 1.0 + 1e-9, radius > true + CLOSE
+    conditions = [
+        (radius <= 1.0) & ~stable & (true > 1.0 + CLOSE),
+        radius < true - CLOSE,
+        above & stable & (radius > 1.0 + CLOSE),
+        above,
+    ]
+    return np.select(conditions, [4, 3, 0, 1], 2)
 
 
 @style.styled()
@@ -37,30 +39,24 @@ def draw(chart):
     `chart` is that of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is the
     limit of explicit Runge-Kutta steps at the maximum stiffness.
     """
-    methods = [str(name) for name in chart.method.values]
-    rows = -(-len(methods) // 2)
+    rows = -(-chart.sizes["method"] // 2)
     figure = style.page(_HEIGHT * rows + 2.2)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_HEIGHT] * rows + [1.4])
     tuning, steps = chart.tuning.values, chart.steps.values
-    fine = chart.fine_tuning.values
-    true = np.interp(tuning, fine, chart.true_radius.values)
-    for i, name in enumerate(methods):
+    true = np.interp(tuning, chart.fine_tuning, chart.true_radius)
+    for i, name in enumerate(chart.method.values):
         axes = figure.add_subplot(grid[i // 2, i % 2])
-        code = verdicts(chart.radius.values[i], true)
-        style.map_of_codes(axes, tuning, steps, code, [colour for _, colour in VERDICTS])
-        axes.set_yscale("log")
-        axes.set_title(name)
-        axes.set_ylabel("steps per mesh period" if i % 2 == 0 else "")
+        codes = verdicts(chart.radius.values[i], true)
+        style.map_of_codes(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
+        axes.set(yscale="log", title=name)
+        axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
         if name.startswith("rk4"):
-            # Classical Runge-Kutta steps are stable up to 2 sqrt(2) on the imaginary axis.
-            natural = np.sqrt(float(chart.stiffness_max)) / tuning
-            limit = 2.0 * np.pi * natural / (2.0 * np.sqrt(2.0))
-            inside = (limit >= steps[0]) & (limit <= steps[-1])
-            axes.plot(tuning[inside], limit[inside], color="black", linestyle="--", linewidth=0.8)
+            limit = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
+            limit[(limit < steps[0]) | (limit > steps[-1])] = np.nan
+            axes.plot(tuning, limit, color="black", linestyle="--", linewidth=0.8)
     below = figure.add_subplot(grid[rows, :])
-    below.plot(fine, chart.true_radius.values, color="black", linewidth=0.8)
-    below.set_ylabel("true radius")
-    below.set_xlabel(style.TUNING)
+    panels.draw_curves(below, chart, "fine_tuning", "true_radius", color="black", linewidth=0.8)
+    below.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
     below.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
     style.legend(figure, handles, 3)
