@@ -1,10 +1,13 @@
 """Harris maps: static transmission error over the mesh phase at several loads."""
 
+import math
+
 import numpy as np
-import xarray as xr
 from matplotlib import colormaps
 
 from gearlib.figures import panels, style
+
+ERROR = "static transmission error (µm)"
 
 
 @style.styled()
@@ -13,45 +16,40 @@ def draw(data):
 
     `data` is that of `gearlib.studies.tip_relief.harris_map`. Thick: the design load.
     """
-    load = (data.torque / data.design_torque).assign_attrs(long_name="torque over design torque")
-    data = data.assign_coords(torque=load.assign_attrs(units="1"))
-    for name in ("transmission_error", "peak_to_peak_error", "relief_amount"):
-        data[name] = panels.in_unit(data[name], 1e-6, "µm")
     figure = style.page(5.2)
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
-    _draw_maps(above, data)
+    maps = above.subplots(1, data.sizes["relief"], sharey=True, squeeze=False)[0]
+    load = (data.torque / data.design_torque).drop_attrs()
+    load.attrs["long_name"] = "torque over design torque"
+    for axes, name in zip(maps, data.relief.values, strict=True):
+        relief = data.sel(relief=name)
+        draw_courses(axes, relief, load.values)
+        amounts = " and ".join(f"{1e6 * amount:.1f}" for amount in relief.relief_amount.values)
+        title = panels.value_label(relief.relief)
+        axes.set_title(f"{title}, {amounts} µm" if relief.relief_amount.any() else title)
+    maps[0].set_ylabel(ERROR)
+    peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
+    ranges = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
     # Nothing touches without a load.
-    data["effective_contact_ratio"] = data.effective_contact_ratio.where(data.torque > 0.0)
-    for axes, name in zip(
-        below.subplots(1, 2), ("peak_to_peak_error", "effective_contact_ratio"), strict=True
-    ):
-        entries = panels.draw_curves(
-            axes, data, "torque", name, colour="relief", marker="o", markersize=3.0
-        )
+    ranges["effective_contact_ratio"] = ranges.effective_contact_ratio.where(ranges.torque > 0.0)
+    names = "peak_to_peak_error", "effective_contact_ratio"
+    for axes, name in zip(below.subplots(1, 2), names, strict=True):
+        look = {"colour": "relief", "marker": "o", "markersize": 3.0}
+        entries = panels.draw_curves(axes, ranges, "torque", name, **look)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
     style.legend(figure, entries, 3)
     return figure
 
 
-def _draw_maps(figure, data):
-    """Draw the error over two mesh periods, so that both ends of double contact are seen."""
-    periods = panels.in_mesh_periods(data)
-    step = float(periods.phase[1])
-    second = periods.assign_coords(phase=periods.phase + periods.phase[-1] + step)
-    twice = xr.concat([periods[["transmission_error"]], second[["transmission_error"]]], "phase")
-    shades = colormaps["viridis"](0.92 * data.torque / max(float(data.torque.max()), 1e-9))
-    styles = {
-        load: {"color": shade, "linewidth": 2.0 if np.isclose(load, 1.0) else 0.9}
-        for load, shade in zip(data.torque.values, shades, strict=True)
-    }
-    options = {"panel": "relief", "colour": "torque", "styles": styles, "figure": figure}
-    grid = panels.draw_panels(twice, "phase", "transmission_error", **options)
-    for axes, relief in zip(grid[0], data.relief.values, strict=True):
-        chosen = data.sel(relief=relief)
-        if chosen.relief_amount.any():
-            amounts = " and ".join(f"{amount:.1f}" for amount in chosen.relief_amount.values)
-            axes.set_title(f"{axes.get_title()}, {amounts} µm")
-        for load, error in zip(data.torque.values, chosen.transmission_error.values, strict=True):
-            place = {"of": ("axes fraction", "data"), "fontsize": 5.5}
-            style.note(axes, f"{load:g}", (1.0, error[0]), (2, 0), **place)
-        axes.set_xlim(0.0, 2.0)
+def draw_courses(axes, data, loads, design=1.0):
+    """Draw the error over two mesh periods at loads, those of `data`; thick: the design load."""
+    periods = data.phase.values / (2.0 * math.pi)
+    shades = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
+    for load, shade, error in zip(loads, shades, data.transmission_error.values, strict=True):
+        width = 2.0 if math.isclose(load, design) else 0.9
+        # A course begins in the middle of double contact; twice, so that both ends are seen.
+        x = np.concatenate([periods, periods + periods[-1] + periods[1]])
+        axes.plot(x, 1e6 * np.tile(error, 2), color=shade, linewidth=width)
+        place = {"of": ("axes fraction", "data"), "fontsize": 5.5}
+        style.note(axes, f"{load:g}", (1.0, 1e6 * error[0]), (2, 0), **place)
+    axes.set(xlabel="mesh periods", xlim=(0.0, 2.0))

@@ -24,6 +24,7 @@ def draw(lags):
     curves = {"colour": "damping", "styles": styles}
     entries = panels.draw_curves(axes["motion"], courses, "phase", "displacement", **curves)
     axes["stiffness"].sharex(axes["motion"])
+    axes["stiffness"].set_xlabel("")
     axes["stiffness"].set_title(panels.value_label(lags.shown_tuning))
     axes["motion"].set_xlim(0.0, 1.0)
     _draw_bars(axes["bars"], lags, styles.values())

@@ -19,6 +19,7 @@ from unittest import mock
 import matplotlib
 import yaml
 
+from gearlib.data import variables
 from gearlib.figures import style
 from tests.golden import data, drawn
 from tests.workflow.project import ROOT, small_project
@@ -117,10 +118,11 @@ def _put_data(project):
         one = data.read(path.relative_to(project / "results"))
         counted = {name: one[name] for name in one if str(name).endswith("_evaluations")}
         times = {
-            name.replace("evaluations", "time"): 1e-6 + 1e-7 * n for name, n in counted.items()
+            name.replace("evaluations", "time"): (1e-6 + 1e-7 * count).drop_attrs()
+            for name, count in counted.items()
         }
-        times["closed_form_time"] = (), 1e-6
-        data.write(one.assign(times), path.with_name(path.name.replace("errors", "times")))
+        times = variables.describe(one.assign(times | {"closed_form_time": 1e-6}))
+        data.write(times, path.with_name(path.name.replace("errors", "times")))
     # One time for all, later than that of the sources: to Snakemake they are up to date.
     now = time.time()
     for path in (project / "results").rglob("*"):
