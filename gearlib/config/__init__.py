@@ -9,7 +9,6 @@ editors is made from the model: ``gearlib schema`` prints it, the documentation 
 This package stays free of the numerical stack, because every start of the workflow reads it.
 """
 
-import copy
 import json
 import re
 from functools import cache
@@ -18,6 +17,16 @@ from gearlib.config.validation import as_typed, sentences, show, unknown_key
 
 #: Cases are part of the names of rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
+#: Key of a damping -> keys that may stand in its place.
+IN_PLACE_OF = {
+    "material_damping": ("damping_ratio", "logarithmic_decrement"),
+    "backlash_damping": ("backlash_damping_ratio",),
+}
+#: Keys of one section of which there is one.
+_ALTERNATIVES = (
+    {"gears", "gear_pair"},
+    *({key, *others} for key, others in IN_PLACE_OF.items()),
+)
 
 
 class ConfigError(ValueError):
@@ -43,12 +52,13 @@ def load(mapping):
         )
     if problems:
         raise ConfigError("\n".join(problems))
-    whole, problems = defaults.filled(mapping)
-    if not problems:
-        try:
-            return Config.model_validate(whole)
-        except ValidationError as error:
-            problems = sentences(error.errors(), schema())
+    try:
+        whole, context = defaults.filled(mapping)
+        return Config.model_validate(whole, context=context)
+    except ValidationError as error:
+        problems = sentences(error.errors(), schema())
+    except ValueError as error:
+        problems = [str(error)]
     raise ConfigError("\n".join(as_typed(problem, mapping) for problem in problems))
 
 
@@ -74,13 +84,24 @@ def names_that_are_no_texts(mapping, where=""):
             yield from names_that_are_no_texts(value, f"{where.removesuffix('.')}[{i}].")
 
 
+def laid_over(base, change):
+    """Return a copy of `base` with the keys of `change`; mappings are laid over each other.
+
+    A key of the change takes the place of those that say the same in another way.
+    """
+    replaced = {key for group in _ALTERNATIVES if group & change.keys() for key in group}
+    both = {key: value for key, value in base.items() if key not in replaced - change.keys()}
+    for key, value in change.items():
+        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
+        both[key] = laid_over(base[key], value) if inner else value
+    return both
+
+
 def cases(mapping):
     """Return name -> configuration of all cases, each accepted by `load`.
 
     Each lays the keys that it has under ``cases`` over those beside it.
     """
-    from gearlib.config.laying import laid_over
-
     changes = mapping["cases"]
     if not isinstance(changes, dict) or not changes:
         raise ConfigError(
@@ -88,62 +109,57 @@ def cases(mapping):
             "the keys that differ"
         )
     common = {key: value for key, value in mapping.items() if key != "cases"}
-    found, problems = {}, []
+    settings, problems = {}, []
     for name, change in changes.items():
         if not isinstance(name, str) or not re.fullmatch(CASE_NAME, name):
             problems.append(
                 f"cases.{name} is not allowed as a name: it must be letters, digits and _, a "
                 "letter first"
             )
-            continue
-        if not isinstance(change, dict):
+        elif not isinstance(change, dict):
             problems.append(
                 f"cases.{name} = {show(change)} is not allowed: it must be a mapping of the keys "
                 "that differ"
             )
-            continue
-        found[name] = laid_over(common, change)
-        try:
-            load(found[name])
-        except ConfigError as error:
-            problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
+        else:
+            settings[name] = laid_over(common, change)
+            try:
+                load(settings[name])
+            except ConfigError as error:
+                problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
     if problems:
         raise ConfigError("\n".join(problems))
-    return found
+    return settings
 
 
-def chosen(merged, given):
-    """Return what counts of a configuration that was laid over another one.
+def chosen(merged, change):
+    """Return the keys that count of a configuration over which a change was laid.
 
-    Where the other one has a `gear_pair` and what was laid over it `gears`, only this counts:
+    Where the configuration has a `gear_pair` and the change `gears`, only the change counts:
     dampings, bearings and choices of scenes suit the pair for which they were made. A train comes
-    without the choice of targets, which suits that of the other one; where nothing is given but the
-    train, they are those of trains. `merged` is all that was read, `given` what was laid over the
-    other one.
+    without the choice of targets, which suits that of the other one; where nothing is changed but
+    the train, they are those of trains. `merged` is all that was read.
     """
-    from gearlib.config.laying import laid_over
     from gearlib.config.targets import OF_ANY_TRAIN
 
-    named = given.get("cases")
-    parts = [given, *(named.values() if isinstance(named, dict) else ())]
-    said = {key for part in parts if isinstance(part, dict) for key in part}
-    if "gears" in said and "gear_pair" in merged and "gear_pair" not in given:
-        return given
-    if "train" in said and "targets" not in said:
+    named = change.get("cases")
+    parts = [change, *(named.values() if isinstance(named, dict) else ())]
+    changed = {key for part in parts if isinstance(part, dict) for key in part}
+    if "gears" in changed and "gear_pair" in merged and "gear_pair" not in change:
+        return change
+    if "train" in changed and "targets" not in changed:
         merged = {key: value for key, value in merged.items() if key != "targets"}
-        if not said & {"gears", "gear_pair"}:
+        if not changed & {"gears", "gear_pair"}:
             merged["targets"] = list(OF_ANY_TRAIN)
-    return laid_over(merged, given)
+    return laid_over(merged, change)
 
 
 @cache
 def schema():
     """Return the JSON schema of the configuration as a dict."""
-    from gearlib.config import defaults
     from gearlib.config.configuration import Config
 
     whole = Config.model_json_schema()
-    defaults.release(whole)
     _drop_null_defaults(whole)
     whole["required"].remove("gear_pair")
     whole["oneOf"] = [{"required": ["gear_pair"]}, {"required": ["gears"]}]
@@ -151,10 +167,9 @@ def schema():
 
 
 def _drop_null_defaults(node):
-    """A key that may be left out has no default that could be written: null is refused."""
+    """Drop defaults of keys that may be left out: null is refused."""
     if isinstance(node, dict):
-        default = node.get("default")
-        if "default" in node and (default is None or None in getattr(default, "values", list)()):
+        if "default" in node and node["default"] is None:
             del node["default"]
         for value in node.values():
             _drop_null_defaults(value)
@@ -162,7 +177,7 @@ def _drop_null_defaults(node):
 
 def schema_text():
     """Return the JSON schema as the text of its file; it knows the key `cases` too."""
-    whole = copy.deepcopy(schema())
+    whole = {**schema(), "properties": dict(schema()["properties"])}
     whole["properties"]["cases"] = {
         "description": "Several cases side by side: name -> keys that differ; results/<case>/.",
         "patternProperties": {f"^{CASE_NAME}$": {"type": "object"}},

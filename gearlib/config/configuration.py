@@ -4,57 +4,16 @@ from typing import Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from gearlib.config import measured_description
-from gearlib.config.experiments import (
-    FRICTION_ONLY,
-    SIX_ONLY,
-    AnalyticMethod,
-    Basins,
-    Bifurcation,
-    Branches,
-    Certificates,
-    Figures,
-    Jump,
-    Labels,
-    Models,
-    NonlinearDamping,
-    ParametricResonance,
-    PhaseLag,
-    PhasePlanes,
-    Poincare,
-    Resonance,
-    RunUps,
-    Scene,
-)
+from gearlib import checks
+from gearlib.config import experiments as e
+from gearlib.config import measured_description, targets
+from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears, HarrisMap, MeshStiffness
-from gearlib.config.measured_description import MeasuredPath
-from gearlib.config.targets import (
-    OF_ANY_TRAIN,
-    ONLY_IF_NAMED,
-    for_targets,
-    has_own_train,
-    refusal,
-    undamped,
-)
 from gearlib.config.tolerances_section import Tolerances
 from gearlib.config.train_section import OF_PAIRS, Campbell, Reducer, Train, TrainSweep
-from gearlib.config.trials import Failures, StabilityChart, WorkPrecision
-from gearlib.config.types import (
-    MAX_JOBS,
-    Name,
-    ProjectName,
-    Section,
-    check_different,
-    check_most,
-    entry,
-    listing,
-)
+from gearlib.config.types import SECTION, Distinct, Name, Section, entry
 from gearlib.models.pair_parameters import RATIOS, PairParameters
-
-#: Limits that catch a mistyped step or window before it fills a disk.
-MAX_TUNINGS = 10_000_000
-MAX_SAMPLES = 40_000_000
 
 Target = Literal[
     *("phase_lag", "resonance", "run_ups", "phase_planes", "scenes", "claims", "jump", "labels"),
@@ -64,218 +23,133 @@ Target = Literal[
     *("measured", "tolerances"),
 ]
 TARGETS = get_args(Target)
-
 #: Folders of results, whose names a project cannot have.
 FOLDERS = {
     *("figures", "tables", "logs", "benchmarks", "report", "resonance", "phase_planes", "scenes"),
     *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
     *("measured", "tolerances"),
 }
-
-#: Sections that name one of the dampings.
-_OF_ONE_DAMPING = (
-    "jump",
-    "analytic_method",
-    "stability_chart",
-    "reducer",
-    "train_sweep",
-    "run_ups",
-    "tolerances",
+_ProjectName = t.text(
+    "a text of at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$"
 )
+_Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
 
 
 class Config(Section):
     """The configuration of the workflow."""
 
     # Each section is described by its own docstring.
-    targets: listing(
-        Target,
-        "What `snakemake` without a target computes and draws. Fig. 3 shows labels, branches and "
-        "tongues where labels, branches and parametric_resonance are among them.",
-    ) = [name for name in TARGETS if name not in ONLY_IF_NAMED]
-    project: ProjectName = entry(
-        "Names the folder of its results, results/<project>/; the paper's have none. Default: "
+    targets: Distinct[Target] = entry(
+        "Targets that `snakemake` without a target computes and draws. Fig. 3 shows labels, "
+        "branches and tongues where labels, branches and parametric_resonance are among them.",
+        [name for name in TARGETS if name not in targets.ONLY_IF_NAMED],
+    )
+    project: _ProjectName = entry(
+        "Name of the folder of its results, results/<project>/; the paper's have none. Default: "
         "the name of the file given by --configfile, if its gears are others.",
         "",
     )
-    compare: list[ProjectName] = entry(
+    compare: list[_ProjectName] = entry(
         "Other projects or cases, `paper` among them, whose resonance the target `compare` lays "
         "over this one.",
         [],
     )
-    measured: list[MeasuredPath] = entry(
+    measured: list[_Path] = entry(
         "YAML files of measured sets that are laid over Fig. 3 and time courses, and scored.", []
     )
-    # Of these two there is one; what is dumped has the other, made from it.
+    # Of these two there is one; the other is made from the drawing, and dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     dampings: dict[Name, Damping] = Field(
         min_length=1, description="The damping combinations, by name."
     )
-    run: Run = Run.unchecked()
-    six_degrees: SixDegrees
-    train: Train = Train.unchecked()
-    scenes: dict[Name, Scene] = Field(default={}, description="Scenes by name, one figure each.")
-    figures: Figures
-    phase_lag: PhaseLag
-    resonance: Resonance = Resonance.unchecked()
-    run_ups: RunUps
-    phase_planes: PhasePlanes = PhasePlanes.unchecked()
-    jump: Jump
-    labels: Labels = Labels.unchecked()
-    branches: Branches
-    certificates: Certificates = Certificates.unchecked()
-    nonlinear_damping: NonlinearDamping
-    models: Models = Models.unchecked()
-    parametric_resonance: ParametricResonance = ParametricResonance.unchecked()
-    basins: Basins
-    bifurcation: Bifurcation
-    poincare: Poincare
-    analytic_method: AnalyticMethod
-    stability_chart: StabilityChart
-    failures: Failures = Failures.unchecked()
-    work_precision: WorkPrecision
-    reducer: Reducer
-    campbell: Campbell = Campbell.unchecked()
-    train_sweep: TrainSweep
-    mesh_stiffness: MeshStiffness = MeshStiffness.unchecked()
-    harris_map: HarrisMap = HarrisMap.unchecked()
-    tolerances: Tolerances
+    run: Run = SECTION
+    six_degrees: SixDegrees = SECTION
+    train: Train = SECTION
+    scenes: dict[Name, e.Scene] = Field(default={}, description="Scenes by name, one figure each.")
+    figures: e.Figures = SECTION
+    phase_lag: e.PhaseLag = SECTION
+    resonance: e.Resonance = SECTION
+    run_ups: e.RunUps = SECTION
+    phase_planes: e.PhasePlanes = SECTION
+    jump: e.Jump = SECTION
+    labels: e.Labels = SECTION
+    branches: e.Branches = SECTION
+    certificates: e.Certificates = SECTION
+    nonlinear_damping: e.NonlinearDamping = SECTION
+    models: e.Models = SECTION
+    parametric_resonance: e.ParametricResonance = SECTION
+    basins: e.Basins = SECTION
+    bifurcation: e.Bifurcation = SECTION
+    poincare: e.Poincare = SECTION
+    analytic_method: e.AnalyticMethod = SECTION
+    stability_chart: e.StabilityChart = SECTION
+    failures: e.Failures = SECTION
+    work_precision: e.WorkPrecision = SECTION
+    reducer: Reducer = SECTION
+    campbell: Campbell = SECTION
+    train_sweep: TrainSweep = SECTION
+    mesh_stiffness: MeshStiffness = SECTION
+    harris_map: HarrisMap = SECTION
+    tolerances: Tolerances = SECTION
 
     @field_validator("targets", mode="before")
     @classmethod
-    def _no_comparison(cls, targets):
-        if isinstance(targets, list) and "compare" in targets:
-            raise ValueError(
-                f"targets[{targets.index('compare')}] = 'compare' is not allowed: it must be left "
-                "out, and called by its name, snakemake -j2 compare"
-            )
-        return targets
+    def _check_comparison(cls, names):
+        if isinstance(names, list) and "compare" in names:
+            words = "left out, and called by its name, snakemake -j2 compare"
+            raise checks.refusal(f".[{names.index('compare')}]", "compare", words)
+        return names
 
     @model_validator(mode="after")
     def _check(self):
-        self._check_colours()
-        self._check_size()
-        for key in _OF_ONE_DAMPING:
-            self._check_damping(key, getattr(self, key))
-        self._check_damping("branches.loci", self.branches.loci)
+        words = f"another name, the paper's results have a folder results/{self.project}/"
+        checks.require(self.project not in FOLDERS, "project", self.project, words)
         for name, scene in self.scenes.items():
-            self._check_scene(f"scenes.{name}", scene)
-        for key in ("basins", "poincare"):
-            check_different(f"{key}.cases", getattr(self, key).cases, "title")
-        self._check_project()
+            key, words = f"scenes.{name}.periods_shown", "recorded mesh periods"
+            words = f"an integer from 1 to the {self.record_periods} {words}"
+            fits = scene.periods_shown <= self.record_periods
+            checks.require(fits, key, scene.periods_shown, words)
+        # Two samples a period resolve a harmonic; its lag wants a few more.
+        most = self.run.samples_per_period // 8
+        words = f"an integer from 1 to run.samples_per_period / 8 = {most}"
+        harmonics = self.phase_lag.harmonics
+        checks.require(harmonics <= most, "phase_lag.harmonics", harmonics, words)
         measured_description.sets(self.measured)
-        self._check_targets()
-        return self
-
-    def _check_project(self):
-        if self.project in FOLDERS:
-            raise ValueError(
-                f"project = {self.project!r} is not allowed: it must be another name, the paper's "
-                f"results have a folder results/{self.project}/"
-            )
-
-    def _check_targets(self):
         # What a train cannot be in matters to the workflow only, not to commands.
         if self.gears and (refused := self.refused()):
             raise ValueError("\n".join(refused))
+        return self
 
     def refused(self):
         """Return a sentence for each reason why targets cannot be about these gears."""
-        found = {}
-        asked = self.targets if "targets" in self.model_fields_set else self._said()
+        names_by_reason = {}
+        asked = self.targets if "targets" in self.model_fields_set else self._changed()
         for name in asked:
-            found.setdefault(refusal(name, self), []).append(name)
-        return [for_targets(words, *names) for words, names in found.items() if words]
+            names_by_reason.setdefault(targets.refusal(name, self), []).append(name)
+        return [targets.for_targets(text, *names) for text, names in names_by_reason.items() if text]
 
     def without_damping(self):
         """Return a sentence, or none, that asks for the damping of a train that targets move."""
-        moved = [name for name in self.wanted() if name in OF_ANY_TRAIN]
-        words = undamped(self)
-        return [for_targets(words, *moved)] if words and moved else []
+        names = [name for name in self.wanted() if name in targets.OF_ANY_TRAIN]
+        text = targets.undamped(self)
+        return [targets.for_targets(text, *names)] if text and names else []
 
-    def _said(self):
-        """Return targets that nobody names and whose section says what is no default."""
+    def _changed(self):
+        """Return targets that nobody names and whose section is not the default."""
         default = type(self.tolerances).model_fields["parameters"].default
-        said = self.tolerances.parameters != default or self.tolerances.correlations
-        return ["tolerances"] if said else []
+        tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
+        changed = tolerances != {"parameters": default, "correlations": []}
+        return ["tolerances"] if changed else []
 
     def wanted(self):
         """Return the targets; where none are named, those that can be about these gears."""
-        asked = list(self.targets)
-        if "targets" not in self.model_fields_set and has_own_train(self):
-            asked.append("train_sweep")
+        names = list(self.targets)
+        if "targets" not in self.model_fields_set and targets.has_own_train(self):
+            names.append("train_sweep")
         if self.measured:
-            asked.append("measured")
-        asked = dict.fromkeys(asked)
-        return [name for name in asked if not refusal(name, self)]
-
-    def _check_scene(self, key, scene):
-        check_most(f"{key}.periods_shown", scene.periods_shown, self.record_periods)
-        alien = SIX_ONLY.intersection(scene.courses)
-        if scene.model == "one_degree" and alien:
-            raise ValueError(
-                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
-                "model one_degree, or the model must be six_degrees"
-            )
-        alien = FRICTION_ONLY.intersection(scene.courses)
-        if scene.model == "six_degrees_plain" and alien:
-            raise ValueError(
-                f"{key}.courses = {sorted(alien)[0]!r} is not allowed: it must be a course of the "
-                "model six_degrees_plain, which has no friction, or the model must be six_degrees"
-            )
-        check_different(f"{key}.cases", scene.cases, "title")
-        for i, case in enumerate(scene.cases):
-            self._check_damping(f"{key}.cases[{i}]", case)
-
-    def _check_damping(self, key, section):
-        if section.damping not in self.dampings:
-            raise ValueError(
-                f"{key}.damping = {section.damping!r} is not allowed: it must be one of "
-                f"{', '.join(self.dampings)}"
-            )
-
-    def _check_colours(self):
-        for name, colour in self.figures.colours.items():
-            if name not in self.dampings:
-                raise ValueError(
-                    f"figures.colours.{name} = {colour!r} is not allowed: its name must be one of "
-                    f"the dampings {', '.join(self.dampings)}"
-                )
-
-    def _check_size(self):
-        resonance, run = self.resonance, self.run
-        span = resonance.stop - resonance.start
-        copies = len(self.dampings) * len(resonance.directions)
-        if copies * resonance.count() > MAX_TUNINGS:
-            raise ValueError(
-                f"resonance.step = {resonance.step!r} is not allowed: it must be >= "
-                f"{copies * span / MAX_TUNINGS:.2g} to stay within {MAX_TUNINGS:,} runs in all"
-            )
-        if len(self.dampings) * span / resonance.window > MAX_JOBS:
-            raise ValueError(
-                f"resonance.window = {resonance.window!r} is not allowed: it must be >= "
-                f"{len(self.dampings) * span / MAX_JOBS:.2g} to stay within {MAX_JOBS:,} jobs"
-            )
-        planes = len(self.dampings) * len(self.phase_planes.tunings)
-        if planes > MAX_JOBS:
-            raise ValueError(
-                f"phase_planes.tunings has {len(self.phase_planes.tunings):,} entries: there must "
-                f"be from 1 to {MAX_JOBS // len(self.dampings):,} to stay within {MAX_JOBS:,} jobs"
-            )
-        # Two samples a period resolve a harmonic; its lag wants a few more.
-        if 8 * self.phase_lag.harmonics > run.samples_per_period:
-            raise ValueError(
-                f"phase_lag.harmonics = {self.phase_lag.harmonics} is not allowed: it must be an "
-                f"integer from 1 to run.samples_per_period / 8 = {run.samples_per_period // 8}"
-            )
-        samples = planes * self.record_periods * run.samples_per_period
-        if samples > MAX_SAMPLES:
-            raise ValueError(
-                f"run.samples_per_period = {run.samples_per_period} with run.recorded_revolutions "
-                f"= {run.recorded_revolutions} is not allowed: the samples of all phase planes, "
-                f"{samples:,}, must be <= {MAX_SAMPLES:,}"
-            )
+            names.append("measured")
+        return [name for name in dict.fromkeys(names) if not targets.refusal(name, self)]
 
     @property
     def periods(self):
@@ -297,11 +171,10 @@ class Config(Section):
 
     def six_degree_parameters(self):
         """Return the keyword arguments of `gearlib.SixDegreePair` beside the pair."""
-        found = self.six_degrees.model_dump()
+        arguments = self.six_degrees.model_dump()
         if self.gears:
-            gears = self.gears.model_dump()
-            found["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
-        return found
+            arguments["teeth"] = [self.gears.pinion.teeth, self.gears.wheel.teeth]
+        return arguments
 
     def train_parameters(self, damping):
         """Return the keyword arguments of `gearlib.models.trains.described_train.described`.
@@ -317,21 +190,21 @@ class Config(Section):
 
     def global_parameters(self, case):
         """Return the keyword arguments of `gearlib.GearPair` for a case of the global picture."""
-        return self.damped_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
+        return self.damped_parameters(case.damping) | case.change.model_dump()
+
+    def case_parameters(self, case):
+        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
+        return self.pair_parameters(case.damping) | case.change.model_dump()
 
     def candidates(self, scene):
         """Return the models that can carry a scene, the smallest first."""
         if scene.model != "smallest":
             return [scene.model]
         courses = set(scene.courses)
-        if courses & FRICTION_ONLY:
+        if courses & e.FRICTION_ONLY:
             return ["six_degrees"]
         six = ["six_degrees_plain", "six_degrees"]
-        return six if courses & SIX_ONLY else ["one_degree", *six]
-
-    def case_parameters(self, case):
-        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
-        return self.pair_parameters(case.damping) | case.change.model_dump(exclude_unset=True)
+        return six if courses & e.SIX_ONLY else ["one_degree", *six]
 
     def tolerance_laws(self):
         """Return the laws of what scatters, arguments of `gearlib.scatter`.
@@ -342,10 +215,7 @@ class Config(Section):
         scales = PairParameters(**pair)
         values = pair | {name: getattr(scales, name) for name in RATIOS}
         if self.tolerances.of_drawing():
-            gears = self.gears
-            values |= {"centre_distance": gears.centre_distance, "backlash": gears.backlash}
-            values["torque"] = gears.driving_torque()
+            values |= self.gears.described()
             for part in ("pinion", "wheel"):
-                drawing = getattr(gears, part).model_dump()
-                values |= {f"{part}.{name}": value for name, value in drawing.items()}
+                values |= {f"{part}.{name}": value for name, value in values[part].items()}
         return self.tolerances.laws(values)

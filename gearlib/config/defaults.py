@@ -12,29 +12,23 @@ from typing import Annotated, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearlib.config import gears_section, speeds_section
-from gearlib.config.experiments import Resonance
+from gearlib.config import laid_over
+from gearlib.config.experiments import Problem, Resonance
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
 from gearlib.config.gears_section import Gears
-from gearlib.config.laying import laid_over
-from gearlib.config.trials import Problem
-from gearlib.config.types import Name
+from gearlib.config.types import Name, tuning_per_rpm
 
 #: Stand-ins while those of a configuration are refused, so that only those are complained about.
 _PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
-
 #: Apart also without red-green vision and in grey; further dampings get hues a golden ratio apart.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-
 #: Damping ratio where a study needs damping and the configuration has none.
 _DAMPING_RATIO = 0.05
 #: Harmonics of the phase lag.
 _HARMONICS = 5
-#: Sections that say a damping by itself, which ratios may do.
-_WITH_DAMPINGS = ("dampings", "basins", "bifurcation", "poincare")
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
 #: What describes the bodies of the gears: one without the others would not fit the reduced mass,
@@ -43,71 +37,48 @@ _BODIES = ("base_radii", "inertias", "masses")
 
 
 def filled(mapping):
-    """Return what was read from YAML with its defaults and tunings for speeds, and what is wrong.
-
-    The defaults are those that depend on the gears; a speed that is refused has a sentence.
-    """
+    """Return what was read from YAML with its defaults, and the context of its validation."""
     if not isinstance(mapping, dict):
-        return mapping, []
-    pair, dampings, speed = _gears(mapping)
-    defaults = _defaults_of(pair, dampings)
+        return mapping, {}
+    pair, dampings, gears = _gears(mapping)
+    context = {"pair": pair, "dampings": dampings, "drawn": gears is not None}
+    defaults = _defaults_of(pair or _PAIR, dampings or _DAMPINGS)
     six_degrees = mapping.get("six_degrees") or {}
-    if "gears" in mapping and pair is not _PAIR:
-        if refused := _too_damped(mapping["dampings"], pair):
-            return mapping, refused
-        defaults["resonance"] = _resonance(mapping.get("resonance"), pair, speed)
-        defaults["six_degrees"] = gears_section.six_degrees(
-            Gears.model_validate(mapping["gears"]).mesh()
-        )
+    if gears:
+        defaults["resonance"] = _resonance(mapping.get("resonance"), pair, gears.speed)
+        defaults["six_degrees"] = gears.six_degrees()
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in (*_BODIES, "bearing_stiffness"):
             del defaults["six_degrees"][key]
-    mapping, problems = speeds_section.in_tunings(mapping, None if pair is _PAIR else pair)
-    # Where a run has samples enough to tell the harmonics of the phase lag apart.
+    # A run must have samples enough to tell the harmonics of the phase lag apart.
     most = _run(mapping).samples_per_period // 8
     defaults["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
     whole = laid_over(defaults, mapping)
-    whole |= {key: _in_coefficients(whole[key], pair) for key in _WITH_DAMPINGS if key in whole}
-    if "gears" in mapping:
+    if gears:
         whole["gear_pair"] = pair
     figures = whole["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
-        figures["colours"] = _colours(dampings, figures["colours"])
-    return whole, problems
-
-
-def release(schema):
-    """Take the keys that have a default here off those that a JSON schema requires."""
-    _release(_defaults_of(_PAIR, _DAMPINGS), schema, schema)
-
-
-def _release(defaults, node, schema):
-    """Take the keys of some defaults off those that a node of a JSON schema requires."""
-    if "$ref" in node:
-        node = schema["$defs"][node["$ref"].removeprefix("#/$defs/")]
-    for key, value in defaults.items():
-        if key in node.get("required", []):
-            node["required"].remove(key)
-        if isinstance(value, dict):
-            _release(value, node["properties"][key], schema)
+        figures["colours"] = _colours(dampings or _DAMPINGS, figures["colours"])
+    return whole, context
 
 
 def _gears(mapping):
-    """Return the gear pair and the dampings of a configuration, or stand-ins, and its speed."""
-    speed = None
+    """Return the gear pair, the dampings and the drawing of a configuration, None if refused."""
+    gears = None
     try:
         if "gears" in mapping:
             gears = Gears.model_validate(mapping["gears"])
-            pair, speed = GearPairSection(**gears.pair()), gears.speed
+            pair = GearPairSection(**gears.pair())
         else:
             pair = GearPairSection.model_validate(mapping.get("gear_pair"))
-        dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"))
+        context = {"pair": pair}
+        dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"), context=context)
     except ValidationError:
-        return _PAIR, _DAMPINGS, None
-    return pair, {name: Damping(**d.coefficients(pair)) for name, d in dampings.items()}, speed
+        return None, None, None
+    return pair, dampings, gears
 
 
 def _resonance(section, pair, speed):
@@ -118,47 +89,19 @@ def _resonance(section, pair, speed):
         return {}
     start, stop = Decimal("0.5"), Decimal("1.4")
     # Beyond 100 there are no tunings: the speed itself is wrong.
-    if speed is not None and speed * speeds_section.rate(pair) <= 100.0:
-        tuning, step = Decimal(speed * speeds_section.rate(pair)), Decimal(repr(step))
-        fewer, more = (start - tuning) / step, (tuning - stop) / step
+    if speed is not None and speed * tuning_per_rpm(pair) <= 100.0:
+        tuning, step = Decimal(speed * tuning_per_rpm(pair)), Decimal(repr(step))
+        steps_below, steps_above = (start - tuning) / step, (tuning - stop) / step
         # The first tuning stays above 0.
-        start -= step * max(0, min(math.ceil(fewer), math.ceil(start / step) - 1))
-        stop += step * max(0, math.ceil(more))
+        start -= step * max(0, min(math.ceil(steps_below), math.ceil(start / step) - 1))
+        stop += step * max(0, math.ceil(steps_above))
     return {"start": float(start), "stop": float(stop), "lowest": float(start) / 5.0}
-
-
-def _too_damped(dampings, pair):
-    """Return a sentence for each damping that no mesh of drawn gears has."""
-    from gearlib.models.geometry.mesh import drawn_damping
-
-    problems = []
-    for name, given in dampings.items():
-        for key, value in Damping.model_validate(given).model_dump().items():
-            try:
-                drawn_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
-            except ValueError as error:
-                problems.append(f"dampings.{name}.{error}")
-    return problems
-
-
-def _in_coefficients(node, pair):
-    """Return a copy of a section in which dampings given by ratios are coefficients of a pair."""
-    if isinstance(node, list):
-        return [_in_coefficients(entry, pair) for entry in node]
-    if not isinstance(node, dict):
-        return node
-    if node and node.keys() <= Damping.model_fields.keys():
-        try:
-            return Damping.model_validate(node).coefficients(pair)
-        except ValidationError:
-            return node
-    return {key: _in_coefficients(value, pair) for key, value in node.items()}
 
 
 def _defaults_of(pair, dampings):
     """Return every default that depends on the gears, in the shape of the configuration."""
     sums = {name: d.material_damping + d.backlash_damping for name, d in dampings.items()}
-    first = next((name for name in sums if sums[name] > 0.0), next(iter(sums)))
+    first = {"damping": next((name for name in sums if sums[name] > 0.0), next(iter(sums)))}
     lightest = min(sums, key=lambda name: sums[name])
     frequency, deflection = pair.mean_eigenfrequency, pair.static_deflection
     moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
@@ -174,9 +117,7 @@ def _defaults_of(pair, dampings):
     bearing = pair.max_stiffness / 40.0
     return {
         "phase_lag": {"material_dampings": [largest, largest / 100.0]},
-        "jump": {"damping": first},
         "nonlinear_damping": {"damping": largest},
-        "analytic_method": {"damping": first},
         "six_degrees": {
             # 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2
             "base_radii": [0.1, 0.1],
@@ -186,23 +127,22 @@ def _defaults_of(pair, dampings):
             "bearing_damping": [2.0 * 0.02 * math.sqrt(bearing * masses)] * 4,
             "eccentricities": [min(0.8 * deflection, 0.2 * pair.backlash)] * 2,
         },
-        "branches": {"loci": {"damping": first}},
-        "run_ups": {"damping": first},
-        "tolerances": {"damping": first},
+        **{key: first for key in ("jump", "analytic_method", "run_ups", "tolerances")},
+        "train_sweep": first,
+        "branches": {"loci": first},
         "stability_chart": {"damping": lightest},
         "work_precision": {
             "damping": largest,
             "cubic_damping": cubic if math.isfinite(cubic) else largest,
         },
-        "train_sweep": {"damping": first},
         "reducer": {
-            "damping": first,
+            **first,
             "support_stiffness": 2.5 * pair.max_stiffness,
             "pin_error": [deflection, 0.0],
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
         "basins": {"cases": _cases(settling, 0.72)},
-        "bifurcation": {"damping": next(iter(settling.values()))},
+        "bifurcation": {"damping": next(iter(settling.values())).model_dump()},
         "poincare": {
             # Without damping nothing settles.
             "cases": [
@@ -225,7 +165,11 @@ def _run(mapping):
 def _cases(dampings, tuning):
     """Return a case at a tuning for each of the first dampings."""
     return [
-        {"title": f"tuning {tuning:.2f}, {name}"[:60], "tuning": tuning, "damping": damping}
+        {
+            "title": f"tuning {tuning:.2f}, {name}"[:60],
+            "tuning": tuning,
+            "damping": damping.model_dump(),
+        }
         for name, damping in list(dampings.items())[:_PANELS]
     ]
 
@@ -234,12 +178,9 @@ def _colours(names, given):
     """Return the given colours, and others for the dampings that have none."""
     taken = {str(colour).upper() for colour in given.values()}
     # Beyond the palette hues a golden ratio apart, for as long as eyes can tell them apart.
-    hues = (i * _GOLDEN % 1.0 for i in itertools.count(1))
-    free = (
-        colour for colour in itertools.chain(_PALETTE, map(_colour, hues)) if colour not in taken
-    )
-    missing = [name for name in names if name not in given]
-    return given | dict(zip(missing, free, strict=False))
+    hues = (_colour(i * _GOLDEN % 1.0) for i in itertools.count(1))
+    free = (colour for colour in itertools.chain(_PALETTE, hues) if colour not in taken)
+    return given | dict(zip((name for name in names if name not in given), free, strict=False))
 
 
 def _colour(hue):

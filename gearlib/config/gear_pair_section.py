@@ -1,43 +1,30 @@
-"""Sections that describe the gears and the length of the runs."""
+"""Sections that describe the gear pair, its damping, its bodies and the length of the runs."""
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from gearlib.config.gears_section import coefficient
-from gearlib.config.types import (
-    Angle,
-    DampingCoefficient,
-    Finite,
-    Given,
-    Inertia,
-    Label,
-    Length,
-    Mass,
-    NonNegative,
-    RunOut,
-    Section,
-    Stiffness,
-    Truth,
-    Tuning,
-    check_most,
-    entry,
-    like,
-    number_within,
-    numbers,
-    whole,
-)
+from gearlib import checks
+from gearlib.config import IN_PLACE_OF
+from gearlib.config import types as t
+from gearlib.config.types import Section, entry, like, several
+from gearlib.models.geometry.drawings import renaming
+from gearlib.models.geometry.mesh import coefficient, drawn_damping
 from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
+from gearlib.parameters import RUN_OUT
 
-#: Key of a damping -> what may stand in its place.
-IN_PLACE_OF = {
-    "material_damping": ("damping_ratio", "logarithmic_decrement"),
-    "backlash_damping": ("backlash_damping_ratio",),
-}
 DAMPINGS = tuple(IN_PLACE_OF)
-Ratio = number_within(ge=0, le=1000)
+#: Digits of what is derived: the same drawing in other units, whose rounding differs, reruns
+#: nothing.
+_DIGITS = 12
+_Ratio = t.number(ge=0, le=1000)
+_Pair = like("_Pair", "", PairParameters, without=DAMPINGS, required=("teeth",))
 
 
-_Pair = like("_Pair", "", PairParameters, base=Section, without=DAMPINGS, required=("teeth",))
+def rounded(value):
+    """Return a number, or a list of them, with 12 digits, an integer or a name as it is."""
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
 
 
 class GearPairSection(_Pair, PairScales):
@@ -45,12 +32,10 @@ class GearPairSection(_Pair, PairScales):
 
     @model_validator(mode="after")
     def _check(self):
-        check_scales(self, "gear_pair.")
-        if not SMALLEST <= self.mean_stiffness:
-            raise ValueError(
-                f"gear_pair.stiffness_ratio = {self.stiffness_ratio!r} is not allowed: the mean "
-                f"stiffness, {self.mean_stiffness!r} N/m, must be >= {SMALLEST}"
-            )
+        check_scales(self, ".")
+        allowed = f"large enough for a mean stiffness, {self.mean_stiffness!r} N/m, >= {SMALLEST}"
+        fits = self.mean_stiffness >= SMALLEST
+        checks.require(fits, ".stiffness_ratio", self.stiffness_ratio, allowed)
         return self
 
 
@@ -61,73 +46,74 @@ _Coefficients = like("_Coefficients", "", PairParameters, *DAMPINGS, optional=DA
 
 
 class Damping(_Coefficients):
-    """One combination of linear damping coefficients, or of ratios by which they are found."""
+    """One combination of linear damping coefficients, or of ratios that give them."""
 
-    damping_ratio: Ratio = entry(
+    damping_ratio: _Ratio = entry(
         "beta in place of material_damping: k_1 = 2 beta m_red Omega_s.", None
     )
-    logarithmic_decrement: Ratio = entry(
+    logarithmic_decrement: _Ratio = entry(
         "delta = 2 pi beta / sqrt(1 - beta^2) in place of material_damping.", None
     )
-    backlash_damping_ratio: Ratio = entry(
+    backlash_damping_ratio: _Ratio = entry(
         "beta_m in place of backlash_damping: k_1m = 2 beta_m m_red Omega_s.", None
     )
 
     @model_validator(mode="after")
-    def _check(self):
+    def _in_coefficients(self, info):
+        """Return k_1 and k_1m for the pair of the context, N s/m, in place of ratios."""
+        pair, coefficients = t.of_context(info, "pair"), {}
         for key, others in IN_PLACE_OF.items():
             names = [name for name in (key, *others) if getattr(self, name) is not None]
             if not names:
-                raise PydanticCustomError("missing_one", "", {"key": key})
+                raise PydanticCustomError("missing_key", "", {"key": key})
             if names[1:]:
-                raise PydanticCustomError("both", "", {"names": names})
-        return self
-
-    def coefficients(self, pair):
-        """Return k_1 and k_1m for a `GearPairSection`, N s/m, as keywords of `gearlib.GearPair`."""
-        values, scale = self.model_dump(), (pair.mean_stiffness, pair.reduced_mass)
-        coefficients = {}
-        for key, others in IN_PLACE_OF.items():
-            name = next(name for name in (key, *others) if name in values)
-            coefficients[key] = (
-                values[name] if name == key else coefficient(name, values[name], *scale)
-            )
-        return coefficients
+                both = " and ".join(f".{name}" for name in names)
+                raise ValueError(f"{both} are not allowed together: it must be one of them")
+            name, value = names[0], getattr(self, names[0])
+            if pair and t.of_context(info, "drawn"):
+                with renaming(lambda name, part: f".{name}"):
+                    drawn_damping(name, value, pair.mean_stiffness, pair.reduced_mass)
+            if pair and name != key:
+                decrement = name == "logarithmic_decrement"
+                value = coefficient(value, pair.mean_stiffness, pair.reduced_mass, decrement)
+                value = rounded(value)
+            coefficients[key] = value
+        return Damping.model_construct(**coefficients) if pair else self
 
 
 class State(Section):
     """State at the start, tau = 0: the middle of the segment of C_max."""
 
-    displacement: Finite = entry("x, in static deflections.", 0.0)
-    velocity: Finite = entry("dx/dtau, in static deflections per radian.", 0.0)
+    displacement: t.Finite = entry("x, in static deflections.", 0.0)
+    velocity: t.Finite = entry("dx/dtau, in static deflections per radian.", 0.0)
 
 
 class MeshCase(Section):
     """One run of several side by side: a mesh at one tuning."""
 
-    title: Label = entry("Above the column or panel; names the case in the data.")
-    tuning: Tuning = entry("Tuning nu.")
-    change: Change = entry(
-        "Other values for keys of gear_pair, in this case only.", Change.unchecked()
-    )
+    title: t.Label = entry("Title above the column or panel; names the case in the data.")
+    # Before the tuning: a speed is that of the changed pair.
+    change: Change = entry("Other values for keys of gear_pair, in this case only.", {})
+    tuning: t.Tuning = entry("Tuning nu.")
 
 
 class Run(Section):
     """Length and record of every run."""
 
-    revolutions: whole(1, 1_000_000) = entry("Revolutions of every run.", 5)
-    recorded_revolutions: whole(1) = entry(
-        "The last ones, which are evaluated; at most `revolutions`.", 1
+    revolutions: t.LargeCount = entry("Revolutions of every run.", 5)
+    recorded_revolutions: t.whole(1) = entry(
+        "The last revolutions, which are evaluated; at most `revolutions`.", 1
     )
-    samples_per_period: whole(8, 65_536) = entry(
+    samples_per_period: t.whole(8, 65_536) = entry(
         "Samples of a recorded mesh period in the phase planes.", 256
     )
-    initial_state: State = entry("State from which cold runs start.", State.unchecked())
+    initial_state: State = entry("State from which cold runs start.", {})
 
     @model_validator(mode="after")
     def _check(self):
-        words = "run.revolutions = {}"
-        check_most("run.recorded_revolutions", self.recorded_revolutions, self.revolutions, words)
+        recorded, allowed = self.recorded_revolutions, f"from 1 to .revolutions = {self.revolutions}"
+        fits = recorded <= self.revolutions
+        checks.require(fits, ".recorded_revolutions", recorded, f"an integer {allowed}")
         return self
 
 
@@ -138,7 +124,7 @@ BEARINGS = (
 )
 
 
-class SixDegrees(Given):
+class SixDegrees(Section):
     """Bodies and bearings of six degrees of freedom, SI; gear 3 first, then gear 2.
 
     Of drawn gears, the pinion first, radii, inertias, masses and pitch phase are those of the
@@ -146,29 +132,37 @@ class SixDegrees(Given):
     The defaults for other gears are those of equal gears on soft bearings: a choice.
     """
 
-    base_radii: numbers(Length, 2, "Rb3, Rb2, m. Default: 0.1 m.")
-    inertias: numbers(Inertia, 2, "J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.")
-    masses: numbers(
-        Mass, 2, "m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together."
+    base_radii: several(t.Length, 2) = entry("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
+    inertias: several(t.Inertia, 2) = entry(
+        "Moments of inertia J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.", None
     )
-    bearing_stiffness: numbers(
-        Stiffness, 4, "C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40."
-    ) = None
-    bearing_damping: numbers(
-        DampingCoefficient, 4, "k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %."
+    masses: several(t.Mass, 2) = entry(
+        "Masses m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together.",
+        None,
     )
-    eccentricities: numbers(
-        RunOut,
-        2,
-        "e3, e2, run-out of the pitch circles, m. Default: 0.8 static deflections, at most a "
-        "fifth of the backlash.",
+    bearing_stiffness: several(t.Stiffness, 4) = entry(
+        "Stiffness of the bearings C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
     )
-    run_out_phase: Angle = entry("Delta, relative phase of the run-out, rad.", 0.0)
-    friction: numbers(NonNegative, 2, "Coefficients of friction in normal and inverse mesh.") = [
-        0.05,
-        0.05,
-    ]
-    pitch_phase: Angle = entry("Mesh phase of the pitch point, rad.", 0.0)
-    moving_backlash: Truth = entry(
+    bearing_damping: several(t.DampingCoefficient, 4) = entry(
+        "Damping of the bearings k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %.", None
+    )
+    eccentricities: several(t.type_of(RUN_OUT), 2) = entry(
+        "Run-out of the pitch circles e3, e2, m. Default: 0.8 static deflections, at most a fifth "
+        "of the backlash.",
+        None,
+    )
+    run_out_phase: t.Angle = entry("Relative phase Delta of the run-out, rad.", 0.0)
+    friction: several(t.NonNegative, 2) = entry(
+        "Coefficients of friction in normal and inverse mesh.", [0.05, 0.05]
+    )
+    pitch_phase: t.Angle = entry("Mesh phase of the pitch point, rad.", 0.0)
+    moving_backlash: t.Truth = entry(
         "true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.", True
     )
+
+    @model_validator(mode="after")
+    def _check(self):
+        for key in ("base_radii", "inertias", "masses"):
+            if getattr(self, key) is None:
+                raise PydanticCustomError("missing_key", "", {"key": key})
+        return self

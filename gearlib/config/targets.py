@@ -1,16 +1,17 @@
-"""The targets of the workflow, and why some of them cannot be about the gears of a configuration.
+"""Why some targets of the workflow cannot be about the gears of a configuration.
 
 A refusal is a function of the checked configuration ``c``; it returns a sentence without its
 point, or "" where the target can be computed.
 """
 
+from functools import partial
 from importlib.util import find_spec
 from typing import get_args
 
 from gearlib.config import gears_section
+from gearlib.config.experiments import PEERS
 from gearlib.config.gear_pair_section import BEARINGS
-from gearlib.config.train_section import OF_PAIRS, Train
-from gearlib.config.trials import PEERS
+from gearlib.config.train_section import OF_PAIRS, Kind
 
 #: Targets about the section `train`, whichever train it describes.
 OF_ANY_TRAIN = ("train_sweep", "campbell")
@@ -18,11 +19,10 @@ OF_ANY_TRAIN = ("train_sweep", "campbell")
 ONLY_IF_NAMED = ("train_sweep", "measured")
 #: Figs. 2 to 8 and the table of statements.
 PAPER_TARGETS = ("phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims")
-
 #: Asks for a train.
 NO_TRAIN = (
     "train is missing: it must be a section of the configuration, whose kind is one of "
-    f"{', '.join(get_args(Train.model_fields['kind'].annotation))}"
+    f"{', '.join(get_args(Kind))}"
 )
 
 
@@ -31,9 +31,9 @@ def refusal(target, c):
     return _REFUSALS[target](c) if target in _REFUSALS else ""
 
 
-def for_targets(words, *names):
+def for_targets(text, *names):
     """Return the sentence of a refusal with the names of the targets that it is about."""
-    return f"{words}, for the target{'s' if names[1:] else ''} {', '.join(names)}"
+    return f"{text}, for the target{'s' if names[1:] else ''} {', '.join(names)}"
 
 
 def installed(method):
@@ -43,28 +43,23 @@ def installed(method):
 
 def has_own_train(c):
     """Return whether the section `train` describes another train than the paper's reducer."""
-    return c.train.kind != "split_power_reducer" or bool(_keys_given(c.train.split_power_reducer))
+    return c.train.kind != "split_power_reducer" or bool(c.train.split_power_reducer.model_dump())
 
 
 def undamped(c):
     """Return the sentence that asks for the damping of a train whose gears move, or ""."""
-    train, key = c.train, ""
-    if train.kind == "planetary_set" and not _has_damping(train.planetary_set):
-        key = "planetary_set.damping_ratio"
-    for i, mesh in enumerate(train.own.meshes if train.kind == "own" else ()):
-        if not key and not _has_damping(mesh):
-            drawn = mesh.max_stiffness is None
-            key = f"own.meshes[{i}].{'damping_ratio' if drawn else 'material_damping'}"
-    return key and f"train.{key} is missing: it must be given where gears move, 0 included"
-
-
-def _has_damping(section) -> bool:
-    names = ("damping_ratio", "logarithmic_decrement", "material_damping")
-    return any(getattr(section, name) is not None for name in names)
-
-
-def _keys_given(section) -> list[str]:
-    return [key for key, value in dict(section).items() if value is not None]
+    meshes = {}
+    if c.train.kind == "planetary_set":
+        meshes["planetary_set"] = c.train.planetary_set
+    elif c.train.kind == "own":
+        meshes = {f"own.meshes[{i}]": mesh for i, mesh in enumerate(c.train.own.meshes)}
+    dampings = {"damping_ratio", "logarithmic_decrement", "material_damping"}
+    for key, mesh in meshes.items():
+        if not mesh.model_dump(include=dampings):
+            drawn = getattr(mesh, "max_stiffness", None) is None
+            name = "damping_ratio" if drawn else "material_damping"
+            return f"train.{key}.{name} is missing: it must be given where gears move, 0 included"
+    return ""
 
 
 def _bearings(c) -> str:
@@ -78,10 +73,6 @@ def _bearings_of_scenes(c) -> str:
     return _bearings(c) if models - {"one_degree"} else ""
 
 
-def _bearings_of_problems(c) -> str:
-    return _bearings(c) if "six_degrees" in c.work_precision.problems else ""
-
-
 def _scenes(c) -> str:
     if c.gears and not c.scenes:
         return (
@@ -90,20 +81,15 @@ def _scenes(c) -> str:
     return _bearings_of_scenes(c)
 
 
-def _claims(c) -> str:
-    about = "its statements are about the paper's pair, it must be left out"
-    return f"gears is not allowed: {about}" if c.gears else ""
-
-
-def _failures(c) -> str:
-    about = "its problems have gears of their own, it must be left out"
-    return f"gears is not allowed: {about}" if c.gears else ""
+def _only_undrawn(reason, c) -> str:
+    """Refuse drawn gears where a target has gears of its own."""
+    return f"gears is not allowed: {reason}, it must be left out" if c.gears else ""
 
 
 def _reducer(c) -> str:
     if c.train.kind != "split_power_reducer":
         return f"train.kind = {c.train.kind!r} is not allowed: it must be split_power_reducer"
-    for key in _keys_given(c.train.split_power_reducer):
+    for key in c.train.split_power_reducer.model_dump():
         return (
             f"train.split_power_reducer.{key} is not allowed: it must be left out, and what "
             "the reducer is stand in the section reducer"
@@ -119,18 +105,6 @@ def _train_teeth(c) -> str:
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
     return ""
-
-
-def _train_sweep(c) -> str:
-    return _train_teeth(c) or ("" if "train" in c.model_fields_set else NO_TRAIN)
-
-
-def _campbell(c) -> str:
-    return _train_teeth(c) if has_own_train(c) else _reducer(c)
-
-
-def _measured(c) -> str:
-    return "" if c.measured else "measured = [] is not allowed: it must be a list of YAML files"
 
 
 def _tolerances(c) -> str:
@@ -149,15 +123,16 @@ def _tolerances(c) -> str:
 
 _REFUSALS = {
     "scenes": _scenes,
-    "claims": _claims,
+    "claims": partial(_only_undrawn, "its statements are about the paper's pair"),
     "models": _bearings_of_scenes,
-    "failures": _failures,
-    "work_precision": _bearings_of_problems,
+    "failures": partial(_only_undrawn, "its problems have gears of their own"),
+    "work_precision": lambda c: _bearings(c) if "six_degrees" in c.work_precision.problems else "",
     "reducer": _reducer,
-    "campbell": _campbell,
-    "train_sweep": _train_sweep,
-    "mesh_stiffness": lambda c: gears_section.refusal(c, "mesh_stiffness"),
-    "harris_map": lambda c: gears_section.refusal(c, "harris_map"),
-    "measured": _measured,
+    "campbell": lambda c: _train_teeth(c) if has_own_train(c) else _reducer(c),
+    "train_sweep": lambda c: _train_teeth(c) or NO_TRAIN * ("train" not in c.model_fields_set),
+    "mesh_stiffness": partial(gears_section.refusal, section="mesh_stiffness"),
+    "harris_map": partial(gears_section.refusal, section="harris_map"),
+    "measured": lambda c: "measured = [] is not allowed: it must be a list of YAML files"
+    * (not c.measured),
     "tolerances": _tolerances,
 }

@@ -4,72 +4,49 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from gearlib import parameters
+from gearlib import checks
+from gearlib.config import types as t
 from gearlib.config import units
-from gearlib.config.types import (
-    MAX_JOBS,
-    Amount,
-    DampingName,
-    Finite,
-    Given,
-    Grid,
-    Label,
-    Name,
-    Section,
-    Seed,
-    Start,
-    Step,
-    Stop,
-    check_different,
-    check_grid,
-    check_most,
-    entry,
-    listing,
-    number_within,
-    numbers,
-    whole,
-)
+from gearlib.config.types import MAX_JOBS, Grid, Recorded, Section, entry, several
 from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.models import tolerated
 
-#: Those that ask no duty point.
+#: Quantities that need no duty point.
 _QUANTITIES = tuple(name for name in QUANTITIES if "duty point" not in QUANTITIES[name][1])
-_KEYS = ("mean", "std", "min", "max", "nominal", "upper", "lower")
+#: Keys of values, and of deviations, which may be shares.
+_VALUES, _DEVIATIONS = ("mean", "min", "max", "nominal"), ("std", "upper", "lower")
 _SHARE = "%"
-#: Keys of values; the others are of deviations, which may be shares.
-_VALUES = (".mean", ".min", ".max", ".nominal")
 
 
-class ToleratedParameter(Given):
+class ToleratedParameter(Section):
     """A parameter that scatters: mean and std; min and max; nominal, upper and lower; or a law."""
 
-    parameter: Label = entry(
+    parameter: t.Label = entry(
         "Name of a parameter of gear_pair or of one of its ratios; of gears: torque, "
         "centre_distance, pinion.shift and the like."
     )
-    mean: Amount = entry("Mean value; that of the gears where left out.", None)
-    std: Amount = entry('Standard deviation; a text such as "5 %" is a share of the mean.', None)
-    min: Amount = entry("Least value; up to max all are as likely.", None)
-    max: Amount = entry("Largest value.", None)
-    nominal: Amount = entry("Nominal value; that of the gears where left out.", None)
-    upper: Amount = entry("Upper deviation from it, or a share; all between are as likely.", None)
-    lower: Amount = entry("Lower deviation.", None)
-    distribution: Label = entry("In place of these: a name of scipy.stats.", None)
-    shape: dict[Name, Finite] = entry("Its parameters.", None)
+    mean: t.Amount = entry("Mean value; that of the gears where left out.", None)
+    std: t.Amount = entry('Standard deviation; a text such as "5 %" is a share of the mean.', None)
+    min: t.Amount = entry("Smallest value; all values up to max are equally likely.", None)
+    max: t.Amount = entry("Largest value.", None)
+    nominal: t.Amount = entry("Nominal value; that of the gears where left out.", None)
+    upper: t.Amount = entry(
+        "Upper deviation from the nominal value, or a share; all between are equally likely.", None
+    )
+    lower: t.Amount = entry("Lower deviation from the nominal value, or a share.", None)
+    distribution: t.Label = entry("Name of a law of scipy.stats, in place of these.", None)
+    shape: dict[t.Name, t.Finite] = entry("Parameters of that law.", None)
 
     def law(self, key, kind):
-        """Return what is given of it as `gearlib.scatter` takes it, in SI; texts are read."""
-        own = {name: getattr(self, name) for name in _KEYS if getattr(self, name) is not None}
-        if self.distribution is not None:
-            if own:
-                raise ValueError(
-                    f"{key}.{next(iter(own))} is not allowed: it must be left out beside a "
-                    "distribution"
-                )
-            return {"distribution": self.distribution, **(self.shape or {})}
-        if self.shape is not None:
-            raise ValueError(f"{key}.shape is not allowed: it must stand beside a distribution")
-        return {name: _read(f"{key}.{name}", value, kind) for name, value in own.items()}
+        """Return the law as `gearlib.scatter` takes it, in SI; `key` is its own in refusals."""
+        numbers = self.model_dump(include={*_VALUES, *_DEVIATIONS})
+        if self.distribution is None:
+            fits = self.shape is None
+            checks.require(fits, f"{key}.shape", self.shape, "left out without a distribution")
+            return {name: _read(f"{key}.{name}", x, kind) for name, x in numbers.items()}
+        for name, value in numbers.items():
+            raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
+        return {"distribution": self.distribution, **(self.shape or {})}
 
 
 def _read(key, value, kind):
@@ -79,146 +56,124 @@ def _read(key, value, kind):
     try:
         return units.read(value, kind.unit)
     except ValueError:
-        words = "a finite number"
+        allowed = "a finite number"
         if kind.unit != "1":
-            words += f" in {kind.unit} or a text with its unit such as {kind.example!r}"
-        if not key.endswith(_VALUES):
-            words += ", or a share such as '5 %'"
-        raise ValueError(f"{key} = {value!r} is not allowed: it must be {words}") from None
+            allowed += f" in {kind.unit} or a text with its unit such as {kind.example!r}"
+        if key.endswith(_DEVIATIONS):
+            allowed += ", or a share such as '5 %'"
+        raise checks.refusal(key, value, allowed) from None
 
 
 class Correlation(Section):
     """Two parameters that scatter together."""
 
-    parameters: listing(Label, "Names of both.")
-    rho: number_within(gt=-1, lt=1) = entry("Correlation of their normal scores.")
+    parameters: several(t.Label, 2) = entry("Names of both parameters.")
+    rho: t.number(gt=-1, lt=1) = entry("Correlation of their normal scores.")
 
 
-class Tolerances(Grid):
+class Tolerances(Grid, Recorded):
     """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
 
-    damping: DampingName
+    damping: t.DampingName = None
     parameters: list[ToleratedParameter] = entry(
-        "What scatters.",
+        "The parameters that scatter.",
         [
-            ToleratedParameter.unchecked(parameter="backlash", upper="25 %", lower="-25 %"),
-            ToleratedParameter.unchecked(parameter="material_damping", upper="50 %", lower="-50 %"),
-            ToleratedParameter.unchecked(parameter="load", std="5 %"),
-            ToleratedParameter.unchecked(parameter="max_stiffness", std="2 %"),
+            {"parameter": "backlash", "upper": "25 %", "lower": "-25 %"},
+            {"parameter": "material_damping", "upper": "50 %", "lower": "-50 %"},
+            {"parameter": "load", "std": "5 %"},
+            {"parameter": "max_stiffness", "std": "2 %"},
         ],
         min_length=1,
     )
-    correlations: list[Correlation] = entry("Of them, by a Gaussian copula.", [])
-    quantities: listing(Literal[_QUANTITIES], "Quantities of each design.") = [
-        "jump_up",
-        "jump_down",
-        "onset_of_contact_loss",
-        "peak",
-    ]
-    samples: whole(2, 2**24) = entry(
-        "Designs, points of a Sobol' sequence: of powers of two they are balanced.", 512
+    correlations: list[Correlation] = entry("Correlations of them, by a Gaussian copula.", [])
+    quantities: t.Distinct[Literal[_QUANTITIES]] = entry(
+        "Quantities of each design.", ["jump_up", "jump_down", "onset_of_contact_loss", "peak"]
     )
-    shard: whole(1) = entry("Designs of one job; the results do not depend on it.", 256)
+    samples: t.whole(2, 2**24) = entry(
+        "Number of designs, points of a Sobol' sequence, which powers of two balance.", 512
+    )
+    shard: t.whole(1) = entry("Designs of one job; the results do not depend on it.", 256)
     index_samples: Literal[16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192] = entry(
-        "Of the Sobol' indices: of k parameters so many times k + 2 designs.", 128
+        "Samples n of the Sobol' indices; k parameters need n (k + 2) designs.", 128
     )
-    seed: Seed = 1
-    start: Start = 0.5
-    stop: Stop = 1.4
-    step: Step = 0.01
-    directions: listing(
-        Literal["up", "down", "cold", "seeded"],
-        "How each speed is come to: carried up or down, from rest, from seeded starts.",
-    ) = ["up", "down", "seeded"]
-    box: numbers(number_within(gt=0, le=100), 2, "Largest displacement and rate of starts.") = [
-        6.0,
-        6.0,
-    ]
-    periods: whole(1, 1_000_000) = entry("Mesh periods of each run.", 120)
-    record_periods: whole(1) = entry("The last ones, which are evaluated; at most `periods`.", 20)
+    seed: t.Seed = 1
+    start: t.Start = 0.5
+    stop: t.Stop = 1.4
+    step: t.Step = 0.01
+    directions: t.Distinct[Literal["up", "down", "cold", "seeded"]] = entry(
+        "How each speed is reached: swept up or down, from rest, from seeded starts.",
+        ["up", "down", "seeded"],
+    )
+    box: several(t.OwnTuning, 2) = entry(
+        "Largest displacement and velocity of the seeded starts.", [6.0, 6.0]
+    )
+    periods: t.Periods = 120
+    record_periods: t.RecordPeriods = 20
 
     @model_validator(mode="after")
     def _check(self):
-        check_grid("tolerances", self)
-        check_most(
-            "tolerances.record_periods",
-            self.record_periods,
-            self.periods,
-            "tolerances.periods = {}",
-        )
-        if self.samples > MAX_JOBS * self.shard:
-            raise ValueError(
-                f"tolerances.shard = {self.shard} is not allowed: it must be >= "
-                f"{-(-self.samples // MAX_JOBS)} to stay within {MAX_JOBS:,} jobs"
-            )
-        check_different("tolerances.parameters", self.parameters, "parameter")
-        names = {one.parameter for one in self.parameters}
-        known = known_parameters()
-        for i, one in enumerate(self.parameters):
-            key = f"tolerances.parameters[{i}]"
-            if one.parameter not in known:
-                raise ValueError(
-                    f"{key}.parameter = {one.parameter!r} is not allowed: it must be one of "
-                    f"{', '.join(known)}"
-                )
-            law = one.law(key, known[one.parameter].kind)
-            if "distribution" not in law:
-                # What is left out is a matter of the gears.
-                tolerated.complete(key, law, own=1.0)
+        shard = -(-self.samples // MAX_JOBS)
+        allowed = f">= {shard} to stay within {MAX_JOBS:,} jobs"
+        checks.require(self.shard >= shard, ".shard", self.shard, allowed)
+        t.check_different(".parameters", self.parameters, "parameter")
+        names = [tolerance.parameter for tolerance in self.parameters]
+        both = f"{', '.join(known_parameters())}, all of the gear pair or all of the drawing"
+        for i, name in enumerate(names):
+            fits = name in self._known()
+            checks.require(fits, f".parameters[{i}].parameter", name, f"one of {both}")
         for name, field in tolerated.RATIOS.items():
-            if {name, field} <= names:
+            if {name, field} <= {*names}:
                 raise ValueError(
-                    f"tolerances.parameters of {name} and {field} are not allowed together: both "
-                    "set the same; give one of them"
+                    f".parameters of {name} and {field} are not allowed together: both set the "
+                    "same; give one of them"
                 )
         for i, pair in enumerate(self.correlations):
-            for name in pair.parameters:
-                if name not in names or len(pair.parameters) != 2:
-                    raise ValueError(
-                        f"tolerances.correlations[{i}].parameters = {pair.parameters!r} is not "
-                        f"allowed: it must be two of {', '.join(sorted(names))}"
-                    )
+            key, allowed = f".correlations[{i}].parameters", f"two of {', '.join(sorted(names))}"
+            fits = {*pair.parameters} <= {*names} and len({*pair.parameters}) == 2
+            checks.require(fits, key, pair.parameters, allowed)
+        # Values that are left out are a matter of the gears.
+        self._laws("", dict.fromkeys(names, 1.0))
         return self
 
     def of_drawing(self):
-        """Return whether what scatters is the drawing, not the pair derived from it."""
-        own = [one.parameter for one in self.parameters]
-        drawn = tolerated.of_drawing()
-        return all(name in drawn for name in own) and any(
-            name not in tolerated.of_pair() for name in own
-        )
+        """Return whether parameters of the drawing scatter, not those of the pair."""
+        names = {tolerance.parameter for tolerance in self.parameters}
+        return names <= tolerated.of_drawing().keys() and not names <= tolerated.of_pair().keys()
+
+    def _known(self):
+        return tolerated.of_drawing() if self.of_drawing() else tolerated.of_pair()
 
     def laws(self, values):
-        """Return what `gearlib.scatter` takes, refused where the gears cannot have it.
+        """Return the laws for `gearlib.scatter`, refused where the gears cannot have them.
 
         values: name -> value of the gears, where they have one.
         """
-        known = tolerated.of_drawing() if self.of_drawing() else tolerated.of_pair()
-        found: dict = {}
-        for one in self.parameters:
-            key, name = self.keys()[one.parameter], one.parameter
-            if name not in known:
-                raise ValueError(
-                    f"{key}.parameter = {name!r} is not allowed beside the others: all must be of "
-                    "the gear pair, or all of the drawing"
-                )
-            law = one.law(key, known[name].kind)
+        laws = self._laws("tolerances", values)
+        for key, (name, law) in zip(self.keys().values(), laws.items(), strict=True):
+            if "distribution" not in law:
+                tolerated.check_range(key, law, self._known()[name], tolerated.extent(law))
+        if self.correlations:
+            laws["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
+        return laws
+
+    def _laws(self, section, values):
+        """Return name -> law in numbers; values that are left out are those of the gears."""
+        laws = {}
+        for i, tolerance in enumerate(self.parameters):
+            key, name = f"{section}.parameters[{i}]", tolerance.parameter
+            law = tolerance.law(key, self._known()[name].kind)
             if "distribution" not in law:
                 law = tolerated.complete(key, law, own=values.get(name))
-                tolerated.check_range(key, law, known[name], tolerated.extent(law))
-            found[name] = law
-        if self.correlations:
-            found["correlations"] = [[*one.parameters, one.rho] for one in self.correlations]
-        return found
+            laws[name] = law
+        return laws
 
     def needs_scipy(self):
         """Return whether laws can be checked by scipy alone."""
-        return bool(self.correlations) or any(one.distribution for one in self.parameters)
+        return bool(self.correlations) or any(x.distribution for x in self.parameters)
 
     def keys(self):
         """Return name of a parameter -> its key here, for refusals."""
-        names = [one.parameter for one in self.parameters]
-        return {name: f"tolerances.parameters[{i}]" for i, name in enumerate(names)}
+        return {x.parameter: f"tolerances.parameters[{i}]" for i, x in enumerate(self.parameters)}
 
     def shards(self):
         """Return the names of the shards, ranges of samples."""
@@ -228,5 +183,4 @@ class Tolerances(Grid):
 
 def known_parameters():
     """Return name -> `Parameter` of all that may scatter."""
-    known: dict[str, parameters.Parameter] = tolerated.of_drawing() | tolerated.of_pair()
-    return known
+    return tolerated.of_drawing() | tolerated.of_pair()

@@ -1,4 +1,4 @@
-"""Types of the configuration's values: what a number, a name, a list may be, and what must agree.
+"""Types of the configuration's values, and the base classes of its sections.
 
 Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
 ``4.0e+8``), and all values inside of ``--config section={key: 0.66}`` come as texts. A text that is
@@ -6,12 +6,17 @@ plainly a number, true or false is accepted as that. Every other text in place o
 refused, and so are ``true`` for 1, 2.0 for an integer, NaN and, except for a backlash, infinity.
 Where a value has a dimension, a number is in SI units and a text may name another one of that
 dimension: ``"4e5 N/mm"``.
+
+Validators get a context with the ``pair``, a section `gear_pair`, whose speeds tunings may be, and
+the names of the ``dampings``. In the message of a ValueError ``.stop`` stands for the key ``stop``
+of the section that is checked, and ``.`` for the key itself.
 """
 
 import math
 import re
+from decimal import Decimal
 from functools import cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -22,114 +27,109 @@ from pydantic import (
     PlainValidator,
     WithJsonSchema,
     create_model,
-    model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from gearlib import parameters, tunings
+from gearlib import checks, parameters, tunings
 from gearlib.config import units
 
 #: Limit that catches a mistyped step before it makes as many jobs or tunings.
 MAX_JOBS = 10_000
-
-
-def check_count(key, start, stop, step, most):
-    """Refuse a step that cuts a range into too many."""
-    if stop > start and tunings.steps(start, stop, step) + 1 > most:
-        raise ValueError(
-            f"{key} = {step!r} is not allowed: it must be >= {(stop - start) / most:.2g} to stay "
-            f"within {most:,} tunings"
-        )
-
-
-def check_order(key, section, low="start", high="stop"):
-    """Refuse a range whose end is not above its beginning."""
-    first, last = getattr(section, low), getattr(section, high)
-    if last <= first:
-        raise ValueError(
-            f"{key}.{high} = {last!r} is not allowed: it must be greater than {key}.{low} = "
-            f"{first!r}"
-        )
-
-
-def check_most(key, value, most, words="the {} recorded mesh periods"):
-    """Refuse more than there are; `words` say what of."""
-    if value > most:
-        raise ValueError(
-            f"{key} = {value} is not allowed: it must be an integer from 1 to {words.format(most)}"
-        )
-
-
-def check_different(key, entries, name):
-    """Refuse two entries of a list that have one name or title."""
-    found = [getattr(one, name) for one in entries]
-    for i, value in enumerate(found):
-        if found.count(value) > 1:
-            raise ValueError(
-                f"{key}[{i}].{name} = {value!r} is not allowed: {name}s must be all different"
-            )
-
-
-def check_grid(key, section, step_key="step"):
-    """Refuse a section whose stop is not start plus a whole multiple of step, or too fine."""
-    start, stop, step = section.start, section.stop, getattr(section, step_key)
-    check_count(f"{key}.{step_key}", start, stop, step, MAX_JOBS)
-    if stop <= start or tunings.steps(start, stop, step) % 1:
-        raise ValueError(
-            f"{key}.stop = {stop!r} is not allowed: it must be {key}.start = {start!r} plus a "
-            f"whole multiple of {key}.{step_key} = {step!r}"
-        )
-
-
+#: Decimals of the tunings of a grid of speeds: with those before the point, a float keeps them all.
+_DECIMALS = Decimal("1e-12")
+#: Speeds in rpm, and numbers of steps, beyond all that are allowed.
+_MAX_RPM = 10**9
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
 _TRUTH = {"true": True, "false": False}
+_NAME = "[A-Za-z0-9+_-]"
+_T = TypeVar("_T")
+
+
+def entry(description, default=..., **bounds):
+    """Return the field of a key, by its description and default; None: it may be left out."""
+    checked = default not in (..., None)
+    return Field(default=default, description=description, validate_default=checked, **bounds)
+
+
+#: A section that is left out has the defaults of its keys.
+SECTION: Any = Field(default={}, validate_default=True)
+
+
+def check_different(key, entries, name):
+    """Refuse two entries of a list that have the same name or title."""
+    names = [getattr(section, name) for section in entries]
+    for i, value in enumerate(names):
+        words = f"another one: {name}s must be all different"
+        checks.require(names.count(value) == 1, f"{key}[{i}].{name}", value, words)
 
 
 def _read_number(value):
     return float(value) if isinstance(value, str) and _NUMBER.fullmatch(value) else value
 
 
-def read_integer(value):
-    """Return a text that is plainly an integer as that, anything else as it is."""
+def _read_integer(value):
     return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
-
-
-def _read_choice(value):
-    if isinstance(value, bool):  # pydantic would take true for 1
-        raise PydanticCustomError("choice", "no choice")
-    return read_integer(value)
 
 
 def _read_truth(value):
     return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
 
 
-def _all_different(values):
-    seen = set()
-    for value in values:
-        if value in seen:
-            raise PydanticCustomError("duplicate", "{value}", {"value": value})
-        seen.add(value)
-    return values
+def _read_choice(value):
+    if isinstance(value, bool):  # pydantic would take true for 1
+        raise PydanticCustomError("choice", "no choice")
+    return _read_integer(value)
 
 
-def _plain_value(value):
-    value = _read_number(read_integer(_read_truth(value)))
-    finite = not isinstance(value, float) or math.isfinite(value)
-    if not isinstance(value, (bool, int, float, str)) or not finite:
-        raise PydanticCustomError("plain_value", "no plain value")
+def _read_option(value):
+    value = _read_number(_read_integer(_read_truth(value)))
+    if not isinstance(value, (int, float, str)) or value in (math.inf, -math.inf) or value != value:
+        raise PydanticCustomError("option", "no plain value")
     return value
 
 
-def _amount(value):
-    if isinstance(_plain_value(value), bool):
+def _read_amount(value):
+    if isinstance(_read_option(value), bool):
         raise PydanticCustomError("amount", "no amount")
-    return _plain_value(value)
+    return _read_option(value)
 
 
-def number_within(read=_read_number, **bounds):
+def _all_different(values):
+    for value in values:
+        if values.count(value) > 1:
+            raise ValueError(f". lists {value!r} twice: its entries must be all different")
+    return values
+
+
+def of_context(info, key):
+    """Return an entry of the context of a validation, None where there is none."""
+    return (info.context or {}).get(key)
+
+
+def _known_damping(name, info):
+    names = of_context(info, "dampings") or [name]
+    checks.require(name in names, ".", name, f"one of {', '.join(names)}")
+    return name
+
+
+def _read_tuning(value, info):
+    rpm = units.rpm(value)
+    if rpm is None:
+        return _read_number(value)
+    return float(rpm) * tuning_per_rpm(of_context(info, "pair"), info.data.get("change"))
+
+
+def tuning_per_rpm(pair, change=None):
+    """Return the tuning of 1 rpm of a section `gear_pair`, or a stand-in while it is refused."""
+    if pair is None:
+        return 1e-4
+    pair = pair.model_copy(update=change.model_dump()) if change else pair
+    return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
+
+
+def number(read=_read_number, **bounds):
     """Return the type of a finite number within `bounds` (gt, ge, lt, le), by what reads it."""
     # Innermost first: bounds that pydantic cannot attach to the number itself would be missing
     # in the schema.
@@ -138,8 +138,7 @@ def number_within(read=_read_number, **bounds):
 
 def whole(least, most=None):
     """Return the type of an integer within bounds."""
-    bounds = {"ge": least} if most is None else {"ge": least, "le": most}
-    return Annotated[int, Field(**bounds), BeforeValidator(read_integer)]
+    return Annotated[int, Field(ge=least, le=most), BeforeValidator(_read_integer)]
 
 
 def quantity(unit, example, *, infinite=False, **bounds):
@@ -154,11 +153,9 @@ def quantity(unit, example, *, infinite=False, **bounds):
         except ValueError as error:
             raise PydanticCustomError("quantity", "no quantity") from error
 
-    comment = f"in {unit} or a text with its unit such as '{example}'"
-    comment = f"or .inf, {comment}" if infinite else comment
-    allowed = {"allow_inf_nan": None} if infinite else {}
-    extra = _or_text(units.TEXT, comment)
-    return number_within(read, json_schema_extra=extra, **allowed, **bounds)
+    comment = f"{'or .inf, ' if infinite else ''}in {unit} or a text with its unit such as "
+    extra = _or_text(units.TEXT, f"{comment}'{example}'")
+    return number(read, json_schema_extra=extra, allow_inf_nan=infinite or False, **bounds)
 
 
 def _or_text(pattern, comment):
@@ -166,56 +163,50 @@ def _or_text(pattern, comment):
     return {"type": ["number", "string"], "pattern": f"^{pattern.pattern}$", "$comment": comment}
 
 
-def _text(comment, **bounds):
-    """Return the type of a text, in the words of its comment."""
+def text(comment, **bounds):
+    """Return the type of a text, described by a comment."""
     return Annotated[str, Field(json_schema_extra={"$comment": comment}, **bounds)]
 
 
-def _anything(read, types, comment):
-    """Return the type of what a function reads."""
+def anything(read, types, comment):
+    """Return the type of whatever a function reads, described by a comment."""
     schema = WithJsonSchema({"type": types, "$comment": comment})
     return Annotated[Any, PlainValidator(read), schema]
 
 
+def several(item, count):
+    """Return the type of a list of `count` values."""
+    return Annotated[list[item], Field(min_length=count, max_length=count)]
+
+
+#: A non-empty list of different values.
+Distinct = Annotated[
+    list[_T],
+    Field(min_length=1, json_schema_extra={"uniqueItems": True}),
+    AfterValidator(_all_different),
+]
 Truth = Annotated[
     bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
 ]
 #: Short enough for titles that name it.
-_NAME = r"^[A-Za-z0-9+_-]{1,40}$"
-Name = Annotated[str, Field(pattern=_NAME)]
-Label = _text("a text of 1 to 60 characters", min_length=1, max_length=60)
-DampingName = _text(
-    "one of the dampings",
-    pattern=_NAME,
-    description="One of the dampings. Default: the first one that damps, if one does.",
-)
-#: Empty: the paper's.
-ProjectName = _text(
-    "a text of at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$"
-)
-Colour = _text("a colour '#rrggbb', in quotes", pattern=r"^#[0-9A-Fa-f]{6}$")
+Name = Annotated[str, Field(pattern=f"^{_NAME}{{1,40}}$")]
+Label = text("a text of 1 to 60 characters", min_length=1, max_length=60)
+DampingName = Annotated[
+    text(
+        "one of the dampings",
+        pattern=f"^{_NAME}{{1,40}}$",
+        description="One of the dampings. Default: the first one that damps, if one does.",
+    ),
+    AfterValidator(_known_damping),
+]
 #: Option of a method, which only the method can check; integers stay integers.
-Option = _anything(
-    _plain_value, ["boolean", "number", "string"], "a finite number, true, false or a text"
+Option = anything(
+    _read_option, ["boolean", "number", "string"], "a finite number, true, false or a text"
 )
 #: Number or text whose unit follows from another key; that checks the text.
-Amount = _anything(
-    _amount, ["number", "string"], "or a text with its unit, or a share such as '5 %'"
+Amount = anything(
+    _read_amount, ["number", "string"], "or a text with its unit, or a share such as '5 %'"
 )
-
-
-def entry(words, default=..., **bounds):
-    """Return the field of a key, by its description and default."""
-    return Field(default=default, description=words, **bounds)
-
-
-def listing(item, description):
-    """Return the type of a non-empty list of different items, and its description."""
-    return Annotated[
-        list[item],
-        Field(min_length=1, description=description, json_schema_extra={"uniqueItems": True}),
-        AfterValidator(_all_different),
-    ]
 
 
 class Section(BaseModel):
@@ -224,24 +215,9 @@ class Section(BaseModel):
     # Built with the whole configuration only, not each section by itself before: that takes longer.
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
-    @classmethod
-    def unchecked(cls, **given):
-        """Return a section that is a default; a check would build the validator of its class."""
-        for key, value in given.items():
-            part = cls.model_fields[key].annotation
-            if isinstance(value, dict) and isinstance(part, type) and issubclass(part, Section):
-                given[key] = part.unchecked(**value)
-        return cls.model_construct(**given)
-
-
-class Given(Section):
-    """Base of sections whose keys may be left out: what is not given is not dumped either."""
-
-    @model_serializer(mode="wrap")
-    def _given(self, dump):
-        if self is None:  # as the default of a section inside another
-            return None
-        return {key: value for key, value in dump(self).items() if value is not None}
+    def model_dump(self, **options):
+        """Return the keys with their values, without those that are left out."""
+        return super().model_dump(exclude_none=True, **options)
 
 
 @cache
@@ -251,7 +227,7 @@ def type_of(kind):
         bounds = {"gt": kind.above, "ge": kind.least, "lt": kind.below, "le": kind.most}
         bounds = {name: value for name, value in bounds.items() if value is not None}
         if kind.unit == "1":
-            return number_within(**bounds)
+            return number(**bounds)
         return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **bounds)
     if isinstance(kind, parameters.Integer):
         return whole(kind.least, kind.limit if kind.most is None else kind.most)
@@ -261,128 +237,150 @@ def type_of(kind):
         return Truth
     if isinstance(kind, parameters.OneOf):
         return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
-    least, most = kind.count or 1, kind.count
-    return Annotated[list[type_of(kind.item)], Field(min_length=least, max_length=most)]
+    return Annotated[list[type_of(kind.item)], Field(min_length=kind.count or 1, max_length=kind.count)]
 
 
-def like(title, words, constructor, *names, base=None, without=(), required=(), optional=(), **own):
+def like(
+    title, description, constructor, *names, base=Section, without=(), required=(), optional=(), **more
+):
     """Return a section whose keys are what a constructor or function declares, or some `names`.
 
-    They are added to `base`, by default `Given`, where what has a default may be left out.
-    `without` are no keys; `required` have to be given, though there is a default; `optional` may be
-    left out, though there is none, or none that counts. `own` keys, (type, field) each, belong to
-    the section alone; parts such as a web are among these.
+    They are added to `base`. What has a default may be left out unless it is `required`, and so
+    may `optional` keys; `without` are no keys. `more` keys, (type, field) each, belong to the
+    section alone.
     """
-    base, fields = base or Given, {}
+    fields = {}
     for name, parameter in parameters.declared(constructor).items():
-        chosen = name in names if names else name not in without
+        chosen = name in names if names else name not in {*without, *more}
         if not chosen or isinstance(parameter.kind, parameters.Instance):
             continue
         default, extra = parameter.default, {}
-        if name in required or default is parameters.MISSING:
-            default = ...
-        elif isinstance(default, tuple):
-            default = list(default)
-        if name in optional:
-            default = None
-        elif issubclass(base, Given) and default not in (..., None):
+        needed = name in required or (default is parameters.MISSING and name not in optional)
+        if default not in (parameters.MISSING, None, math.inf) and name not in (*required, *optional):
             # Left out, it is not dumped; the schema says what the constructor makes of it.
-            infinite = math.inf in (default if isinstance(default, list) else [default])
-            extra = {} if infinite else {"json_schema_extra": {"default": default}}
-            default = None
-        fields[name] = type_of(parameter.kind), entry(parameter.description, default, **extra)
-    return create_model(title, __base__=base, __doc__=words, **(fields | own))
+            default = list(default) if isinstance(default, tuple) else default
+            extra = {"json_schema_extra": {"default": default}}
+        field = entry(parameter.description, ... if needed else None, **extra)
+        fields[name] = type_of(parameter.kind), field
+    return create_model(title, __base__=base, __doc__=description, **(fields | more))
 
 
 Finite, Positive = type_of(parameters.FINITE), type_of(parameters.POSITIVE)
 NonNegative = type_of(parameters.NONNEGATIVE)
 Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
-Length, Diameter = type_of(parameters.LENGTH), type_of(parameters.DIAMETER)
-RunOut, Error = type_of(parameters.RUN_OUT), type_of(parameters.ERROR)
+Length, Error = type_of(parameters.LENGTH), type_of(parameters.ERROR)
 Backlash, Angle = type_of(parameters.BACKLASH), type_of(parameters.ANGLE)
-Load = type_of(parameters.LOAD)
 DampingCoefficient = type_of(parameters.DAMPING)
-PositiveDampingCoefficient = quantity("N s/m", "3.95 N s/mm", gt=0)
-CubicDamping = quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0)
-#: Of the gear pair: `gearlib.config.speeds_section` has made numbers of texts in rpm.
-_SPEED = _or_text(units.RPM, "or a speed such as '1500 rpm'")
-Tuning = number_within(gt=0, le=100, json_schema_extra=_SPEED)
-Distance = number_within(gt=0, le=10, json_schema_extra=_SPEED)
+PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
+Torque, Power, Speed = map(
+    type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED)
+)
+#: Of the gear pair.
+_SPEED = {"json_schema_extra": _or_text(units.RPM, "or a speed such as '1500 rpm'")}
+Tuning = number(_read_tuning, gt=0, le=100, **_SPEED)
+Distance = number(_read_tuning, gt=0, le=10, **_SPEED)
 #: Of a train or drawing, which takes no speed.
-OwnTuning = number_within(gt=0, le=100)
-Harmonic = whole(1, 1000)
-Share = number_within(ge=0, le=1)
-Tolerance = number_within(gt=0, le=10)
+OwnTuning = number(gt=0, le=100)
+Tolerance = number(gt=0, le=10)
+Count, LargeCount = whole(1, 1000), whole(1, 1_000_000)
 
 
-def numbers(item, count, description):
-    """Return the type of a list of `count` numbers, and its description."""
-    return Annotated[list[item], Field(min_length=count, max_length=count, description=description)]
+def described(item, description):
+    """Return a type with a description, for keys that many sections have."""
+    return Annotated[item, Field(description=description)]
 
 
-_START, _STEP = Field(description="First tuning."), Field(description="Distance of the tunings.")
-_STOP = Field(description="Last one; start + a whole multiple of step.")
-Start, Stop, Step = Annotated[Tuning, _START], Annotated[Tuning, _STOP], Annotated[Distance, _STEP]
-OwnStart, OwnStop = Annotated[OwnTuning, _START], Annotated[OwnTuning, _STOP]
-OwnStep = Annotated[number_within(gt=0, le=10), _STEP]
+_FIRST, _LAST = "First tuning.", "Last tuning; start plus a whole multiple of step."
+_DISTANCE = "Distance of the tunings."
+Start, OwnStart = described(Tuning, _FIRST), described(OwnTuning, _FIRST)
+Stop, OwnStop = described(Tuning, _LAST), described(OwnTuning, _LAST)
+Step, OwnStep = described(Distance, _DISTANCE), described(number(gt=0, le=10), _DISTANCE)
+Periods = described(LargeCount, "Mesh periods of a run.")
+RecordPeriods = described(whole(1), "The last periods, which are evaluated; at most `periods`.")
+Starts = described(Count, "Seeded starts of every motion.")
+Seed = described(whole(0, 1_000_000), "Seed of the random starts.")
 
 
-class Grid(Section):
-    """A range of tunings in equal steps; base of the sections that have one."""
+class OwnGrid(Section):
+    """A range of tunings in equal steps, of a train or drawing."""
 
     start: OwnStart
     stop: OwnStop
     step: OwnStep
 
-    @classmethod
-    def key(cls):
-        """Return the name of the section, for messages."""
-        return re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
-
     @model_validator(mode="after")
     def _check_grid(self):
-        check_grid(self.key(), self)
+        self.check_steps("step")
         return self
 
-
-def _described(item, description):
-    return Annotated[item, Field(description=description)]
-
-
-Periods = _described(whole(1, 1_000_000), "Mesh periods of a run.")
-RecordPeriods = _described(whole(1), "The last ones, which are evaluated; at most `periods`.")
-Starts = _described(whole(1, 1000), "Seeded starts of every motion.")
-Seed = _described(whole(0, 1_000_000), "Of the random displacements at the start.")
-Spread = _described(
-    number_within(gt=0, le=10), "Largest displacement of a body at the start, static deflections."
-)
+    def check_steps(self, key, most=MAX_JOBS):
+        """Refuse a range that is no whole multiple of a step, or has too many."""
+        step, span = getattr(self, key), self.stop - self.start
+        count = tunings.steps(self.start, self.stop, step)
+        allowed = f">= {span / most:.2g} to stay within {most:,} tunings"
+        checks.require(count < most, f".{key}", step, allowed)
+        allowed = f".start = {self.start!r} plus a whole multiple of .{key} = {step!r}"
+        checks.require(count > 0 and count % 1 == 0, ".stop", self.stop, allowed)
 
 
-class Recorded(Grid):
-    """A grid of runs of which the last mesh periods are evaluated."""
+class Grid(OwnGrid):
+    """A range of tunings of the gear pair in equal steps, or of speeds."""
+
+    start: Start
+    stop: Stop
+    step: Step
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_speeds(cls, values, info):
+        """Return a grid in rpm as one of tunings; a decimal step keeps stop a whole multiple."""
+        keys = ("start", "stop", "step", "window", "fine_step", "share_step")
+        given = {key: values[key] for key in keys if key in values}
+        rpm = {key: units.rpm(value) for key, value in given.items()}
+        if {*rpm.values()} <= {None}:
+            return values
+        for key in (*keys[:3], *rpm):
+            if rpm.get(key) is None:
+                fault = f"= {given[key]!r} is not allowed" if key in given else "is missing"
+                raise ValueError(f".{key} {fault}: a grid must be in rpm throughout, or nowhere")
+        count = (rpm["stop"] - rpm["start"]) / rpm["step"] if rpm["step"] else Decimal(0)
+        fits = rpm["stop"] < _MAX_RPM and 0 < count < _MAX_RPM and count % 1 == 0
+        allowed = f".start = {given['start']!r} plus a whole multiple of .step = {given['step']!r}"
+        checks.require(fits, ".stop", given["stop"], allowed)
+        unit = Decimal(tuning_per_rpm(of_context(info, "pair")))
+        start, step = ((unit * rpm[key]).quantize(_DECIMALS) for key in ("start", "step"))
+        lengths = {key: value / rpm["step"] * step for key, value in rpm.items()}
+        lengths |= {"start": start, "stop": start + count * step}
+        return values | {key: float(value) for key, value in lengths.items()}
+
+
+class Recorded(Section):
+    """Runs of which the last mesh periods are evaluated."""
 
     periods: Periods
     record_periods: RecordPeriods
 
     @model_validator(mode="after")
     def _check_record(self):
-        key = self.key()
-        words = key + ".periods = {}"
-        check_most(f"{key}.record_periods", self.record_periods, self.periods, words)
+        allowed = f"an integer from 1 to .periods = {self.periods}"
+        fits = self.record_periods <= self.periods
+        checks.require(fits, ".record_periods", self.record_periods, allowed)
         return self
 
 
 class Seeded(Section):
-    """Base of the sections that ask seeded starts of a motion."""
+    """Sections whose motions have many seeded starts."""
 
     starts: Starts = 32
     seed: Seed = 1
-    spread: Spread = 0.02
+    spread: Tolerance = entry(
+        "Largest displacement of a body at the start, static deflections.", 0.02
+    )
 
 
-class Started(Seeded, Grid):
-    """A grid of which every motion has many starts; see `gearlib.studies.trains.motions`."""
+class Started(Seeded):
+    """Sections whose motions get fewer starts where those agree."""
 
-    first_starts: whole(1, 1000) = entry(
-        "Where so many of the starts end on one stable orbit, no others are run.", 4
+    first_starts: Count = entry(
+        "Number of starts after which no others are run if all end on one stable orbit.", 4
     )

@@ -13,7 +13,8 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
 #: A number and a product or quotient of units, with powers of one digit.
 TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·⋅]\s*{_FACTOR})*)")
-
+#: A speed of revolution. No other unit: Hz and 1/min leave open whether they count revolutions.
+RPM = re.compile(rf"({_NUMBER})\s*rpm")
 #: (unit, unit wanted) -> factor, of what drawings are full of: pint takes half a second to load.
 PLAIN = {
     ("mm", "m"): "1e-3",
@@ -28,10 +29,6 @@ PLAIN = {
 }
 
 
-#: A speed of revolution. No other unit: Hz and 1/min leave open whether they count revolutions.
-RPM = re.compile(rf"({_NUMBER})\s*rpm")
-
-
 @cache
 def _registry():
     import pint
@@ -39,11 +36,10 @@ def _registry():
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
-def _plain(name):
-    """Return a unit as pint and `PLAIN` have it: "Nm" and "N·m" are "N m", "µm" is "um"."""
-    name = re.sub("[µμ]", "u", name)
-    name = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", name)
-    return re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", name)
+def rpm(value):
+    """Return the number of a text in rpm as a Decimal, None for anything else."""
+    match = RPM.fullmatch(value.strip()) if isinstance(value, str) else None
+    return Decimal(match[1]) if match else None
 
 
 def read(text, unit):
@@ -51,10 +47,15 @@ def read(text, unit):
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
-    number, name = match[1], _plain(match[2])
-    plain = "1" if name == unit else PLAIN.get((name, unit))
-    if plain:
-        return float(Decimal(number) * Decimal(plain))
+    # Units as pint and `PLAIN` have them: "Nm" and "N·m" are "N m", "µm" is "um".
+    name = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", re.sub("[µμ]", "u", match[2]))
+    name = re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", name)
+    factor = "1" if name == unit else PLAIN.get((name, unit)) or _factor(text, name, unit)
+    return float(Decimal(match[1]) * Decimal(factor))
+
+
+def _factor(text, name, unit):
+    """Return a unit over another one of its dimension, by pint."""
     registry = _registry()
     try:
         # pint sees the unit alone, so that no arithmetic of the user's is evaluated.
@@ -62,7 +63,6 @@ def read(text, unit):
         if unit == "rpm" and "radian" not in str(quantity.to_root_units().units):
             # 1/min and Hz of a shaft are its turns.
             quantity *= registry.Quantity(Decimal(1), "turn")
-        factor = quantity.to(unit).magnitude
+        return quantity.to(unit).magnitude
     except Exception as error:  # pint raises its own, tokenize's and Python's errors
         raise ValueError(f"{text!r} is not in a unit of the dimension of {unit}") from error
-    return float(Decimal(number) * factor)

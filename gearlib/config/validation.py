@@ -16,15 +16,12 @@ _BOUNDS = {
     "exclusiveMaximum": "< {}",
     "maximum": "<= {}",
 }
-_LONGEST_VALUE = 60
-#: Most sections named for a misplaced key, and characters of a computed value shown in full.
-MAX_PLACES, MAX_DIGITS = 3, 12
-#: A key and the number that it is said to have; of a sum there is none to show.
+#: Characters of a value and digits of a computed number that are shown, sections that are named.
+_MAX_CHARACTERS, _MAX_DIGITS, _MAX_PLACES = 60, 12, 3
+#: A key and the number that it is said to have; a sum has no key.
 _ASSIGNED = re.compile(
     r"(?<! and )\b([A-Za-z][\w.+\[\]-]*) = (-?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|inf)\b)"
 )
-#: Title of a section -> its keys of former versions, and what they are called now.
-_RENAMED = {"Damping": {"material": "material_damping", "backlash": "backlash_damping"}}
 
 
 def sentences(errors, schema):
@@ -38,50 +35,45 @@ def _sentence(error, schema):
     path = [part for part in error["loc"] if part != "[key]"]
     key = _key(path)
     if kind == "value_error":
-        return str(error["ctx"]["error"])
-    if kind == "duplicate":
-        twice = show(error["ctx"]["value"])
-        return f"{key} lists {twice} twice: its entries must be all different"
+        return in_full(str(error["ctx"]["error"]), key if path else "")
     if kind == "extra_forbidden":
         return unknown_key(path, value, schema)
     if error["loc"][-1:] == ("[key]",):
         pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
-    if kind == "both":
-        names = " and ".join(f"{key}.{name}" for name in error["ctx"]["names"])
-        return f"{names} are not allowed together: it must be one of them"
-    if kind == "missing_one":
+    if kind == "missing_key":
         kind, path = "missing", [*path, error["ctx"]["key"]]
-        key = _key(path)
     if kind == "missing":
-        return f"{key} is missing: it must be {allowed(node_at(path, schema), schema)}"
+        return f"{_key(path)} is missing: it must be {allowed(node_at(path, schema), schema)}"
     if {"targets", "method", "methods"} & {*map(str, path)} and str(value) in REMOVED:
         return sentence(value)
     node = node_at(path, schema)
-    hint = _hint(value, node)
+    example = re.search("such as '(.*)'", node.get("$comment", ""))
+    largest = node.get("maximum", node.get("exclusiveMaximum"))
+    hint = likely(value, example[1], largest) if example else ""
     return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
+
+
+def in_full(text, key):
+    """Return a message with full keys where ``.`` and ``.name`` stand for those of a section."""
+    prefix = f"{key}." if key else ""
+    full = re.sub(r"(?<!\S)\.(\w?)", lambda found: f"{prefix}{found[1]}" if found[1] else key, text)
+    return full if full != text or not key or text.startswith(key) else f"{key}: {text}"
 
 
 def unknown_key(path, value, schema):
     """Return the sentence that refuses a key, by its path, which its section does not have."""
-    section, key = node_at(path[:-1], schema), _key(path)
-    for name in (key, f"{path[0]}.{path[-1]}"):
-        if name in REMOVED:
-            return sentence(name)
-    new = _RENAMED.get(section.get("title"), {}).get(path[-1])
-    if new:
-        return f"{key} = {show(value)} is not a known key: it is called {new} now, in N s/m"
-    return f"{key} = {show(value)} is not a known key: {_where(path, section, schema)}"
-
-
-def _where(path, section, schema):
-    """Return where an unknown key belongs, else which key was likely meant, else what is known."""
-    name, place = str(path[-1]), _key(path[:-1])
-    if places := sorted(_sections_with(name, schema), key=lambda section: section.count(".")):
-        return f"{name} belongs in {' or '.join(places[:MAX_PLACES])}"
-    if meant := difflib.get_close_matches(name, section.get("properties", []), 1):
-        return f"did you mean {meant[0]}?"
-    return f"{place} must be {allowed(section, schema)}"
+    section, key, name = node_at(path[:-1], schema), _key(path), str(path[-1])
+    for removed in (key, f"{path[0]}.{name}"):
+        if removed in REMOVED:
+            return sentence(removed)
+    if places := sorted(_sections_with(name, schema), key=lambda place: place.count(".")):
+        advice = f"{name} belongs in {' or '.join(places[:_MAX_PLACES])}"
+    elif similar := difflib.get_close_matches(name, section.get("properties", []), 1):
+        advice = f"did you mean {similar[0]}?"
+    else:
+        advice = f"{_key(path[:-1])} must be {allowed(section, schema)}"
+    return f"{key} = {show(value)} is not a known key: {advice}"
 
 
 def _sections_with(name, schema, node=None, place=""):
@@ -105,7 +97,7 @@ def as_typed(sentence, mapping):
         if value == float(match[2]) or (isinstance(value, str) and units.TEXT.fullmatch(value)):
             return f"{match[1]} = {show(value)}"
         # A value that nobody typed needs no more digits than the eye takes in.
-        computed = value is None and len(match[2]) > MAX_DIGITS
+        computed = value is None and len(match[2]) > _MAX_DIGITS
         return f"{match[1]} = {float(match[2]):.6g}" if computed else match[0]
 
     text = _ASSIGNED.sub(typed, sentence)
@@ -123,22 +115,12 @@ def _value_at(node, key):
     return node
 
 
-def _hint(value, node):
-    """Return the unit in which a bare number above its range was likely meant."""
-    example = re.search("such as '(.*)'", node.get("$comment", ""))
-    most = node.get("maximum", node.get("exclusiveMaximum"))
-    return likely(value, example[1], most) if example else ""
-
-
 def show(value):
     """Return a value as it would stand in YAML, shortened to one line."""
     if value is None:
-        text = "null (empty)"
-    elif isinstance(value, bool):
-        text = str(value).lower()
-    else:
-        text = repr(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+        return "null (empty)"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}..."
 
 
 def allowed(node, schema):
@@ -148,25 +130,23 @@ def allowed(node, schema):
         return f"one of {', '.join(map(str, node['enum']))}"
     if "const" in node:
         return str(node["const"])
-    kind = node["type"]
-    if kind == ["number", "string"]:
-        kind = "number"
-    if kind in ("number", "integer"):
+    kind, comment = node["type"], node.get("$comment", "")
+    if kind in ("number", "integer", ["number", "string"]):
         # The one number that may be infinite says so in its comment.
-        finite = "a number" if ".inf" in node.get("$comment", "") else "a finite number"
-        noun = "an integer" if kind == "integer" else finite
-        return " ".join(filter(None, [noun, _range(node), node.get("$comment")]))
+        noun = "a number" if ".inf" in comment else "a finite number"
+        noun = "an integer" if kind == "integer" else noun
+        return " ".join(filter(None, [noun, _range(node), comment]))
     if kind in ("string", "boolean") or isinstance(kind, list):
-        return node["$comment"]
+        return comment
     if kind == "array":
-        least, most = node.get("minItems", 0), node.get("maxItems")
-        entries = f"{least} entries" if least == most else "at least one entry"
+        least = node.get("minItems", 0)
+        entries = f"{least} entries" if least == node.get("maxItems") else "at least one entry"
         return f"a list of {entries}, each {allowed(node['items'], schema)}"
     if "properties" in node:
         return f"a mapping with the keys {', '.join(node['properties'])}"
-    (entry,) = node["patternProperties"].values()
+    (inner,) = node["patternProperties"].values()
     names = "at least one name" if node.get("minProperties") else "names"
-    return f"a mapping of {names} to {allowed(entry, schema)}"
+    return f"a mapping of {names} to {allowed(inner, schema)}"
 
 
 def _range(node):
@@ -182,10 +162,8 @@ def _range(node):
 
 
 def _key(path):
-    key = ""
-    for part in path:
-        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
-    return key or "the configuration"
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return "".join(parts).removeprefix(".") or "the configuration"
 
 
 def node_at(path, schema):
