@@ -5,8 +5,7 @@ import re
 from pathlib import Path
 
 from gearlib import config as configuration
-from gearlib.config import gear_names
-from gearlib.config.laying import laid_over
+from gearlib.config import gear_names, laid_over
 from workflow.refusal import refuse
 
 #: Sections that describe a machine.

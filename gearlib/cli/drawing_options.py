@@ -2,8 +2,8 @@
 
 import click
 
+from gearlib.config import laid_over
 from gearlib.config.gears_section import Gears, WheelSection
-from gearlib.config.laying import laid_over
 
 #: What both gears have in common, and what each has of its own; the options of these take two.
 _COMMON = ("module", "width", "pressure_angle", "helix_angle", "rack")

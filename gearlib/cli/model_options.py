@@ -8,9 +8,8 @@ from pydantic import ValidationError
 
 from gearlib import config
 from gearlib.cli import drawing_options, output, refusals, speed_options
-from gearlib.config import gear_names, yaml_keys
+from gearlib.config import gear_names, laid_over, yaml_keys
 from gearlib.config.gear_pair_section import BEARINGS, DAMPINGS, GearPairSection
-from gearlib.config.laying import laid_over
 from gearlib.config.targets import NO_TRAIN, undamped
 from gearlib.config.train_section import OF_PAIRS
 from gearlib.config.types import like

@@ -123,11 +123,11 @@ class Config(Section):
 
     def refused(self):
         """Return a sentence for each reason why targets cannot be about these gears."""
-        names_by_reason = {}
-        asked = self.targets if "targets" in self.model_fields_set else self._changed()
-        for name in asked:
-            names_by_reason.setdefault(targets.refusal(name, self), []).append(name)
-        return [targets.for_targets(text, *names) for text, names in names_by_reason.items() if text]
+        names = self.targets if "targets" in self.model_fields_set else self._changed()
+        refused = {}
+        for name in names:
+            refused.setdefault(targets.refusal(name, self), []).append(name)
+        return [targets.for_targets(text, *those) for text, those in refused.items() if text]
 
     def without_damping(self):
         """Return a sentence, or none, that asks for the damping of a train that targets move."""
@@ -173,7 +173,8 @@ class Config(Section):
         """Return the keyword arguments of `gearlib.SixDegreePair` beside the pair."""
         arguments = self.six_degrees.model_dump()
         if self.gears:
-            arguments["teeth"] = [self.gears.pinion.teeth, self.gears.wheel.teeth]
+            gears = self.gears.described()
+            arguments["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
         return arguments
 
     def train_parameters(self, damping):

@@ -40,7 +40,7 @@ def filled(mapping):
     """Return what was read from YAML with its defaults, and the context of its validation."""
     if not isinstance(mapping, dict):
         return mapping, {}
-    pair, dampings, gears = _gears(mapping)
+    pair, gears, dampings = _gears(mapping)
     context = {"pair": pair, "dampings": dampings, "drawn": gears is not None}
     defaults = _defaults_of(pair or _PAIR, dampings or _DAMPINGS)
     six_degrees = mapping.get("six_degrees") or {}
@@ -57,8 +57,8 @@ def filled(mapping):
     most = _run(mapping).samples_per_period // 8
     defaults["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
     whole = laid_over(defaults, mapping)
-    if gears:
-        whole["gear_pair"] = pair
+    if "gears" in mapping:
+        whole["gear_pair"] = pair or _PAIR
     figures = whole["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
         figures["colours"] = _colours(dampings or _DAMPINGS, figures["colours"])
@@ -66,19 +66,18 @@ def filled(mapping):
 
 
 def _gears(mapping):
-    """Return the gear pair, the dampings and the drawing of a configuration, None if refused."""
-    gears = None
+    """Return the pair and the drawing of a configuration, and its dampings; None if refused."""
+    pair, gears = None, None
     try:
         if "gears" in mapping:
             gears = Gears.model_validate(mapping["gears"])
             pair = GearPairSection(**gears.pair())
         else:
             pair = GearPairSection.model_validate(mapping.get("gear_pair"))
-        context = {"pair": pair}
-        dampings = _DAMPINGS_TYPE.validate_python(mapping.get("dampings"), context=context)
+        context = {"pair": pair, "drawn": gears is not None}
+        return pair, gears, _DAMPINGS_TYPE.validate_python(mapping.get("dampings"), context=context)
     except ValidationError:
-        return None, None, None
-    return pair, dampings, gears
+        return pair, gears, None
 
 
 def _resonance(section, pair, speed):
@@ -142,7 +141,7 @@ def _defaults_of(pair, dampings):
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
         "basins": {"cases": _cases(settling, 0.72)},
-        "bifurcation": {"damping": next(iter(settling.values())).model_dump()},
+        "bifurcation": {"damping": next(iter(settling.values()))},
         "poincare": {
             # Without damping nothing settles.
             "cases": [
@@ -165,11 +164,7 @@ def _run(mapping):
 def _cases(dampings, tuning):
     """Return a case at a tuning for each of the first dampings."""
     return [
-        {
-            "title": f"tuning {tuning:.2f}, {name}"[:60],
-            "tuning": tuning,
-            "damping": damping.model_dump(),
-        }
+        {"title": f"tuning {tuning:.2f}, {name}"[:60], "tuning": tuning, "damping": damping}
         for name, damping in list(dampings.items())[:_PANELS]
     ]
 

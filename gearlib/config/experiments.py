@@ -460,7 +460,9 @@ PEERS = {"heyoka": "heyoka"}
 class Trial(Section):
     """One method with its options: a column of the matrix of failures."""
 
-    name: t.Name = entry("Name above the column and of the trial in the data.")
+    name: t.text(f"a text matching {t.NAME}", pattern=t.NAME) = entry(
+        "Name above the column and of the trial in the data."
+    )
     method: MethodName = entry("Name of the method, see `gearlib.methods`.")
     options: dict[t.Name, t.Option] = entry(
         "Its options that are not the defaults, see `gearlib.methods`.", {}

@@ -2,7 +2,7 @@
 
 import math
 
-from gearlib.config.gears_section import FZG_C, DrawnPair
+from gearlib.config.gears_section import FZG_C
 
 #: The mesh of Hortel and Skuderova (2007), by which its pair is known; load and backlash are ours.
 PAPER = {
@@ -17,10 +17,9 @@ _KINDS = {"idler": "idler train", "two_stage": "two-stage train"}
 def of_drawing(section):
     """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm, tip relief"."""
     pinion, wheel = section.pinion, section.wheel
+    known = all(getattr(section, x).model_dump() == FZG_C[x] for x in ("pinion", "wheel"))
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
-    known = DrawnPair.unchecked(**FZG_C)
-    named = (pinion, wheel) == (known.pinion, known.wheel)
-    name = f"{'FZG type C' if named else 'gear pair'} {teeth}, {_rack(pinion)}"
+    name = f"{'FZG type C' if known else 'gear pair'} {teeth}, {_rack(pinion)}"
     key = section.relief()
     return name + (key and f", {key.split('.')[1].replace('_', ' ')}")
 
@@ -32,13 +31,13 @@ def _rack(gear):
 
 def of_numbers(pair):
     """Return the name of the parameters of a gear pair, an object or a dict."""
-    given = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
-    if all(abs(given[key] - value) <= 1e-9 * value for key, value in PAPER.items()):
+    values = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
+    if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
         return "paper's pair"
     return (
-        f"gear pair C_max {given['max_stiffness']:.4g} N/m, κ {given['stiffness_ratio']:.4g}, "
-        f"ε {given['contact_ratio']:.4g}, m_red {given['reduced_mass']:.4g} kg"
-    )
+        "gear pair C_max {max_stiffness:.4g} N/m, κ {stiffness_ratio:.4g}, ε {contact_ratio:.4g}, "
+        "m_red {reduced_mass:.4g} kg"
+    ).format(**values)
 
 
 def of_pair(c):
@@ -48,13 +47,13 @@ def of_pair(c):
 
 def of_reducer(c):
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _of_reducer(c, c.reducer.teeth, "")
+    return _of_reducer(c, c.reducer.teeth, of_pair(c))
 
 
 def _of_reducer(c, teeth, pair):
     own = teeth and list(teeth) != type(c.reducer).model_fields["teeth"].default
-    whose = f"reducer z {_of_teeth(teeth)}" if own else "paper's reducer (Fig. 1 a)"
-    return f"{whose}, every mesh: {pair or of_pair(c)}"
+    name = f"reducer z {_of_teeth(teeth)}" if own else "paper's reducer (Fig. 1 a)"
+    return f"{name}, every mesh: {pair}"
 
 
 def _of_teeth(teeth):
@@ -63,22 +62,20 @@ def _of_teeth(teeth):
 
 def of_train(c, pair=""):
     """Return the name of the train of a configuration, and of its pairs where they are others."""
-    train = c.train
-    if train.kind == "planetary":
-        own = train.planetary.model_dump(exclude_defaults=True)
+    kind, section = c.train.kind, getattr(c.train, c.train.kind)
+    if kind == "planetary":
+        own = section.model_dump()
         return "planetary set of own numbers" if own else "Lin and Parker's planetary set"
-    if train.kind == "planetary_set":
-        drawn = train.planetary_set
-        teeth = [getattr(drawn, key).teeth for key in ("sun", "planet", "ring")]
-        return f"planetary set z {_of_teeth(teeth)}, {_rack(drawn.sun)}"
-    if train.kind == "own":
-        counts = f"{len(train.own.bodies)} bodies, {len(train.own.meshes)} meshes"
-        return f"own train, {counts}"
-    teeth = getattr(train, train.kind).teeth
-    if train.kind == "split_power_reducer":
-        return _of_reducer(c, teeth, pair)
-    kind = f"{_KINDS[train.kind]} z {_of_teeth(teeth)}" if teeth else _KINDS[train.kind]
-    return f"{kind}, both meshes: {pair or of_pair(c)}"
+    if kind == "planetary_set":
+        teeth = section.sun.teeth, section.planet.teeth, section.ring.teeth
+        return f"planetary set z {_of_teeth(teeth)}, {_rack(section.sun)}"
+    if kind == "own":
+        return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
+    pair = pair or of_pair(c)
+    if kind == "split_power_reducer":
+        return _of_reducer(c, section.teeth, pair)
+    teeth = f" z {_of_teeth(section.teeth)}" if section.teeth else ""
+    return f"{_KINDS[kind]}{teeth}, both meshes: {pair}"
 
 
 def is_paper(c):

@@ -111,9 +111,9 @@ class Run(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        recorded, allowed = self.recorded_revolutions, f"from 1 to .revolutions = {self.revolutions}"
-        fits = recorded <= self.revolutions
-        checks.require(fits, ".recorded_revolutions", recorded, f"an integer {allowed}")
+        recorded, revolutions = self.recorded_revolutions, self.revolutions
+        allowed = f"an integer from 1 to .revolutions = {revolutions}"
+        checks.require(recorded <= revolutions, ".recorded_revolutions", recorded, allowed)
         return self
 
 

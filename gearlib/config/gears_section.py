@@ -8,7 +8,6 @@ from gearlib import parameters
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, entry, like
-from gearlib.config.validation import in_full
 from gearlib.models.geometry.drawings import gear, renaming
 from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh, bodies, torque_of
@@ -162,6 +161,10 @@ class Gears(MethodSection, DrawnPair):
         self.pair()
         return self
 
+    def load(self):
+        """Return torque, or power and speed, as a dict."""
+        return self.model_dump(include={"torque", "power", "speed"})
+
     def driving_torque(self):
         """Return the torque of the pinion, N m, to 12 digits."""
         return rounded(torque_of(self.torque, self.power, self.speed))
@@ -172,9 +175,9 @@ class Gears(MethodSection, DrawnPair):
 
     def pair(self):
         """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""
-        load = self.model_dump(include={"torque", "power", "speed"})
+        mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
         with in_keys("", self.stiffness_options, pinion=".pinion", wheel=".wheel"):
-            values = self.mesh().pair_parameters(**load, **self.stiffness_arguments())
+            values = mesh.pair_parameters(**arguments)
         return {name: rounded(x) for name, x in values.items() if "damping" not in name}
 
     def six_degrees(self):

@@ -17,8 +17,6 @@ from gearlib.config.train_section import OF_PAIRS, Kind
 OF_ANY_TRAIN = ("train_sweep", "campbell")
 #: Targets that no configuration computes unless it names them.
 ONLY_IF_NAMED = ("train_sweep", "measured")
-#: Figs. 2 to 8 and the table of statements.
-PAPER_TARGETS = ("phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims")
 #: Asks for a train.
 NO_TRAIN = (
     "train is missing: it must be a section of the configuration, whose kind is one of "
@@ -132,7 +130,8 @@ _REFUSALS = {
     "train_sweep": lambda c: _train_teeth(c) or NO_TRAIN * ("train" not in c.model_fields_set),
     "mesh_stiffness": partial(gears_section.refusal, section="mesh_stiffness"),
     "harris_map": partial(gears_section.refusal, section="harris_map"),
-    "measured": lambda c: "measured = [] is not allowed: it must be a list of YAML files"
-    * (not c.measured),
+    "measured": lambda c: (
+        "measured = [] is not allowed: it must be a list of YAML files" * (not c.measured)
+    ),
     "tolerances": _tolerances,
 }

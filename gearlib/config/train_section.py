@@ -1,7 +1,7 @@
 """Sections of gear trains: ready-made, drawn or of one's own parts; sweep, reducer, Campbell."""
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
@@ -146,7 +146,8 @@ class Own(Section):
     def _check(self):
         places = {x.name: f".bodies[{i}].gear" for i, x in enumerate(self.bodies) if x.gear}
         gears = {x.name: gear_of(places[x.name], x.gear) for x in self.bodies if x.gear}
-        for i, mesh in enumerate(self.meshes):
+        meshes: list[Any] = self.meshes
+        for i, mesh in enumerate(meshes):
             key, pinion, wheel = f".meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
                 _check_numbers(key, mesh)

@@ -43,7 +43,8 @@ _MAX_RPM = 10**9
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
 _TRUTH = {"true": True, "false": False}
-_NAME = "[A-Za-z0-9+_-]"
+#: Pattern of names, which are short enough for titles.
+NAME = "^[A-Za-z0-9+_-]{1,40}$"
 _T = TypeVar("_T")
 
 
@@ -188,13 +189,12 @@ Distinct = Annotated[
 Truth = Annotated[
     bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
 ]
-#: Short enough for titles that name it.
-Name = Annotated[str, Field(pattern=f"^{_NAME}{{1,40}}$")]
+Name = Annotated[str, Field(pattern=NAME)]
 Label = text("a text of 1 to 60 characters", min_length=1, max_length=60)
 DampingName = Annotated[
     text(
         "one of the dampings",
-        pattern=f"^{_NAME}{{1,40}}$",
+        pattern=NAME,
         description="One of the dampings. Default: the first one that damps, if one does.",
     ),
     AfterValidator(_known_damping),
@@ -237,17 +237,19 @@ def type_of(kind):
         return Truth
     if isinstance(kind, parameters.OneOf):
         return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
-    return Annotated[list[type_of(kind.item)], Field(min_length=kind.count or 1, max_length=kind.count)]
+    return Annotated[
+        list[type_of(kind.item)], Field(min_length=kind.count or 1, max_length=kind.count)
+    ]
 
 
 def like(
-    title, description, constructor, *names, base=Section, without=(), required=(), optional=(), **more
+    title, words, constructor, *names, base=Section, without=(), required=(), optional=(), **more
 ):
     """Return a section whose keys are what a constructor or function declares, or some `names`.
 
     They are added to `base`. What has a default may be left out unless it is `required`, and so
     may `optional` keys; `without` are no keys. `more` keys, (type, field) each, belong to the
-    section alone.
+    section alone. `words` describe the section.
     """
     fields = {}
     for name, parameter in parameters.declared(constructor).items():
@@ -256,13 +258,14 @@ def like(
             continue
         default, extra = parameter.default, {}
         needed = name in required or (default is parameters.MISSING and name not in optional)
-        if default not in (parameters.MISSING, None, math.inf) and name not in (*required, *optional):
+        values = default if isinstance(default, tuple) else (default,)
+        if not needed and not {parameters.MISSING, None, math.inf}.intersection(values):
             # Left out, it is not dumped; the schema says what the constructor makes of it.
-            default = list(default) if isinstance(default, tuple) else default
-            extra = {"json_schema_extra": {"default": default}}
+            shown = list(default) if isinstance(default, tuple) else default
+            extra = {"json_schema_extra": {"default": shown}} if name not in optional else {}
         field = entry(parameter.description, ... if needed else None, **extra)
         fields[name] = type_of(parameter.kind), field
-    return create_model(title, __base__=base, __doc__=description, **(fields | more))
+    return create_model(title, __base__=base, __doc__=words, **(fields | more))
 
 
 Finite, Positive = type_of(parameters.FINITE), type_of(parameters.POSITIVE)
@@ -272,9 +275,7 @@ Length, Error = type_of(parameters.LENGTH), type_of(parameters.ERROR)
 Backlash, Angle = type_of(parameters.BACKLASH), type_of(parameters.ANGLE)
 DampingCoefficient = type_of(parameters.DAMPING)
 PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
-Torque, Power, Speed = map(
-    type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED)
-)
+Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
 #: Of the gear pair.
 _SPEED = {"json_schema_extra": _or_text(units.RPM, "or a speed such as '1500 rpm'")}
 Tuning = number(_read_tuning, gt=0, le=100, **_SPEED)
@@ -335,8 +336,8 @@ class Grid(OwnGrid):
     def _read_speeds(cls, values, info):
         """Return a grid in rpm as one of tunings; a decimal step keeps stop a whole multiple."""
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
-        given = {key: values[key] for key in keys if key in values}
-        rpm = {key: units.rpm(value) for key, value in given.items()}
+        given = dict(values) if isinstance(values, dict) else {}
+        rpm = {key: units.rpm(given[key]) for key in keys if key in given}
         if {*rpm.values()} <= {None}:
             return values
         for key in (*keys[:3], *rpm):

@@ -35,7 +35,10 @@ def _sentence(error, schema):
     path = [part for part in error["loc"] if part != "[key]"]
     key = _key(path)
     if kind == "value_error":
-        return in_full(str(error["ctx"]["error"]), key if path else "")
+        text = str(error["ctx"]["error"])
+        if error["loc"][-1:] == ("[key]",):
+            text = f". is not allowed as a name{text[text.index(':') :]}"
+        return in_full(text, key if path else "")
     if kind == "extra_forbidden":
         return unknown_key(path, value, schema)
     if error["loc"][-1:] == ("[key]",):
@@ -67,10 +70,10 @@ def unknown_key(path, value, schema):
     for removed in (key, f"{path[0]}.{name}"):
         if removed in REMOVED:
             return sentence(removed)
-    if places := sorted(_sections_with(name, schema), key=lambda place: place.count(".")):
-        advice = f"{name} belongs in {' or '.join(places[:_MAX_PLACES])}"
-    elif similar := difflib.get_close_matches(name, section.get("properties", []), 1):
+    if similar := difflib.get_close_matches(name, section.get("properties", []), 1):
         advice = f"did you mean {similar[0]}?"
+    elif places := sorted(_sections_with(name, schema), key=lambda place: place.count(".")):
+        advice = f"{name} belongs in {' or '.join(places[:_MAX_PLACES])}"
     else:
         advice = f"{_key(path[:-1])} must be {allowed(section, schema)}"
     return f"{key} = {show(value)} is not a known key: {advice}"

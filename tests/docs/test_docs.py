@@ -85,7 +85,7 @@ def test_numbers_in_the_worked_example_are_printed_ones():
 @pytest.mark.parametrize("page", with_blocks("yaml"))
 def test_yaml_laid_over_the_configuration_is_accepted(page):
     from gearlib import config
-    from gearlib.config.defaults import laid_over
+    from gearlib.config import laid_over
 
     for block in blocks(page, "yaml"):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))

@@ -16,7 +16,7 @@ from tests.refusals.ranges import Ranges, said
 
 SCHEMA, RANGES = schema(), Ranges("configuration")
 #: A name of one's own, where a mapping asks for names.
-MINE = "mine"
+MINE = "k1"
 #: Of which one key of two has to be there, as a schema cannot say.
 DAMPING = SCHEMA["$defs"]["Damping"]
 #: Of options that only their method can check.
@@ -89,7 +89,8 @@ def made(node):
             return CONFIG["dampings"]["k1"]
         return {key: made(one) for key, one in children(node).items() if key in needed}
     if kind in ("boolean", "string"):
-        return True if kind == "boolean" else "a"
+        # What stands for a damping is one of the paper's.
+        return True if kind == "boolean" else MINE
     low = max(node.get("minimum", -math.inf), node.get("exclusiveMinimum", -math.inf))
     high = min(node.get("maximum", math.inf), node.get("exclusiveMaximum", math.inf))
     return next(n for n in (1, low + 1, (low + high) / 2, high - 1) if low < n < high)

@@ -9,9 +9,8 @@ import sys
 import pytest
 
 from gearlib import GearPair
-from gearlib.config import cases, chosen, gears_section, load
+from gearlib.config import cases, chosen, laid_over, load
 from gearlib.config import gears_section as sections
-from gearlib.config.defaults import laid_over
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
 from tests.geometry.drawings import fzg_c, iso_example, ring
 from tests.paper import CONFIG
@@ -124,7 +123,7 @@ def test_every_key_reaches_the_gear():
     web = Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06)
     # Relief of helical gears has no motion, but in a drawing all keys stand together.
     section = sections.DrawnPair(pinion=every, wheel={"teeth": 50}, torque=50.0)
-    mesh = gears_section.mesh_of("gears", section)
+    mesh = section.mesh()
     own = dict(shift=0.1, tip_diameter=0.1685, thickness_allowance=-4e-5, bore=0.04, web=web)
     own |= dict(quality=6, tip_relief=TipRelief(amount=2e-5, length=3e-3, shape="parabolic"))
     own["pitch_errors"] = (5e-6,) + (0.0,) * 39

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib.config.trials import PEERS
+from gearlib.config.experiments import PEERS
 from gearlib.figures import (
     comparison_figure,
     failures_figure,

@@ -7,8 +7,7 @@ import yaml
 from click.testing import CliRunner
 
 from gearlib.cli import main
-from gearlib.config import ConfigError, chosen, gear_names, load
-from gearlib.config.laying import laid_over
+from gearlib.config import ConfigError, chosen, gear_names, laid_over, load
 from gearlib.config.targets import OF_ANY_TRAIN
 from tests.workflow.project import ROOT
 

@@ -179,7 +179,7 @@ REFUSED = {
     "licence is missing: it must be a text": (TABLE, {"licence": None}),
     "data is missing: it must be a file": (TABLE, {"data": None}),
     "channels is missing: it must be a mapping": (TABLE, {"channels": None}),
-    "data = 'rig.xlsx' ... .csv": (TABLE, {"data": "rig.xlsx"}),
+    "data = 'rig.xlsx' ... csv": (TABLE, {"data": "rig.xlsx"}),
     "data = 'rig.csv' ... a file beside": (None, {}),
     "data = 'rig.csv' ... it is empty": ("", {}),
     "data = 'rig.csv' is not allowed: it must be a file with names of columns": ("\n\n", {}),

@@ -6,8 +6,8 @@ from pkgutil import resolve_name
 import pytest
 import yaml
 
+from gearlib.config import laid_over
 from gearlib.config.configuration import FOLDERS, TARGETS
-from gearlib.config.laying import laid_over
 from gearlib.config.targets import OF_ANY_TRAIN
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
