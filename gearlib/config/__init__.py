@@ -44,44 +44,23 @@ def load(mapping):
     from gearlib.config import defaults
     from gearlib.config.configuration import Config
 
-    problems = list(names_that_are_no_texts(mapping))
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
-        problems.append(
+        raise ConfigError(
             "gears and gear_pair are not allowed together: it must be either the drawing of the "
             "gears or the numbers of their mesh"
         )
-    if problems:
-        raise ConfigError("\n".join(problems))
     try:
         whole, context = defaults.filled(mapping)
         return Config.model_validate(whole, context=context)
     except ValidationError as error:
         problems = sentences(error.errors(), schema())
-    except ValueError as error:
-        problems = [str(error)]
-    raise ConfigError("\n".join(as_typed(problem, mapping) for problem in problems))
+        raise ConfigError("\n".join(as_typed(text, mapping) for text in problems)) from None
 
 
 def unknown_sections(mapping):
     """Return a sentence for each section of a mapping that no configuration has."""
     known = {"cases", *schema()["properties"]}
     return [unknown_key([key], mapping[key], schema()) for key in mapping if key not in known]
-
-
-def names_that_are_no_texts(mapping, where=""):
-    """Yield a sentence for each; YAML takes ``4:``, ``on:`` and ``null:`` for other things."""
-    if isinstance(mapping, dict):
-        for key, value in mapping.items():
-            if not isinstance(key, str):
-                yield (
-                    f"{where}{show(key)} is not allowed as a name: it must be a text, in quotes "
-                    "where YAML reads something else"
-                )
-            else:
-                yield from names_that_are_no_texts(value, f"{where}{key}.")
-    elif isinstance(mapping, list):
-        for i, value in enumerate(mapping):
-            yield from names_that_are_no_texts(value, f"{where.removesuffix('.')}[{i}].")
 
 
 def laid_over(base, change):

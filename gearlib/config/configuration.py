@@ -29,9 +29,7 @@ FOLDERS = {
     *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
     *("measured", "tolerances"),
 }
-_ProjectName = t.text(
-    "a text of at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$"
-)
+_ProjectName = t.text("at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$")
 _Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
 
 
@@ -60,9 +58,7 @@ class Config(Section):
     # Of these two there is one; the other is made from the drawing, and dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
-    dampings: dict[Name, Damping] = Field(
-        min_length=1, description="The damping combinations, by name."
-    )
+    dampings: dict[Name, Damping] = Field(min_length=1, description="Damping combinations by name.")
     run: Run = SECTION
     six_degrees: SixDegrees = SECTION
     train: Train = SECTION

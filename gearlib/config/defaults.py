@@ -4,7 +4,6 @@ All others stand beside their fields. Here is what has a dimension or names a da
 suit one gear pair are wrong for the next.
 """
 
-import colorsys
 import itertools
 import math
 from decimal import Decimal
@@ -22,9 +21,8 @@ from gearlib.config.types import Name, tuning_per_rpm
 _PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
-#: Apart also without red-green vision and in grey; further dampings get hues a golden ratio apart.
+#: Colours that differ also without red-green vision and in grey; more dampings repeat them.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 #: Damping ratio where a study needs damping and the configuration has none.
 _DAMPING_RATIO = 0.05
 #: Harmonics of the phase lag.
@@ -172,13 +170,5 @@ def _cases(dampings, tuning):
 def _colours(names, given):
     """Return the given colours, and others for the dampings that have none."""
     taken = {str(colour).upper() for colour in given.values()}
-    # Beyond the palette hues a golden ratio apart, for as long as eyes can tell them apart.
-    hues = (_colour(i * _GOLDEN % 1.0) for i in itertools.count(1))
-    free = (colour for colour in itertools.chain(_PALETTE, hues) if colour not in taken)
+    free = itertools.cycle([colour for colour in _PALETTE if colour not in taken] or _PALETTE)
     return given | dict(zip((name for name in names if name not in given), free, strict=False))
-
-
-def _colour(hue):
-    """Return the colour of a hue from 0 to 1, "#RRGGBB"."""
-    rgb = colorsys.hls_to_rgb(hue, 0.45, 0.65)
-    return "#" + "".join(f"{round(255 * part):02X}" for part in rgb)

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from gearlib import checks, tunings
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
-from gearlib.config.types import Distinct, Grid, Section, Seeded, entry, several, whole
+from gearlib.config.types import Distinct, Grid, Section, Seeded, entry, grid, several, whole
 
 #: Limit that catches a mistyped step.
 MAX_TUNINGS = 1_000_000
@@ -17,12 +17,9 @@ _Ranges = several(t.Finite, 2)
 _RANGE = "Lowest and highest initial value."
 
 
-class Resonance(Grid):
+class Resonance(grid(0.5, 1.4, 0.0005)):
     """The resonance characteristic (Fig. 3), in windows; by default with the speed of a drawing."""
 
-    start: t.Start = 0.5
-    stop: t.Stop = 1.4
-    step: t.Step = 0.0005
     window: t.Tuning = entry("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
     lowest: t.Tuning = entry(
         "Tuning to which the downward sweep goes on below start until it has jumped; default: "
@@ -59,16 +56,13 @@ class PhasePlanes(Section):
     """The phase planes (Fig. 5): one run for each tuning and damping."""
 
     tunings: Distinct[t.Tuning] = entry(
-        "Tunings nu, one row of phase planes each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82]
+        "Tunings nu, a row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82]
     )
 
 
-class PhaseLag(Grid):
+class PhaseLag(grid(0.56, 0.79, 0.005)):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
-    start: t.Start = 0.56
-    stop: t.Stop = 0.79
-    step: t.Step = 0.005
     material_dampings: Distinct[t.DampingCoefficient] = entry(
         "Material damping k_1 of each curve, N s/m. Default: the largest, and a hundredth of it.",
         None,
@@ -78,16 +72,11 @@ class PhaseLag(Grid):
     periods: _Settling = entry("Mesh periods of a run, to settle.", 6000)
 
 
-class Jump(Seeded, Grid):
+class Jump(Seeded, grid(0.78, 0.86, 0.001)):
     """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
 
-    start: t.Start = 0.78
-    stop: t.Stop = 0.86
-    step: t.Step = 0.001
     damping: t.DampingName = None
-    resolution: t.number(gt=0, le=0.1) = entry(
-        "Width of the tuning interval to which the jump is bisected.", 1e-08
-    )
+    resolution: t.number(gt=0, le=0.1) = entry("Width to which the jump is bisected.", 1e-08)
     harmonics: Distinct[t.Count] = entry(
         "Numbers of stiffness harmonics instead of the full rectangle.", [1, 2, 3, 5, 10, 20]
     )
@@ -112,43 +101,34 @@ class Jump(Seeded, Grid):
     )
 
 
-class AnalyticMethod(Grid):
+class AnalyticMethod(grid(0.3, 1.5, 0.02)):
     """The paper's analytic method and harmonic balance against exact orbits."""
 
-    start: t.Start = 0.3
-    stop: t.Stop = 1.5
-    step: t.Step = 0.02
     damping: t.DampingName = None
-    shown: Distinct[t.Tuning] = entry(
-        "Tunings of the iterations and of the errors.", [0.45, 0.7, 1.0]
-    )
+    shown: Distinct[t.Tuning] = entry("Tunings of iterations and errors.", [0.45, 0.7, 1.0])
     iterations: t.Count = entry("Number of iterations shown.", 40)
     iteration_harmonics: whole(8, 100_000) = entry("Harmonics of the iterations shown.", 512)
     harmonics: whole(8, 512) = entry("Harmonics of the range and of the curve.", 32)
     most_degenerate: whole(0, 8) = entry("Largest number of degenerate harmonics.", 5)
     balance_harmonics: Distinct[whole(1, 100_000)] = entry(
-        "Numbers of harmonics for the errors of harmonic balance.", [4, 8, 16, 32, 64, 128]
+        "Harmonics for the errors of harmonic balance.", [4, 8, 16, 32, 64, 128]
     )
     schmidt_harmonics: Distinct[whole(1, 100_000)] = entry(
         "Numbers of harmonics for the errors of E. Schmidt's method.", [8, 32, 128, 512, 2048]
     )
 
 
-class NonlinearDamping(Grid):
+class NonlinearDamping(grid(0.5, 1.4, 0.004)):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
-    start: t.Start = 0.5
-    stop: t.Stop = 1.4
-    step: t.Step = 0.004
     damping: t.PositiveDamping = entry(
-        "Linear coefficient to which all are equivalent, N s/m. Default: the largest of the "
-        "dampings.",
+        "Linear coefficient, N s/m. Default: the largest of the dampings.",
         None,
     )
     amplitude: t.Positive = entry(
-        "Amplitude of the harmonic motion for which they are equivalent, static deflections.", 1.0
+        "Amplitude of the motion for which they are equivalent, static deflections.", 1.0
     )
-    tuning: t.Tuning = entry("Tuning that gives the frequency of that motion.", 0.8)
+    tuning: t.Tuning = entry("Tuning that gives its frequency.", 0.8)
     shown: Distinct[t.Tuning] = entry("Tunings of the phase planes.", [0.78, 0.82, 0.95])
 
 
@@ -159,31 +139,20 @@ class ParametricResonance(Grid):
     stop: t.Stop = 2.4
     step: t.Step = 0.005
     asked: t.Tuning = entry("Tuning of the sentence about the singular region.", 0.66)
-    values: whole(2, 10_000) = entry(
-        "Number of values of the stiffness ratio, contact ratio and damping.", 161
-    )
-    least_stiffness_ratio: t.number(ge=0.001, lt=1) = entry(
-        "Smallest stiffness ratio of the chart.", 0.2
-    )
+    values: whole(2, 10_000) = entry("Number of values of both ratios and of the damping.", 161)
+    least_stiffness_ratio: t.number(ge=0.001, lt=1) = entry("Smallest stiffness ratio.", 0.2)
     damping_ratios: Distinct[t.NonNegative] = entry(
         "Damping ratios whose tongues are drawn; the first one has the shades.",
         [0.0, 0.01, 0.03, 0.0617],
     )
 
 
-class Labels(Grid):
+class Labels(grid(0.5, 1.4, 0.01)):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
 
-    start: t.Start = 0.5
-    stop: t.Stop = 1.4
-    step: t.Step = 0.01
     periods: _Settling = entry("Mesh periods of a run, to settle.", 1500)
-    exponent_periods: _ExponentPeriods = entry(
-        "Mesh periods over which the exponent is averaged.", 2000
-    )
-    disturbance: t.Positive = entry(
-        "Addition to the initial displacement in the disturbed run, static deflections.", 0.001
-    )
+    exponent_periods: _ExponentPeriods = entry("Mesh periods of the mean exponent.", 2000)
+    disturbance: t.Positive = entry("Disturbance of the start, static deflections.", 0.001)
 
 
 def check_rising(section, low, high):
@@ -222,11 +191,9 @@ class Branches(_Span):
 
     start: t.Tuning = entry("Tuning at which the branches begin.", 0.5)
     stop: t.Tuning = entry("Tuning at which the branches end.", 1.4)
-    step: t.number(gt=0, le=1) = entry(
-        "Largest step, static deflections; from start to stop counts as one.", 0.05
-    )
+    step: t.number(gt=0, le=1) = entry("Largest step; the whole range counts as one.", 0.05)
     max_height: t.Positive = entry(
-        "Height of orbits at which a branch ends, static deflections.", 20.0
+        "Height of orbits, static deflections, that ends a branch.", 20.0
     )
     max_points: whole(2, 1_000_000) = entry("Largest number of points of one branch.", 2000)
     loci: LociSection = t.SECTION
@@ -247,16 +214,14 @@ class RunUps(_Span):
 class Certificates(Section):
     """Proofs about the orbits, in a file that a second program can check."""
 
-    all_points: t.Truth = entry(
-        "Whether the file holds all points of the branches, some MB; else how many hold.", False
-    )
+    all_points: t.Truth = entry("Whether the file holds every point of the branches.", False)
 
 
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
     formats: Distinct[Literal["png", "pdf", "svg"]] = entry(
-        "File formats of every figure.", ["png", "pdf"]
+        "File formats of figures.", ["png", "pdf"]
     )
     dpi: whole(50, 1200) = entry("Resolution of pixel formats, dots per inch.", 200)
     colours: dict[
@@ -304,7 +269,7 @@ class Scene(Section):
         "forces over the height of the force, fractions and bounces as they are."
     )
     cases: Annotated[list[Case], Field(min_length=1, max_length=6)] = entry(
-        "The runs, a column each."
+        "The runs, one a column."
     )
     courses: Distinct[_Course] = entry("Time courses below the phase plane, from above.")
     periods_shown: t.Count = entry("Mesh periods shown, the last ones.")
@@ -377,22 +342,15 @@ class Basins(_States):
         return self
 
 
-class Bifurcation(_States, Grid):
+class Bifurcation(_States, grid(0.45, 0.95, 0.001)):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
-    start: t.Start = 0.45
-    stop: t.Stop = 0.95
-    step: t.Step = 0.001
     damping: Damping = entry("Default: the first of the dampings with material damping.", None)
-    share_step: t.Distance = entry(
-        "Distance of the tunings of the shares; stop is start plus a multiple of it.", 0.01
-    )
+    share_step: t.Distance = entry("Step of the shares of the basins, as `step`.", 0.01)
     settle: whole(0, 1_000_000) = entry("Mesh periods before the record.", 400)
     strobes: whole(1, 10_000) = entry("Number of stroboscopic states recorded.", 48)
     starts: whole(0, 1000) = entry("Random initial states besides up and down.", 8)
-    exponent_periods: _ExponentPeriods = entry(
-        "Mesh periods over which an exponent is averaged.", 800
-    )
+    exponent_periods: _ExponentPeriods = entry("Mesh periods of the mean exponent.", 800)
     samples: _Settling = entry("Number of initial states of the shares.", 400)
     periods: _Settling = entry("Mesh periods of the runs from them.", 400)
 
@@ -424,12 +382,9 @@ class FixedStepMethod(Section):
 _ALPHA = {"method": "generalised_alpha"}
 
 
-class StabilityChart(Grid):
+class StabilityChart(grid(0.2, 2.6, 0.02)):
     """Spectral radii of fixed-step methods on the mesh without contact loss."""
 
-    start: t.Start = 0.2
-    stop: t.Stop = 2.6
-    step: t.Step = 0.02
     damping: t.DampingName = entry("One of the dampings. Default: the lightest.", None)
     fine_step: t.Distance = entry("Distance of the tunings of the exact spectral radius.", 0.002)
     steps: Distinct[whole(1, 100_000)] = entry(
@@ -461,12 +416,10 @@ class Trial(Section):
     """One method with its options: a column of the matrix of failures."""
 
     name: t.text(f"a text matching {t.NAME}", pattern=t.NAME) = entry(
-        "Name above the column and of the trial in the data."
+        "Name in the figure and in the data."
     )
     method: MethodName = entry("Name of the method, see `gearlib.methods`.")
-    options: dict[t.Name, t.Option] = entry(
-        "Its options that are not the defaults, see `gearlib.methods`.", {}
-    )
+    options: dict[t.Name, t.Option] = entry("Options that are not the defaults.", {})
 
 
 def _trial(name, method, **options):
@@ -514,12 +467,8 @@ class WorkPrecision(Section):
     """Errors of the methods on test problems, against evaluations and wall time."""
 
     methods: Distinct[MethodName] = entry("Names of `gearlib.methods()`.", [*get_args(MethodName)])
-    problems: Distinct[Problem] = entry(
-        "Test problems, see gearlib/studies/trials/problems.py.", [*get_args(Problem)]
-    )
-    damping: t.PositiveDamping = entry(
-        "Linear damping of the damped problems, N s/m. Default: the largest one.", None
-    )
+    problems: Distinct[Problem] = entry("Names of the test problems.", [*get_args(Problem)])
+    damping: t.PositiveDamping = entry("Linear damping, N s/m. Default: the largest.", None)
     cubic_damping: t.quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0) = entry(
         "Cubic damping of the problem cubic, N s^3/m^3. Default: the one that has the force of "
         "`damping` at the velocity static deflection * mean eigenfrequency.",
@@ -527,9 +476,7 @@ class WorkPrecision(Section):
     )
     periods: whole(1, 10_000) = entry("Mesh periods of a run.", 20)
     conservative_periods: whole(1, 10_000) = entry(
-        "Mesh periods without damping, where rounding errors grow fast, and of the gear train.", 3
+        "Mesh periods without damping, where rounding errors grow fast, and of trains.", 3
     )
-    record_periods: whole(1, 100) = entry(
-        "The last mesh periods, whose events are compared; at most `periods`.", 3
-    )
+    record_periods: whole(1, 100) = entry("The last ones, whose events are compared.", 3)
     repeats: t.Count = entry("Largest number of timed runs, of which the shortest counts.", 9)

@@ -48,15 +48,9 @@ _Coefficients = like("_Coefficients", "", PairParameters, *DAMPINGS, optional=DA
 class Damping(_Coefficients):
     """One combination of linear damping coefficients, or of ratios that give them."""
 
-    damping_ratio: _Ratio = entry(
-        "beta in place of material_damping: k_1 = 2 beta m_red Omega_s.", None
-    )
-    logarithmic_decrement: _Ratio = entry(
-        "delta = 2 pi beta / sqrt(1 - beta^2) in place of material_damping.", None
-    )
-    backlash_damping_ratio: _Ratio = entry(
-        "beta_m in place of backlash_damping: k_1m = 2 beta_m m_red Omega_s.", None
-    )
+    damping_ratio: _Ratio = entry("beta: material_damping is 2 beta m_red Omega_s.", None)
+    logarithmic_decrement: _Ratio = entry("delta = 2 pi beta / sqrt(1 - beta^2).", None)
+    backlash_damping_ratio: _Ratio = entry("beta_m, of backlash_damping likewise.", None)
 
     @model_validator(mode="after")
     def _in_coefficients(self, info):
@@ -101,12 +95,8 @@ class Run(Section):
     """Length and record of every run."""
 
     revolutions: t.LargeCount = entry("Revolutions of every run.", 5)
-    recorded_revolutions: t.whole(1) = entry(
-        "The last revolutions, which are evaluated; at most `revolutions`.", 1
-    )
-    samples_per_period: t.whole(8, 65_536) = entry(
-        "Samples of a recorded mesh period in the phase planes.", 256
-    )
+    recorded_revolutions: t.whole(1) = entry("The last ones, which are evaluated.", 1)
+    samples_per_period: t.whole(8, 65_536) = entry("Samples of a mesh period in phase planes.", 256)
     initial_state: State = entry("State from which cold runs start.", {})
 
     @model_validator(mode="after")
@@ -133,18 +123,16 @@ class SixDegrees(Section):
     """
 
     base_radii: several(t.Length, 2) = entry("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
-    inertias: several(t.Inertia, 2) = entry(
-        "Moments of inertia J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.", None
-    )
+    inertias: several(t.Inertia, 2) = entry("J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.", None)
     masses: several(t.Mass, 2) = entry(
         "Masses m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together.",
         None,
     )
     bearing_stiffness: several(t.Stiffness, 4) = entry(
-        "Stiffness of the bearings C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
+        "C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
     )
     bearing_damping: several(t.DampingCoefficient, 4) = entry(
-        "Damping of the bearings k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %.", None
+        "k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %.", None
     )
     eccentricities: several(t.type_of(RUN_OUT), 2) = entry(
         "Run-out of the pitch circles e3, e2, m. Default: 0.8 static deflections, at most a fifth "
@@ -153,12 +141,10 @@ class SixDegrees(Section):
     )
     run_out_phase: t.Angle = entry("Relative phase Delta of the run-out, rad.", 0.0)
     friction: several(t.NonNegative, 2) = entry(
-        "Coefficients of friction in normal and inverse mesh.", [0.05, 0.05]
+        "Friction in normal and inverse mesh.", [0.05, 0.05]
     )
     pitch_phase: t.Angle = entry("Mesh phase of the pitch point, rad.", 0.0)
-    moving_backlash: t.Truth = entry(
-        "true: the far flank moves as in Eq. (4); false: it stays s_k behind y = 0.", True
-    )
+    moving_backlash: t.Truth = entry("Whether the far flank moves, as in Eq. (4).", True)
 
     @model_validator(mode="after")
     def _check(self):

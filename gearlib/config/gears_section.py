@@ -191,9 +191,7 @@ class Gears(MethodSection, DrawnPair):
 class PublishedPair(DrawnPair):
     """A pair of gears by their drawing, with what others find for it."""
 
-    published: dict[t.Name, t.Stiffness] = entry(
-        "Mean mesh stiffness in the literature by source, N/m.", {}
-    )
+    published: dict[t.Name, t.Stiffness] = entry("Mean stiffness by its source, N/m.", {})
 
     @model_validator(mode="after")
     def _check(self):
@@ -220,7 +218,7 @@ class HarrisMap(Section):
     )
     stiffness: Literal["energy", "iso"] = entry("Stiffness of a pair of teeth.", "energy")
     loads: t.Distinct[t.NonNegative] = entry(
-        "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
+        "Over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
     phases: t.whole(8, 10_000) = entry("Phases of a mesh period.", 256)
 

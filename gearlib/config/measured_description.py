@@ -18,8 +18,8 @@ from pydantic import (
 )
 
 from gearlib.checks import refusal, require
-from gearlib.config import names_that_are_no_texts, units, yaml_keys
 from gearlib.config import types as t
+from gearlib.config import units, yaml_keys
 from gearlib.config.types import Section, entry, quantity, several
 from gearlib.config.validation import sentences
 from gearlib.data import measured_names
@@ -71,9 +71,7 @@ class FitSection(Section):
     """Model and parameters that `gearlib fit` fits to a measured set."""
 
     model: Literal["one_degree", "six_degrees", "train"] = entry("Kind of the model.", None)
-    free: dict[_Key, several(t.Option, 2)] = entry(
-        "Lowest and highest value of each free parameter, by its name.", {}
-    )
+    free: dict[_Key, several(t.Option, 2)] = entry("Lowest and highest value by parameter.", {})
 
 
 def range_of(name, ends):
@@ -91,12 +89,8 @@ def range_of(name, ends):
 class Channel(Section):
     """One column of a table, or one observable of a long one."""
 
-    observableId: _text(80) = entry(
-        "Observable, by gearlib's name for it; by default the key of the channel.", None
-    )
-    unit: _Unit = entry(
-        "Unit of the values in the file: um, N, rpm, deg, counts, ISO 8601 ...", None
-    )
+    observableId: _text(80) = entry("Observable. Default: the key of the channel.", None)
+    unit: _Unit = entry("Unit of the values: um, N, rpm, deg, counts, ISO 8601 ...", None)
     sensor: _text(200) = entry("Sensor that measured it.", None)
     noise: t.Option = entry("Standard deviation, in the unit of the channel or its own.", None)
     gain: _Known = entry("unknown: the sensor is not calibrated.", None)
@@ -167,14 +161,10 @@ class Channel(Section):
 class Condition(Section):
     """Speed and load of all measurements with one simulationConditionId."""
 
-    speed: quantity("rpm", "1500 rpm", ge=0) = entry(
-        "Speed of the gear whose revolutions count, rpm.", None
-    )
+    speed: quantity("rpm", "1500 rpm", ge=0) = entry("Speed of the counted gear, rpm.", None)
     direction: Literal["up", "down", "rest"] = entry("How the speed was reached.", None)
     load: t.type_of(LOAD) = entry("Static mesh force, N.", None)
-    torque: quantity("N m", "120 N m", gt=0) = entry(
-        "Torque of the gear whose speed is given, N m.", None
-    )
+    torque: quantity("N m", "120 N m", gt=0) = entry("Torque of the same gear, N m.", None)
     acceleration: quantity("rpm/s", "50 rpm/s") = entry("Rate of the ramp, rpm/s.", None)
 
 
@@ -286,8 +276,6 @@ def read(path):
     content, problems = yaml_keys.read(path)
     if not problems and not isinstance(content, dict):
         problems = [f"{path} is not allowed: it must be a mapping with source, licence, channels"]
-    if not problems:
-        problems = [f"{path}: {text}" for text in names_that_are_no_texts(content)]
     if problems:
         raise ValueError("\n".join(problems))
     try:

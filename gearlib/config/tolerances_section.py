@@ -7,7 +7,7 @@ from pydantic import model_validator
 from gearlib import checks
 from gearlib.config import types as t
 from gearlib.config import units
-from gearlib.config.types import MAX_JOBS, Grid, Recorded, Section, entry, several
+from gearlib.config.types import MAX_JOBS, Recorded, Section, entry, grid, several
 from gearlib.data.scatter_variables import QUANTITIES
 from gearlib.models import tolerated
 
@@ -27,12 +27,10 @@ class ToleratedParameter(Section):
     )
     mean: t.Amount = entry("Mean value; that of the gears where left out.", None)
     std: t.Amount = entry('Standard deviation; a text such as "5 %" is a share of the mean.', None)
-    min: t.Amount = entry("Smallest value; all values up to max are equally likely.", None)
+    min: t.Amount = entry("Smallest value; all up to max are equally likely.", None)
     max: t.Amount = entry("Largest value.", None)
     nominal: t.Amount = entry("Nominal value; that of the gears where left out.", None)
-    upper: t.Amount = entry(
-        "Upper deviation from the nominal value, or a share; all between are equally likely.", None
-    )
+    upper: t.Amount = entry("Upper deviation from the nominal value, or a share.", None)
     lower: t.Amount = entry("Lower deviation from the nominal value, or a share.", None)
     distribution: t.Label = entry("Name of a law of scipy.stats, in place of these.", None)
     shape: dict[t.Name, t.Finite] = entry("Parameters of that law.", None)
@@ -71,7 +69,7 @@ class Correlation(Section):
     rho: t.number(gt=-1, lt=1) = entry("Correlation of their normal scores.")
 
 
-class Tolerances(Grid, Recorded):
+class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
     """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
 
     damping: t.DampingName = None
@@ -89,24 +87,17 @@ class Tolerances(Grid, Recorded):
     quantities: t.Distinct[Literal[_QUANTITIES]] = entry(
         "Quantities of each design.", ["jump_up", "jump_down", "onset_of_contact_loss", "peak"]
     )
-    samples: t.whole(2, 2**24) = entry(
-        "Number of designs, points of a Sobol' sequence, which powers of two balance.", 512
-    )
+    samples: t.whole(2, 2**24) = entry("Designs, points of a Sobol' sequence.", 512)
     shard: t.whole(1) = entry("Designs of one job; the results do not depend on it.", 256)
     index_samples: Literal[16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192] = entry(
-        "Samples n of the Sobol' indices; k parameters need n (k + 2) designs.", 128
+        "Samples n of the Sobol' indices, n (k + 2) designs of k parameters.", 128
     )
     seed: t.Seed = 1
-    start: t.Start = 0.5
-    stop: t.Stop = 1.4
-    step: t.Step = 0.01
     directions: t.Distinct[Literal["up", "down", "cold", "seeded"]] = entry(
         "How each speed is reached: swept up or down, from rest, from seeded starts.",
         ["up", "down", "seeded"],
     )
-    box: several(t.OwnTuning, 2) = entry(
-        "Largest displacement and velocity of the seeded starts.", [6.0, 6.0]
-    )
+    box: several(t.OwnTuning, 2) = entry("Largest displacement and velocity at starts.", [6.0, 6.0])
     periods: t.Periods = 120
     record_periods: t.RecordPeriods = 20
 

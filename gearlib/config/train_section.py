@@ -17,7 +17,7 @@ from gearlib.config.gears_section import (
     gear_of,
     in_keys,
 )
-from gearlib.config.types import OwnGrid, Recorded, Section, Started, entry, like, several
+from gearlib.config.types import OwnGrid, Recorded, Section, Started, entry, grid, like, several
 from gearlib.models.geometry.drawings import planets_of
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh, torque_of
@@ -96,9 +96,7 @@ _Body = like("_Body", "", elements.Body, optional=("inertia", "base_radius"))
 class BodyPart(_Body):
     """A gear or a carrier, see `gearlib.Body`."""
 
-    gear: BodyGear = entry(
-        "Drawing of the gear, which gives inertia, base radius, teeth and mass.", None
-    )
+    gear: BodyGear = entry("Drawing: inertia, base radius, teeth and mass follow.", None)
 
     @model_validator(mode="after")
     def _check(self):
@@ -137,9 +135,7 @@ class Own(Section):
     bodies: list[BodyPart] = entry("The bodies.", [])
     shafts: list[ShaftPart] = entry("The shafts.", [])
     meshes: list[MeshPart] = entry("The meshes.", [])
-    carrier_ratio: t.Finite = entry(
-        "Speed of the frame over that of the reference pinion in it.", None
-    )
+    carrier_ratio: t.Finite = entry("Speed of the frame over that of the first pinion in it.", None)
     gyroscopic: t.Truth = entry("Whether the forces of the turning frame are felt.", None)
 
     @model_validator(mode="after")
@@ -215,27 +211,19 @@ class Train(Section):
         return given.pop(self.kind) | given
 
 
-class TrainSweep(Started, OwnGrid, Recorded):
+class TrainSweep(Started, grid(0.5, 1.4, 0.01, OwnGrid), Recorded):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
-    start: t.OwnStart = 0.5
-    stop: t.OwnStop = 1.4
-    step: t.OwnStep = 0.01
     damping: t.DampingName = None
     periods: t.Periods = 120
     record_periods: t.RecordPeriods = 12
 
 
-class Reducer(Started, OwnGrid, Recorded):
+class Reducer(Started, grid(0.74, 1.84, 0.02, OwnGrid), Recorded):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
 
-    start: t.OwnStart = 0.74
-    stop: t.OwnStop = 1.84
-    step: t.OwnStep = 0.02
     damping: t.DampingName = None
-    teeth: several(t.whole(3, 1000), 4) = entry(
-        "Teeth of input, satellites a, satellites b, output.", [24, 36, 24, 36]
-    )
+    teeth: several(t.whole(3, 1000), 4) = entry("Teeth from input to output.", [24, 36, 24, 36])
     modules: several(t.type_of(MODULE), 2) = entry(
         "Modules of both stages, m; the centre distances must be equal.", [0.004, 0.004]
     )
@@ -254,7 +242,7 @@ class Reducer(Started, OwnGrid, Recorded):
         None,
     )
     backlashes: several(t.Backlash, 3) = entry(
-        "Backlash of each branch in one case, m. Default: a quarter of backlash in the first.", None
+        "Backlash of each branch in one case, m. Default: a quarter in the first.", None
     )
     periods: t.Periods = 210
     record_periods: t.RecordPeriods = 42

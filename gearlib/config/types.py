@@ -355,6 +355,13 @@ class Grid(OwnGrid):
         return values | {key: float(value) for key, value in lengths.items()}
 
 
+def grid(start, stop, step, base=Grid):
+    """Return the base of a section with a range of tunings, by its defaults."""
+    types = (OwnStart, OwnStop, OwnStep) if base is OwnGrid else (Start, Stop, Step)
+    keys = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
+    return create_model("Range", __base__=base, **keys)
+
+
 class Recorded(Section):
     """Runs of which the last mesh periods are evaluated."""
 
@@ -374,14 +381,10 @@ class Seeded(Section):
 
     starts: Starts = 32
     seed: Seed = 1
-    spread: Tolerance = entry(
-        "Largest displacement of a body at the start, static deflections.", 0.02
-    )
+    spread: Tolerance = entry("Largest displacement at a start, static deflections.", 0.02)
 
 
 class Started(Seeded):
     """Sections whose motions get fewer starts where those agree."""
 
-    first_starts: Count = entry(
-        "Number of starts after which no others are run if all end on one stable orbit.", 4
-    )
+    first_starts: Count = entry("Starts that suffice if they end on one orbit.", 4)

@@ -34,14 +34,19 @@ def _sentence(error, schema):
     # Pydantic marks a complaint about the key itself, not its value, by a last "[key]".
     path = [part for part in error["loc"] if part != "[key]"]
     key = _key(path)
+    is_key = kind == "invalid_key" or error["loc"][-1:] == ("[key]",)
+    if is_key and not isinstance(value, str):
+        # YAML takes ``4:``, ``on:`` and ``null:`` for other things.
+        place = _key([*path[:-1], show(value)])
+        return f"{place} is not allowed as a name: it must be a text, in quotes where YAML has none"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
-        if error["loc"][-1:] == ("[key]",):
+        if is_key:
             text = f". is not allowed as a name{text[text.index(':') :]}"
         return in_full(text, key if path else "")
     if kind == "extra_forbidden":
         return unknown_key(path, value, schema)
-    if error["loc"][-1:] == ("[key]",):
+    if is_key:
         pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
     if kind == "missing_key":

@@ -27,9 +27,8 @@ def test_a_new_study_takes_the_steps_of_contributing(tmp_path):
     append("gearlib/config/experiments.py", f"\n\n{section}")
     configuration = "gearlib/config/configuration.py"
     insert(configuration, '    *("measured", "tolerances"),\n]', '    "load_study",\n')
-    insert(configuration, "    tolerances: Tolerances\n",
-           "    load_study: LoadStudy = LoadStudy.unchecked()\n")  # fmt: skip
-    insert(configuration, "    NonlinearDamping,\n", "    LoadStudy,\n")
+    section = "    load_study: e.LoadStudy = SECTION\n"
+    insert(configuration, "    tolerances: Tolerances = SECTION\n", section)
     append("gearlib/studies/load_study.py", study)
     append("gearlib/figures/load_study_figure.py", drawing)
     append("workflow/rules/motions.smk", f"\n\n{rules}")
