@@ -17,6 +17,8 @@ from gearlib.config.train_section import OF_PAIRS, Kind
 OF_ANY_TRAIN = ("train_sweep", "campbell")
 #: Targets that no configuration computes unless it names them.
 ONLY_IF_NAMED = ("train_sweep", "measured")
+#: Figs. 2 to 8 and the table of statements.
+PAPER_TARGETS = ("phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims")
 #: Asks for a train.
 NO_TRAIN = (
     "train is missing: it must be a section of the configuration, whose kind is one of "
@@ -51,11 +53,10 @@ def undamped(c):
         meshes["planetary_set"] = c.train.planetary_set
     elif c.train.kind == "own":
         meshes = {f"own.meshes[{i}]": mesh for i, mesh in enumerate(c.train.own.meshes)}
-    dampings = {"damping_ratio", "logarithmic_decrement", "material_damping"}
     for key, mesh in meshes.items():
-        if not mesh.model_dump(include=dampings):
-            drawn = getattr(mesh, "max_stiffness", None) is None
-            name = "damping_ratio" if drawn else "material_damping"
+        given = mesh.model_dump().keys()
+        if not given & {"damping_ratio", "logarithmic_decrement", "material_damping"}:
+            name = "material_damping" if "max_stiffness" in given else "damping_ratio"
             return f"train.{key}.{name} is missing: it must be given where gears move, 0 included"
     return ""
 
