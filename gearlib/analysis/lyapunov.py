@@ -18,7 +18,7 @@ from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 from gearlib.data.result import result
 from gearlib.engines.growth import carry
 from gearlib.integrators import choose
@@ -37,7 +37,7 @@ _SLACK = 7.0
 #: Logarithm of the growth, 1e10, beyond which rounding decides where a motion goes.
 LOST = 10.0 * math.log(10.0)
 #: What a variable "settled" says of single motions.
-SETTLED_FLAGS = status.settled_flags("settled")
+SETTLED_FLAGS = status.flags_of(("unsettled", "settled"))
 #: Strobes of one orbit agree to this share of its height: far more than what is left of settling.
 _SAME_ORBIT = 1e-3
 

@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from gearlib import checks
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many
 from gearlib.models.from_values import model_of
 from gearlib.models.harmonics import Harmonics

@@ -78,7 +78,7 @@ def main():
 def simulate(model, tuning, save, **asked):
     """Run one tuning: time course, contact events, orbit summary."""
     import gearlib
-    from gearlib.data import motion_words
+    from gearlib.data import motions
 
     with progress.clock("simulating"):
         run = gearlib.simulate(model, tuning, **asked)
@@ -94,7 +94,7 @@ def simulate(model, tuning, save, **asked):
         if model.speed is not None:
             output.machine(run, model)
     if not run.period:
-        click.echo(f"The motion has {motion_words.not_settled(run)}.")
+        click.echo(f"The motion has {motions.not_settled(run)}.")
     save(run, lambda plot: output.beside(plot.time_course(run), model, run, curves=True))
 
 

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from gearlib.cli import model_options, output, progress, refusals, speed_options
 from gearlib.config.tolerances_section import Tolerances, ToleratedParameter
-from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated
 
 #: What is followed from design to design unless told, as far as it asks no duty point.

@@ -8,7 +8,7 @@ from gearlib import checks
 from gearlib.config import types as t
 from gearlib.config import units
 from gearlib.config.types import MAX_JOBS, Recorded, Section, entry, grid, several
-from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated
 
 #: Quantities that need no duty point.

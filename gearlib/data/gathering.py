@@ -1,8 +1,7 @@
 """From the shards of the workflow to one dataset for each experiment.
 
-A shard says by its scalar coordinates where it belongs: `damping`, and `direction` or `tuning`.
-The order of dampings, directions and tunings is that of their first appearance. Attributes on
-which the shards disagree (the parameters of the single run) stay with the shards.
+Scalar coordinates of a shard say where it belongs: `damping`, and `direction` or `tuning`. Their
+order is that of their first appearance. Attributes on which shards disagree are dropped.
 """
 
 import numpy as np
@@ -20,79 +19,64 @@ PAIR_SCALES = {
     "tuning_factor_min",
 }
 TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale", "speed"}
-
-#: What the phase planes keep of a time course; the rest is in the shards.
-_DRAWN = {"displacement", "velocity", "contact"}
+#: Time courses that phase planes show; the others stay in the shards.
+_SHOWN_COURSES = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
-    """Return the characteristics, as in `gearlib.sweep`, over (damping, direction, tuning).
+    """Return the result of `gearlib.sweep` over (damping, direction, tuning).
 
-    Shards are sweeps, one for each window of tunings, with scalar coordinates `damping` and
-    `direction`. Scales to SI stay as they are. Where a downward sweep has gone on below the others
-    these are NaN, their status is `NO_START`. ValueError if their tunings differ otherwise.
+    Shards are sweeps over a window of tunings, with scalar coordinates `damping` and `direction`.
+    Where a downward sweep has gone on below the others these are NaN, with the status `NO_START`.
+    ValueError if their tunings differ otherwise.
     """
-    shared = PAIR_SCALES | TUNING_SCALES
-
-    def windows(datasets):
-        return _stack(sorted(datasets, key=lambda d: float(d.tuning[0])), "tuning", PAIR_SCALES)
-
-    curves = [
-        windows(group)
-        for damping in _groups(shards, "damping")
-        for group in _groups(damping, "direction")
-    ]
+    curves = []
+    for damping in _groups(shards, "damping"):
+        for windows in _groups(damping, "direction"):
+            windows = sorted(windows, key=lambda window: float(window.tuning[0]))
+            curves.append(_stack(windows, "tuning", PAIR_SCALES))
     longest = max(curves, key=lambda curve: curve.sizes["tuning"])
     curves = [_widened(curve, longest) for curve in curves]
-    both = [_stack(group, "direction", shared) for group in _groups(curves, "damping")]
-    return _stack(both, "damping", shared)
+    return _stack_by_damping(curves, "direction", PAIR_SCALES | TUNING_SCALES)
 
 
 def _widened(curve, longest):
-    """Return a curve over the tunings of a downward sweep that has gone on below its own."""
-    own, whole = curve.tuning.values, longest.tuning.values
-    if longest.direction != "down" or not np.array_equal(own, whole[-own.size :]):
+    """Return a curve over the tunings of a downward sweep that has gone on below it."""
+    tunings, wider = curve.tuning.values, longest.tuning.values
+    if longest.direction != "down" or not np.array_equal(tunings, wider[-tunings.size :]):
         return curve
     fill = {"period": np.int32(0), "status": np.int8(status.NO_START)}
-    found = curve.reindex(tuning=whole, fill_value=fill)
-    return found.assign({name: longest[name] for name in TUNING_SCALES & set(curve)})
+    widened = curve.reindex(tuning=wider, fill_value=fill)
+    return widened.assign({name: longest[name] for name in TUNING_SCALES & set(curve)})
 
 
 def gather_phase_planes(shards):
-    """Return the phase planes of all dampings and tunings.
+    """Return displacement, velocity and contact over (damping, tuning, phase), and the summaries.
 
-    shards: results of `gearlib.simulate` with a scalar coordinate `damping`.
-
-    displacement, velocity, contact over (damping, tuning, phase), the phase counted from the start
-    of the record; orbit summary, final state and status over (damping, tuning); the scales to SI.
-
-    ValueError if dampings do not share their tunings, or runs their recorded phases.
+    Shards are results of `gearlib.simulate` with a scalar coordinate `damping`. The phase counts
+    from the start of the record. ValueError if dampings do not share their tunings, or runs their
+    recorded phases.
     """
+    return _stack_by_damping([_phase_plane(shard) for shard in shards], "tuning", PAIR_SCALES)
 
-    def tunings(datasets):
-        return _stack([_drawn_part(dataset) for dataset in datasets], "tuning", PAIR_SCALES)
 
-    shared = PAIR_SCALES | TUNING_SCALES
-    return _stack([tunings(group) for group in _groups(shards, "damping")], "damping", shared)
+def _phase_plane(run):
+    """Return the part of a run that a phase plane shows, its tuning as a coordinate."""
+    courses = {name for name in run.data_vars if {"phase", "event"} & set(run[name].dims)}
+    phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
+    phase.attrs["long_name"] = "mesh phase from the start of the record"
+    shown = run.drop_encoding().drop_vars(courses - _SHOWN_COURSES)
+    return shown.set_coords("tuning").assign_coords(phase=phase)
 
 
 def gather_failures(columns):
-    """Return the matrix of failures over (problem, trial); what describes a problem, once.
+    """Return the matrix of failures over (problem, trial); facts of a problem have no trial.
 
-    Columns are datasets of `gearlib.studies.trials.failures.compute`, one trial each, in the
+    Columns are results of `gearlib.studies.trials.failures.compute`, one for each trial, in the
     order of the figure. ValueError if they do not share their problems.
     """
     shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _stack(columns, "trial", shared)
-
-
-def _drawn_part(run):
-    """Return what a phase plane needs of a run, its tuning as a coordinate."""
-    courses = {name for name in run.data_vars if {"phase", "event"} & set(run[name].dims)}
-    phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
-    phase.attrs["long_name"] = "mesh phase from the start of the record"
-    drawn = run.drop_encoding().drop_vars(courses - _DRAWN)
-    return drawn.set_coords("tuning").assign_coords(phase=phase)
 
 
 def _groups(datasets, coordinate):
@@ -103,16 +87,23 @@ def _groups(datasets, coordinate):
     return groups.values()
 
 
+def _stack_by_damping(datasets, dim, shared):
+    """Return the datasets of each damping side by side along `dim`, and these along `damping`."""
+    rows = [_stack(group, dim, shared) for group in _groups(datasets, "damping")]
+    return _stack(rows, "damping", PAIR_SCALES | TUNING_SCALES)
+
+
 def _stack(datasets, dim, shared):
-    """Return the datasets side by side along `dim`; variables in `shared` must agree and stay."""
-    # Which variables gain the dimension is a matter of their names. Left to itself xarray would
-    # decide by their values, and the shape of the result would depend on the numbers in it.
-    kept = [name for name in datasets[0].data_vars if name in shared]
-    scales = [dataset[kept].drop_vars(dim, errors="ignore") for dataset in datasets]
+    """Return the datasets side by side along `dim`; variables in `shared` must agree and stay.
+
+    By its own rule xarray would choose the variables with the new dimension by their values.
+    """
+    names = [name for name in datasets[0].data_vars if name in shared]
+    scales = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
     if not all(other.equals(scales[0]) for other in scales[1:]):
         raise ValueError(f"shards along {dim} differ in their scales or in their tunings")
     stacked = xr.concat(
-        [dataset.drop_vars(kept) for dataset in datasets],
+        [dataset.drop_vars(names) for dataset in datasets],
         dim=dim,
         data_vars="all",
         coords="minimal",
@@ -120,4 +111,4 @@ def _stack(datasets, dim, shared):
         join="exact",
         combine_attrs="drop_conflicts",
     )
-    return stacked.assign({name: scales[0][name].variable for name in kept})
+    return stacked.assign({name: scales[0][name].variable for name in names})

@@ -3,7 +3,7 @@
 A name may be followed by which one it is: ``acceleration_bearing_2``.
 """
 
-#: Of where and when something was measured; they become coordinates.
+#: Where and when something was measured; these become coordinates.
 COORDINATES = {
     "time": ("s", "time"),
     "speed": ("min-1", "speed of the gear whose revolutions count"),
@@ -48,25 +48,24 @@ OBSERVABLES = {
     "temperature": ("K", "temperature"),
 }
 KNOWN = COORDINATES | SPEEDS | OBSERVABLES
-#: Of an amplitude, the first one of whose dimension a channel is.
-_OF_ANY = ("m", "N", "m s-2", "m s-1", "N m", "rad", "1")
-#: CF units -> as texts with units have them.
-_WRITTEN = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
+#: Units that an amplitude may have; the first that fits counts.
+_AMPLITUDE_UNITS = ("m", "N", "m s-2", "m s-1", "N m", "rad", "1")
+#: CF units -> the same as users write them.
+_WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
 def of(name):
     """Return (CF units, description) of an observableId, None where it is unknown."""
-    fits = [one for one in KNOWN if name == one or name.startswith(f"{one}_")]
+    fits = [known for known in KNOWN if name == known or name.startswith(f"{known}_")]
     longest = max(fits, key=len, default=None)
     if longest is None or (longest != name and longest not in OBSERVABLES):
         return None
-    units, words = KNOWN[longest]
-    return units, words + name[len(longest) :].replace("_", " ")
+    units, description = KNOWN[longest]
+    return units, description + name[len(longest) :].replace("_", " ")
 
 
 def dimensions(units):
-    """Return (CF units, the same as a text) a channel may be of; "1": over a model's."""
-    if units == "":
-        return [(one, _WRITTEN.get(one, one)) for one in _OF_ANY]
-    found = [(units, _WRITTEN.get(units, units))]
-    return found + [("1", "1")] * (units in ("m", "N", "m s-1", "m s-2"))
+    """Return (CF units, written units) that a channel may have; "1": over that of the model."""
+    allowed = _AMPLITUDE_UNITS if units == "" else (units,)
+    relative = ("1",) * (units in ("m", "N", "m s-1", "m s-2"))
+    return [(unit, _WRITTEN_UNITS.get(unit, unit)) for unit in (*allowed, *relative)]

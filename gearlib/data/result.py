@@ -1,23 +1,26 @@
-"""Results of a computation as one dataset: stacked from its runs, described, with its making."""
+"""The dataset of a computation: variables described, its origin in the attributes.
+
+The attributes hold no times, machines or commits: two equal calculations give equal bytes.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
+from gearlib.data.files import canonical_json
 from gearlib.data.variables import describe
+from gearlib.version import __version__
 
 _contacts: ContextVar[list | None] = ContextVar("_contacts", default=None)
 
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Collect how many contact events the datasets of models have that are made meanwhile."""
+    """Collect the numbers of contact events of all datasets of models that are made meanwhile."""
     counts: list = []
     before = _contacts.set(counts)
     try:
@@ -27,10 +30,10 @@ def counting_contacts() -> Iterator[list]:
 
 
 def stacked(axes, call, *inner):
-    """Return name -> (dims, values) of a call for each combination of values.
+    """Return name -> (dims, values) of a call for each combination of the values of some axes.
 
-    axes: dimension -> its values; call: gets one of each, returns name -> number, text or array;
-    inner: the dimensions of arrays, of which those with fewer have the last.
+    `axes` has dimension -> values; `call` gets one value of each and returns name -> number, text
+    or array; `inner` names the dimensions of arrays, of which smaller arrays have the last ones.
     """
     rows = [call(*values) for values in product(*axes.values())]
     shape = tuple(map(len, axes.values()))
@@ -38,33 +41,22 @@ def stacked(axes, call, *inner):
     def column(name):
         kind = object if isinstance(rows[0][name], str) else None
         values = np.array([row[name] for row in rows], kind)
-        own = inner[len(inner) - values.ndim + 1 :]
-        return (*axes, *own), values.reshape(shape + values.shape[1:])
+        inner_dims = inner[len(inner) - values.ndim + 1 :]
+        return (*axes, *inner_dims), values.reshape(shape + values.shape[1:])
 
     return {name: column(name) for name in rows[0]}
 
 
-@lru_cache(maxsize=256)
-def _index(dimension, names):
-    """Return a coordinate of names; datasets copy its attributes, and share its index."""
-    return xr.IndexVariable(dimension, list(names))
-
-
-def _indexed(coords):
-    """Return coordinates with those made already in place of lists of names."""
-    return {
-        name: _index(name, tuple(values))
-        if isinstance(values, list) and all(type(one) is str for one in values)
-        else values
-        for name, values in (coords or {}).items()
-    }
-
-
 def result(title, model, data, coords=None, *, method, **parameters):
-    """Return a described dataset of a model; its attributes are `provenance.attributes`."""
-    dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, _indexed(coords))
+    """Return the dataset of a model, described, with the parameters of model and call as JSON."""
+    dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)
-    dataset.attrs = provenance.attributes(title, model, method=method, **parameters)
+    dataset.attrs = _origin(title.replace("a gear mesh", model.title_noun), method) | {
+        "references": model.references,
+        "gear_pair" if model.mesh else "model": canonical_json(model.as_dict()),
+        "parameters": canonical_json(parameters),
+        **({"comment": model.force_note} if model.force_note else {}),
+    }
     if (counts := _contacts.get()) is not None:
         counts.append(dataset.sizes.get("event"))
         if "bounces" in dataset:
@@ -72,11 +64,17 @@ def result(title, model, data, coords=None, *, method, **parameters):
     return dataset
 
 
-def result_of_many(title, data, coords, by=None, **more):
-    """Return a described dataset of no one model, by a method; more: attributes, text or JSON."""
+def result_of_many(title, data, coords, method=None, /, **attributes):
+    """Return a described dataset of several models; attributes become text or JSON."""
     dataset = describe(xr.Dataset(data, coords))
-    dataset.attrs = provenance.origin(title, by) | {
-        name: value if isinstance(value, str) else provenance.canonical_json(value)
-        for name, value in more.items()
+    dataset.attrs = _origin(title, method) | {
+        name: value if isinstance(value, str) else canonical_json(value)
+        for name, value in attributes.items()
     }
     return dataset
+
+
+def _origin(title, method):
+    """Return the attributes that every dataset has."""
+    source = f"gearlib {__version__}" + (f", method {method}" if method else "")
+    return {"Conventions": "CF-1.11", "title": title, "source": source}

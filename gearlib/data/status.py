@@ -1,7 +1,8 @@
-"""How a run ended, and what to do when it could not go on."""
+"""Codes of how a run ended, and what to do when it could not go on."""
 
 import numpy as np
 
+from gearlib.data.variables import CONTACTS
 from gearlib.engines.codes import (
     EVENT_LIMIT,
     JAMMED,
@@ -46,19 +47,12 @@ MESSAGES = {
     ),
 }
 
-#: CF flag attributes of every variable that holds a status.
-FLAGS = {
-    "flag_values": np.array(list(MESSAGES), dtype=np.int8),
-    "flag_meanings": "ok event_limit unbounded not_converged stalled jammed unresolved no_start",
-}
 
-
-def flags_of(names):
-    """Return the CF flags of a variable that says 0, 1, ... for these names."""
+def flags_of(names, first=0):
+    """Return the CF flag attributes of a variable with the codes `first`, `first` + 1, ..."""
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
-    return {"flag_values": np.arange(len(names), dtype=np.int8), "flag_meanings": meanings}
+    codes = np.arange(first, first + len(names), dtype=np.int8)
+    return {"flag_values": codes, "flag_meanings": meanings}
 
 
-def settled_flags(words):
-    """Return the CF flags of a variable that says 0, unsettled, or 1, in these words."""
-    return flags_of(("unsettled", words))
+CONTACT_FLAGS = flags_of(CONTACTS, first=-1)

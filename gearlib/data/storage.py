@@ -1,4 +1,4 @@
-"""Datasets to and from netCDF: the same bytes for the same data, whole files or none."""
+"""Datasets to and from netCDF and CSV: the same bytes for the same data, whole files or none."""
 
 import shutil
 from pathlib import Path
@@ -6,22 +6,19 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gearlib.data.files import replacing, write_table
-from gearlib.data.provenance import source_hash
+from gearlib.data.files import replacing, source_hash, write_table
 from gearlib.version import __version__
 
 
 def write(dataset, path):
-    """Write `dataset` to the netCDF file `path`, replacing it in one step; OSError if it cannot be.
+    """Write a dataset to a netCDF file, replacing it in one step; OSError if it cannot be written.
 
-    The file appears complete or not at all, and holds nothing that changes between two equal
-    calculations.
+    A dataset that was gathered keeps the source hash of what computed it. The history that CF asks
+    for names no time, which would change the bytes.
     """
-    # CF asks for a history. It usually tells the time, which would change the bytes.
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
-    # What is gathered keeps the hash of what computed it.
-    made = {"source_hash": dataset.attrs.get("source_hash", source_hash()), "history": history}
-    dataset = dataset.assign_attrs(made)
+    sources = dataset.attrs.get("source_hash") or source_hash()
+    dataset = dataset.assign_attrs(source_hash=sources, history=history)
     # xarray would give NaN as fill value to every float, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():
@@ -36,32 +33,29 @@ def write(dataset, path):
             raise OSError(f"{path} cannot be written ({error}); {free} kB are free there") from None
 
 
-def write_rows(dataset, over, path):
-    """Write what a dataset has over the dimension `over` as CSV, replacing it in one step.
+def write_rows(dataset, dim, path):
+    """Write the variables of a dataset over one dimension as CSV, in one step.
 
-    A column for each variable, and for each of its entries over other dimensions; the first line
-    has names and units, ``displacement_max sun 1 [1]``. OSError if it cannot be written.
+    Each variable has a column for each of its entries over other dimensions. The first line has
+    names and units, as in ``displacement_max sun 1 [1]``. OSError if it cannot be written.
     """
-    heads, columns = [], []
-    names = [over] * (over in dataset.coords)
-    names += [name for name in dataset.data_vars if over in dataset[name].dims]
-    for name in names:
-        variable = dataset[name].transpose(over, ...)
-        others = variable.dims[1:]
-        labels = [variable.coords.get(dim, np.arange(variable.sizes[dim])) for dim in others]
-        unit = variable.attrs.get("units")
-        for place in np.ndindex(*variable.shape[1:]):
-            words = [name, *(str(np.asarray(own)[i]) for own, i in zip(labels, place, strict=True))]
-            heads.append(" ".join(words) + (f" [{unit}]" if unit else ""))
-            columns.append(variable.values[(slice(None), *place)].tolist())
-    write_table([heads, *zip(*columns, strict=True)], path)
+    columns = {}
+    for name in [dim] * (dim in dataset.coords) + [*dataset.data_vars]:
+        if dim not in dataset[name].dims:
+            continue
+        variable = dataset[name].transpose(dim, ...)
+        unit = f" [{variable.units}]" if "units" in variable.attrs else ""
+        labels = [variable[other].values for other in variable.dims[1:]]
+        for index in np.ndindex(*variable.shape[1:]):
+            entry = [str(label[i]) for label, i in zip(labels, index, strict=True)]
+            columns[" ".join([name, *entry]) + unit] = variable.values[:, *index].tolist()
+    write_table([columns, *zip(*columns.values(), strict=True)], path)
 
 
 def read(path):
     """Return the dataset in the netCDF file `path`, in memory, the file closed.
 
-    FileNotFoundError if there is no such file. OSError if it cannot be read: cut short, damaged, or
-    something else than netCDF.
+    FileNotFoundError if there is no such file; OSError if it is damaged or no netCDF.
     """
     try:
         return xr.load_dataset(path, engine="netcdf4")

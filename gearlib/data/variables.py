@@ -4,22 +4,14 @@ All displacements are in static deflections F / C_s, all times are mesh phase (r
 velocities are dx/dtau; the scale variables lead to SI.
 """
 
-from gearlib.data import (
-    contact_states,
-    duty_variables,
-    fit_variables,
-    layout_variables,
-    scatter_variables,
-    status,
-)
-
+#: Coordinates that count something from 0.
+_NUMBERED = "event start sample branch locus tongue point variation orbit attractor".split()
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
     # coordinates
+    **{name: ("1", f"number of the {name}") for name in _NUMBERED},
     "phase": ("rad", "mesh phase, 2 pi per mesh period"),
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
-    "component": ("1", "component of the state"),
-    "event": ("1", "number of the event"),
     # time courses
     "displacement": ("1", "relative mesh displacement in static deflections"),
     "velocity": ("1", "relative mesh velocity dx/dtau in static deflections"),
@@ -35,18 +27,14 @@ DESCRIPTIONS = {
     "bearing_z3": ("1", "motion of gear 3 across the line of action in static deflections"),
     "bearing_y2": ("1", "motion of gear 2 along the line of action in static deflections"),
     "bearing_z2": ("1", "motion of gear 2 across the line of action in static deflections"),
-    "backlash": ("1", "backlash line s of Eq. (4) in static deflections"),
-    "friction_force": ("1", "friction force across the line of action over load"),
     "bearing_force_y3": ("1", "force of the bearing of gear 3 along the line of action over load"),
     "bearing_force_z3": ("1", "force of the bearing of gear 3 across the line of action over load"),
     "bearing_force_y2": ("1", "force of the bearing of gear 2 along the line of action over load"),
     "bearing_force_z2": ("1", "force of the bearing of gear 2 across the line of action over load"),
+    "backlash": ("1", "backlash line s of Eq. (4) in static deflections"),
+    "friction_force": ("1", "friction force across the line of action over load"),
     # gear trains
-    "mesh": ("1", "name of the mesh"),
-    "body": ("1", "name of the body"),
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
-    **layout_variables.DESCRIPTIONS,
-    **scatter_variables.DESCRIPTIONS,
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
     "mean_force": ("1", "mean of the mesh force over time, over the load"),
     "dynamic_factor": ("1", "dynamic factor, largest mesh force over its static value"),
@@ -76,11 +64,42 @@ DESCRIPTIONS = {
     "struck_alone_share": ("1", "share of the starts in which only the branch strikes far flanks"),
     "largest_factor": ("1", "largest dynamic factor of all tunings with settled motions"),
     "factor_tuning": ("1", "tuning of the largest dynamic factor"),
-    "start": ("1", "number of the start"),
     "settled": ("1", "whether motions end on a stable orbit, in trains from all starts on one"),
     "settled_share": ("1", "share of the starts that end on a stable orbit"),
     "motion_count": ("1", "stable orbits on which starts end"),
     "largest_share": ("1", "share of the starts on the stable orbit that has most"),
+    # where the gears of a train lie
+    "body_x": ("m", "axis of the body without errors, at phase 0, counted from the first carrier"),
+    "body_y": ("m", "axis of the body without errors, at phase 0, counted from the first carrier"),
+    "body_radius": ("m", "largest working pitch radius; of a carrier that of its pins"),
+    "body_turns": ("1", "rotation of the body in the housing over the phase of the reference mesh"),
+    "shaft_line": ("1", "number of the line of shafts on which the body sits, 0: none"),
+    "mesh_gear": ("1", "bodies that mesh"),
+    "pitch_radius": ("m", "working pitch radius, of a ring gear negative"),
+    "mesh_x": ("m", "pitch point at phase 0"),
+    "mesh_y": ("m", "pitch point at phase 0"),
+    "frame_turns": ("1", "rotation of all axes about the first over the reference mesh's phase"),
+    "misfit": ("m", "by how much positions of one axis that are given in several ways differ"),
+    # designs with tolerances
+    "quantile": ("1", "share of the designs below"),
+    "motion": ("1", "motion of a design on which a seeded start ends, of those met up and down"),
+    "refusal": ("1", "why there is no such design, empty where there is one"),
+    "run_count": ("1", "designs that ran"),
+    "failed_runs": ("1", "designs whose run could not go on"),
+    "contact_loss_probability": ("1", "share of the designs that lose contact"),
+    "unsettled_share": ("1", "share of the designs whose motion has not settled"),
+    "two_motions_probability": ("1", "share of the designs with two motions, met up and down"),
+    "motion_probability": ("1", "share of the seeded starts that end on a motion"),
+    "height_band": ("m", "quantiles of the peak-to-peak displacement"),
+    "factor_band": ("1", "quantiles of the largest force over the load"),
+    "factor": ("1", "largest force over the load"),
+    "run_status": ("1", "how the run ended, -1 where there is no such design"),
+    "bound": ("1", "end of the interval"),
+    "first_index": ("1", "share of the variance by the parameter alone"),
+    "total_index": ("1", "share of the variance by the parameter alone and with others"),
+    "first_index_interval": ("1", "bootstrapped interval of the share by the parameter alone"),
+    "total_index_interval": ("1", "bootstrapped interval of the share with others"),
+    "missing_designs": ("1", "designs without the quantity"),
     # load sharing of pairs of teeth
     "tooth_pair": ("1", "pairs of teeth that came into mesh since"),
     "transmission_error": ("m", "static transmission error, approach along the line of action"),
@@ -89,16 +108,48 @@ DESCRIPTIONS = {
     "path_position": ("m", "position on the path of contact, radius of curvature of the pinion"),
     "gap": ("m", "gap that reliefs and deviations leave between the flanks of the pair"),
     "peak_to_peak_error": ("m", "peak-to-peak static transmission error"),
-    "effective_contact_ratio": (
-        "1",
-        "effective contact ratio, mean number of pairs of teeth that touch",
-    ),
+    "effective_contact_ratio": ("1", "effective contact ratio, mean number of pairs that touch"),
     "relief": ("1", "length of the optimum tip relief"),
-    "gear": ("1", "gear of the mesh"),
     "relief_amount": ("m", "amount of the tip relief"),
     "design_torque": ("N m", "torque of the pinion for which the relief is optimum"),
-    **duty_variables.DESCRIPTIONS,
-    **fit_variables.DESCRIPTIONS,
+    # order spectra
+    "mesh_order": ("1", "frequency over mesh frequency"),
+    "force_amplitude": ("N", "peak amplitude of the mesh force at the order; at 0 the mean"),
+    "force_phase": ("rad", "phase of the mesh force at the order"),
+    "force_amplitude_error": ("N", "estimated error of the amplitude of the mesh force"),
+    "error_amplitude": ("m", "peak amplitude of the transmission error at the order; at 0 mean"),
+    "error_phase": ("rad", "phase of the transmission error at the order"),
+    "error_amplitude_error": ("m", "estimated error of the amplitude of the transmission error"),
+    "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
+    "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
+    # duty point
+    "mesh_frequency_hertz": ("Hz", "mesh frequency"),
+    "resonance_speed": ("min-1", "speed at tuning 1"),
+    "iso_dynamic_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
+    "static_force": ("N", "static mesh force"),
+    "mesh_force_max": ("N", "largest mesh force"),
+    "mesh_force_min": ("N", "smallest mesh force, negative on the coast side"),
+    "bearing": ("1", "gear that the bearings carry"),
+    "bearing_force_max": ("N", "largest force of the bearings of a shaft together"),
+    "error_peak_to_peak": ("m", "peak-to-peak dynamic transmission error"),
+    "error_rms": ("m", "dynamic transmission error, root mean square about its mean"),
+    "mesh_order_force": ("N", "peak amplitude of the mesh force"),
+    "mesh_order_error": ("m", "peak amplitude of the dynamic transmission error"),
+    # fits: values of parameters are in the unit that parameter_units has of each
+    "parameter": ("1", "free parameter"),
+    "fitted_value": ("1", "value, in parameter_units"),
+    "stderr": ("1", "standard error, in parameter_units, NaN where the data do not tell"),
+    "interval_low": ("1", "lower end of the interval of 95 %, in parameter_units"),
+    "interval_high": ("1", "upper end of the interval of 95 %, in parameter_units"),
+    "range_low": ("1", "lowest value allowed, in parameter_units"),
+    "range_high": ("1", "highest value allowed, in parameter_units"),
+    "initial_value": ("1", "value at the start, in parameter_units"),
+    "identifiable": ("1", "whether the data tell the value"),
+    "correlation": ("1", "correlation of the estimates"),
+    "redchi": ("1", "reduced chi-square"),
+    "aicc": ("1", "Akaike's information criterion, corrected for the number of data"),
+    "bic": ("1", "Bayesian information criterion"),
+    "ndata": ("1", "number of data"),
     # events
     "event_phase": ("rad", "mesh phase of the crossing of a flank line"),
     "event_from": ("1", "phase of contact before the event"),
@@ -120,7 +171,6 @@ DESCRIPTIONS = {
     "status": ("1", "how the run ended"),
     "evaluations": ("1", "evaluations of the right-hand side in the whole run"),
     # the jump of the motion from rest
-    "variation": ("1", "number of the variation"),
     "kind": ("1", "what is varied"),
     "value": ("1", "value"),
     "height": ("1", "height of the orbit from rest in static deflections"),
@@ -139,14 +189,11 @@ DESCRIPTIONS = {
     "stable": ("1", "whether no multiplier lies outside the unit circle"),
     "grazing": ("1", "whether the orbit touches a flank line"),
     "residual": ("1", "difference of the states at start and end"),
-    "branch": ("1", "number of the branch"),
-    "locus": ("1", "number of the locus"),
     "own_damping": ("1", "damping ratio of the pair whose branches they are"),
     "contacts": ("1", "phases of contact in cyclic order: N normal, B backlash, I inverse mesh"),
     "orbit_height": ("1", "largest less smallest displacement in static deflections"),
     # parametric resonance
     "order": ("1", "half waves per mesh period, order of the tongue"),
-    "tongue": ("1", "number of the tongue"),
     "tuning_from": ("1", "first tuning of the tongue"),
     "tuning_to": ("1", "last tuning of the tongue"),
     "edge_multiplier": ("1", "Floquet multiplier on the edges of the tongue, 0: complex"),
@@ -159,8 +206,6 @@ DESCRIPTIONS = {
     "plane": ("1", "parameter beside the tuning"),
     "row": ("1", "number of the value"),
     "own_value": ("1", "value of the gear pair"),
-    "point": ("1", "number of the point"),
-    "point_plane": ("1", "parameter beside the tuning, of the point"),
     "point_value": ("1", "its value where an undamped tongue has width zero"),
     "point_tuning": ("1", "tuning where an undamped tongue has width zero"),
     "asked": ("1", "tuning in question"),
@@ -185,54 +230,43 @@ DESCRIPTIONS = {
     "contraction": ("1", "factor by which an iteration shrinks deviations"),
     "displacement_error": ("1", "largest error of the displacement in static deflections"),
     "velocity_error": ("1", "largest error of dx/dtau in static deflections"),
-    # the analytic method at work
+    # the analytic method
+    "balance_harmonics": ("1", "harmonics, harmonic balance"),
+    "balance_displacement_error": ("1", "largest error of the displacement, harmonic balance"),
+    "balance_velocity_error": ("1", "largest error of dx/dtau, harmonic balance"),
+    "balance_multiplier_error": ("1", "error of the largest multiplier, harmonic balance"),
+    "balance_event_error": ("rad", "largest error of flank crossings, harmonic balance"),
+    "balance_evaluations": ("1", "evaluations without a guess, harmonic balance"),
+    "schmidt_harmonics": ("1", "harmonics, E. Schmidt's method"),
+    "schmidt_displacement_error": ("1", "largest error of the displacement, E. Schmidt's method"),
+    "schmidt_velocity_error": ("1", "largest error of dx/dtau, E. Schmidt's method"),
+    "schmidt_multiplier_error": ("1", "error of the largest multiplier, E. Schmidt's method"),
+    "schmidt_event_error": ("rad", "largest error of flank crossings, E. Schmidt's method"),
+    "schmidt_evaluations": ("1", "evaluations without a guess, E. Schmidt's method"),
     "iteration": ("1", "iteration, applications of the kernel to the motion"),
     "contact_loss": ("1", "whether contact is lost"),
     "degenerate_count": ("1", "degenerate harmonics"),
     "degenerate_chosen": ("1", "degenerate harmonics, chosen automatically"),
     "automatic": ("1", "degenerate harmonics, chosen automatically"),
-    "balance_harmonics": ("1", "harmonics of harmonic balance"),
-    "schmidt_harmonics": ("1", "harmonics of E. Schmidt's method"),
     "iterate_displacement": ("1", "displacement of an iterate in static deflections"),
     "iterate_error": ("1", "largest error of an iterate's displacement in static deflections"),
     "algebraic_step": ("1", "whether a step of the degenerate part follows the iterate"),
     "exact_displacement": ("1", "displacement of the exact orbit in static deflections"),
-    "balance_displacement_error": ("1", "largest error of the displacement, harmonic balance"),
-    "balance_velocity_error": ("1", "largest error of dx/dtau, harmonic balance"),
-    "balance_multiplier_error": ("1", "error of the largest multiplier, harmonic balance"),
-    "balance_event_error": ("rad", "largest error of flank crossings, harmonic balance"),
-    "balance_evaluations": ("1", "evaluations of a search without a guess, harmonic balance"),
-    "schmidt_displacement_error": ("1", "largest error of the displacement, E. Schmidt's method"),
-    "schmidt_velocity_error": ("1", "largest error of dx/dtau, E. Schmidt's method"),
-    "schmidt_multiplier_error": ("1", "error of the largest multiplier, E. Schmidt's method"),
-    "schmidt_event_error": ("rad", "largest error of flank crossings, E. Schmidt's method"),
-    "schmidt_evaluations": (
-        "1",
-        "evaluations of a search without a guess, E. Schmidt's method",
-    ),
     "balance_max": ("1", "largest displacement by harmonic balance in static deflections"),
     "balance_min": ("1", "smallest displacement by harmonic balance in static deflections"),
     # global picture
-    "attractor": ("1", "number of the attractor"),
     "attractor_kind": ("1", "kind of the attractor"),
     "basin": ("1", "number of the attractor to which an initial state comes"),
     "share": ("1", "share of the initial states that come to the attractor"),
     "share_error": ("1", "standard error of the share of as many random initial states"),
-    "contact_pattern": ("1", "phases of contact in the order met, as text"),
-    "trap_radius": (
-        "1",
-        "radius, in static deflections, of the smallest ellipse around the orbit that no sampled "
-        "direction leaves",
-    ),
+    "trap_radius": ("1", "smallest ellipse around the orbit that no sampled direction leaves"),
     "attractor_family": ("1", "number of the family of attractors"),
     "coordinate": ("1", "number of the coordinate of the state"),
     "multiplier": ("1", "number of the Floquet multiplier"),
-    "orbit": ("1", "number of the orbit"),
     "chaotic": ("1", "whether deviations from the orbit grow exponentially"),
     "strobe": ("1", "mesh period of the stroboscopic state"),
     "backlash_damping": ("1", "damping ratio of the oil in the backlash"),
     # numerical stability
-    "method": ("1", "method"),
     "steps": ("1", "steps per mesh period"),
     "radius": ("1", "spectral radius of one mesh period of the method"),
     "true_radius": ("1", "spectral radius of one mesh period of the mesh"),
@@ -262,9 +296,6 @@ DESCRIPTIONS = {
     "lost_share": ("1", "fraction of time without drive-side contact"),
     "torque": ("N m", "torque, of the pinion, of gear 3, load torque of each body of a train"),
     # comparison of models
-    "model": ("1", "model"),
-    "case": ("1", "case of the scene"),
-    "observable": ("1", "observable of the scene"),
     "change": ("1", "largest change of an observable that a larger model makes"),
     "cost": ("1", "components of the state that are computed per mesh period"),
     "losing_share": ("1", "share of the starts from which contact is lost"),
@@ -274,35 +305,25 @@ DESCRIPTIONS = {
     "tolerance": ("1", "largest change that counts as none"),
     "harmonics": ("1", "harmonics of the truncated stiffness"),
     # mesh stiffness of drawn gears
-    "pair": ("1", "pair of gears"),
     "stiffness_phase": ("rad", "mesh phase of the stiffness, 0 in the middle of double contact"),
-    "stiffness_method": ("1", "method of the mesh stiffness"),
     "mesh_stiffness": ("N m-1", "mesh stiffness, dF/dx"),
     "mean_mesh_stiffness": ("N m-1", "mean mesh stiffness by the method"),
     "own_stiffness_ratio": ("1", "stiffness ratio kappa by the method"),
     "method_uncertainty": ("1", "relative uncertainty of the method"),
     "published": ("1", "source of a published mean stiffness"),
-    "published_pair": ("1", "pair of gears of the published mean stiffness"),
     "published_stiffness": ("N m-1", "published mean stiffness"),
     # trials of methods on difficult problems
-    "problem": ("1", "test problem"),
-    "trial": ("1", "method with its options"),
-    "options": ("1", "options of the method"),
     "verdict": ("1", "verdict on the method"),
     "error": ("1", "error in the quantity that is compared"),
     "periods": ("1", "mesh periods of the run"),
     "judge": ("1", "method of the reference"),
-    "message": ("1", "how the run ended, or why it was refused"),
     "words": ("1", "the problem in words"),
-    "quantity": ("1", "quantity that is compared"),
     # errors of methods and what they cost
     "rung": ("1", "index of the setting: a line and a value of its accuracy parameter"),
     "line": ("1", "method, and how it is used"),
-    "family": ("1", "family of methods"),
     "knob": ("1", "accuracy parameter and its value"),
     "orbit_state": ("1", "displacement and dx/dtau of the settled orbit at phase 0"),
     "largest_multiplier": ("1", "largest absolute Floquet multiplier of the orbit"),
-    "event_problem": ("1", "test problem of the event"),
     "state_error": ("1", "error of the final state, displacement in static deflections or dx/dtau"),
     "event_error": ("rad", "largest error of the phases of the recorded events"),
     "multiplier_error": ("1", "error of the largest absolute Floquet multiplier"),
@@ -325,43 +346,62 @@ DESCRIPTIONS = {
     "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
 }
 
-_FLAGS = {
-    "contact": contact_states.FLAGS,
-    "event_from": contact_states.FLAGS,
-    "event_to": contact_states.FLAGS,
-    "status": status.FLAGS,
+#: The same of quantities of a design with tolerances, see `gearlib.uncertainty.design_quantities`.
+QUANTITIES = {
+    "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
+    "jump_down": ("min-1", "speed at which the main resonance falls, running down"),
+    "onset_of_contact_loss": ("min-1", "speed at which contact is first lost, running up"),
+    "peak": ("m", "largest displacement of the main resonance, up to its first fold"),
+    "peak_dynamic_factor": ("1", "largest mesh force over load, up to the same fold"),
+    "dynamic_factor": ("1", "largest mesh force over its static value at the duty point"),
+    "force": ("N", "largest mesh force at the duty point"),
+    "transmission_error": ("m", "transmission error from peak to peak at the duty point"),
+    "contact_margin": ("m", "least displacement at the duty point, below 0 contact is lost"),
+    "load_sharing": ("1", "largest mean force of a mesh over that of its branches, duty point"),
+    "least_load_sharing": ("1", "least mean force of a mesh over that of its branches, duty point"),
+}
+
+#: Endings of names that stand for a range over starts -> what they add to the description.
+_RANGES = {"low": "least of all starts", "high": "most of all starts"}
+CONTACTS = ("inverse_mesh", "backlash", "normal_mesh")
+STATUSES = ("ok", "event_limit", "unbounded", "not_converged", "stalled", "jammed", "unresolved")
+STATUSES += ("no_start",)
+#: Variables that hold codes -> (first code, names of the codes).
+_CODES = {
+    "contact": (-1, CONTACTS),
+    "event_from": (-1, CONTACTS),
+    "event_to": (-1, CONTACTS),
+    "status": (0, STATUSES),
 }
 
 
-#: Endings of the names of ranges over starts, in words.
-_RANGES = {"low": "least of all starts", "high": "most of all starts"}
-
-
-def _entry(name):
-    """Return (CF units, long_name) of a variable, or of the range of one."""
-    of, _, end = name.rpartition("_")
-    if name not in DESCRIPTIONS and end in _RANGES:
-        units, long_name = DESCRIPTIONS[of]
-        return units, f"{long_name}, {_RANGES[end]}"
+def _description(name, is_text):
+    """Return (CF units, long_name) of a variable, of the range of one, or of a plain text."""
+    base, _, ending = name.rpartition("_")
+    if name not in DESCRIPTIONS and ending in _RANGES:
+        units, long_name = DESCRIPTIONS[base]
+        return units, f"{long_name}, {_RANGES[ending]}"
+    if name not in DESCRIPTIONS and is_text:
+        return "1", name.replace("_", " ")
     return DESCRIPTIONS[name]
 
 
 def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
 
-    A model whose variables are no gear mesh's names them itself, in ``long_names``. Variables that
-    bring units of their own, as derivatives do, keep their attributes.
-
-    KeyError if a variable has no entry here: nothing leaves without units.
+    A model that is no gear mesh names its variables itself, in ``long_names``. Variables that have
+    units already keep their attributes. KeyError if numbers have no description.
     """
     names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         if "units" in variable.attrs:
             continue
-        units, long_name = _entry(name)
-        long_name = names.get(name, long_name)
-        if variable.dtype.kind not in "OUST":
-            variable.attrs["units"] = units
-        variable.attrs["long_name"] = long_name
-        variable.attrs.update(_FLAGS.get(name, {}))
+        is_text = variable.dtype.kind in "OUST"
+        units, long_name = _description(name, is_text)
+        variable.attrs |= {} if is_text else {"units": units}
+        variable.attrs["long_name"] = names.get(name, long_name)
+        if name in _CODES:
+            first, meanings = _CODES[name]
+            variable.attrs["flag_values"] = variable.dtype.type(range(first, first + len(meanings)))
+            variable.attrs["flag_meanings"] = " ".join(meanings)
     return dataset

@@ -9,8 +9,8 @@ import xarray as xr
 from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
-from gearlib.data import summary
-from gearlib.data.growing import without_growth
+from gearlib.data import motions
+from gearlib.data.motions import without_growth
 from gearlib.models.load_sharing_pair import tooth_pairs_of
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
@@ -105,8 +105,8 @@ def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> 
         until_settled=True,
     )
     words = (
-        f"{summary.in_words(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed of "
-        f"the characteristic for {_PERIODS}."
+        f"{motions.description(run)} Followed for {_SETTLE + recorded} mesh periods, at each "
+        f"speed of the characteristic for {_PERIODS}."
     )
     if not jumped:
         words += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."

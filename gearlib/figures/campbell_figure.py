@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.lost_contact import lost_share
+from gearlib.data.motions import lost_share
 from gearlib.figures import schematic, style
 
 _COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.numbers_given import stretches
+from gearlib.data.motions import stretches
 from gearlib.figures import panels, style
 
 _Y_LABELS = {

@@ -4,7 +4,7 @@ import textwrap
 
 import numpy as np
 
-from gearlib.data import motion_words
+from gearlib.data import motions
 from gearlib.figures import style
 
 _CELL_HEIGHT, _HEAD = 1.25, 0.7
@@ -21,7 +21,7 @@ def draw(phase_planes, *, colours=None):
 
     `phase_planes` are gathered: displacement and velocity over (damping, tuning, phase), period
     and followed over (damping, tuning), the scalar backlash_ratio. Each cell has its own scales,
-    since undamped motions are many times larger, and above it its `motion_words.steadiness`. A run
+    since undamped motions are many times larger, and above it its `motions.steadiness`. A run
     that could not go on (NaN) says so.
     """
     tunings = phase_planes.tuning.values
@@ -72,5 +72,5 @@ def _draw_cell(axes, run, colour):
     style.shade_areas(axes, float(run.backlash_ratio), "x")
     axes.plot(x, v, color=colour, linewidth=0.8 if int(run.period) else 0.3)
     axes.tick_params(labelsize=5.5)
-    words = motion_words.steadiness(run) if np.isfinite(x).all() else "no result"
+    words = motions.steadiness(run) if np.isfinite(x).all() else "no result"
     return "\n".join(textwrap.wrap(words, 30))

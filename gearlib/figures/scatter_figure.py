@@ -5,7 +5,7 @@ import math
 import numpy as np
 from matplotlib.patches import Patch
 
-from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES
 from gearlib.figures import style
 
 _HEIGHT, _ROW = 5.0, 1.7

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 from gearlib import checks
 from gearlib.figures import style
 
-#: Codes of `gearlib.data.contact_states`.
+#: Codes of `gearlib.engines.codes`.
 NORMAL, BACKLASH, INVERSE = 1, 0, -1
 #: Phase of contact of a mesh -> its mark, whether it is filled, and what is said of it.
 CONTACTS = {

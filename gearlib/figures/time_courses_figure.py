@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.numbers_given import stretches
+from gearlib.data.motions import stretches
 from gearlib.figures import style
 
 _PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6

@@ -3,7 +3,7 @@
 import json
 import math
 
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.models import profiles
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair

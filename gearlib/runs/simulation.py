@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from gearlib import checks, integrators
-from gearlib.data import contact_states, status, summary
+from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
+from gearlib.engines.codes import BACKLASH
 from gearlib.engines.stable_repeats import followed
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
@@ -176,9 +177,7 @@ def _time_course(pair, samples, code):
         "velocity": of_mesh[..., orbit.SAMPLE_V],
         "acceleration": of_mesh[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
-        "modified_stiffness": np.where(
-            touching == contact_states.BACKLASH, 0.0 * stiffness, stiffness
-        ),
+        "modified_stiffness": np.where(touching == BACKLASH, 0.0 * stiffness, stiffness),
         "dynamic_force": of_mesh[..., orbit.SAMPLE_FORCE],
         "contact": touching,
     }

@@ -14,7 +14,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data.numbers_given import stretches
+from gearlib.data.motions import stretches
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair

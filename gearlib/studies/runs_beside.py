@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from gearlib.data.status import settled_flags
+from gearlib.data.status import flags_of
 from gearlib.runs.simulation import simulate
 from gearlib.studies.many_starts import KEPT, beside, starts
 
 #: What a variable says of a run.
-FLAGS = settled_flags("free_of_rounding")
+FLAGS = flags_of(("unsettled", "free_of_rounding"))
 _EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
 
 

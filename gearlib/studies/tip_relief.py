@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from gearlib.data import provenance
-from gearlib.data.variables import describe
+from gearlib.data.result import result
 from gearlib.models.geometry import drawings
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
@@ -38,8 +37,7 @@ def harris_map(gears, loads, stiffness, phases):
     dataset = dataset.assign_coords(gear=["pinion", "wheel"])
     model = LoadSharingPair.from_geometry(relieved, torque=torque, stiffness=stiffness)
     title = "Harris map: static transmission error at several loads"
-    dataset.attrs = provenance.attributes(title, model, method="load sharing", phases=phases)
-    return describe(dataset)
+    return result(title, model, dataset, method="load sharing", phases=phases)
 
 
 def _half_as_long(mesh):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES
 from gearlib.models.geometry import drawings
 from gearlib.models.pair import GearPair
 from gearlib.uncertainty.designs import DrawnPair

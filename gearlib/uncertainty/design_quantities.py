@@ -9,7 +9,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
-from gearlib.data.scatter_variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 

@@ -11,7 +11,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.config import measured_description, units
 from gearlib.data import measured_names
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import Number, declared
 from gearlib.uncertainty import measured_tables

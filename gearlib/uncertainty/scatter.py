@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks, notebook
-from gearlib.data import provenance
+from gearlib.data.files import canonical_json
 from gearlib.data.result import result
 from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import check_either, check_memory, check_speed, check_tuning
@@ -330,7 +330,7 @@ def gather(shards: Any) -> xr.Dataset:
         data[f"{name}_deviation"] = _described((), deviation, units, words)
     # Those of a file come last, where a file has them.
     kept = {name: x for name, x in attributes.items() if name not in ("source_hash", "history")}
-    kept["refused"] = provenance.canonical_json(counted(data.refusal.values))
+    kept["refused"] = canonical_json(counted(data.refusal.values))
     if "source_hash" in attributes:
         kept["source_hash"] = attributes["source_hash"]
     # Shards that come from files have encodings of theirs.

@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
-from gearlib.data.lost_contact import ROUNDING
+from gearlib.data.motions import ROUNDING
 from gearlib.engines import orbit as columns
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER

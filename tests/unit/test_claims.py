@@ -10,7 +10,7 @@ import xarray as xr
 from gearlib import config, sweep
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motion_words import LINE, spread, steadiness
+from gearlib.data.motions import LINE, spread, steadiness
 from gearlib.studies import (
     certificate_table,
     certificates,

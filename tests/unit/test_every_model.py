@@ -34,7 +34,7 @@ from gearlib import (
     trust,
 )
 from gearlib.analysis.orbits.followed_parameters import known, value_of, with_parameter
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.from_values import model_of
 from gearlib.models.model import Model

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from gearlib.data import storage
-from gearlib.data.files import remove_leftovers, replacing
+from gearlib.data.files import remove_leftovers, replacing, write_table_page
 from workflow.checksums import foreign, record, replaced
 from workflow.provenance import write
 
@@ -40,6 +40,17 @@ def test_numbers_are_compressed(tmp_path):
         storage.write(xr.Dataset({name: (dimension, values)}), tmp_path / name)
         assert (tmp_path / name).stat().st_size < 0.3 * values.nbytes
         assert storage.read(tmp_path / name)[name].values.tobytes() == values.tobytes()
+
+
+@pytest.mark.parametrize("cell", ["a, b", "x < 1 & y", "line\nbreak"])
+def test_a_table_shows_what_the_csv_holds(tmp_path, cell):
+    source, path = tmp_path / "some_table.csv", tmp_path / "some_table.html"
+    source.write_text(f'first_column,second\n"{cell}",2\n', encoding="utf-8")
+    write_table_page(source, path)
+    text = path.read_text(encoding="utf-8")
+    escaped = cell.replace("&", "&amp;").replace("<", "&lt;")
+    assert f"<td>{escaped}</td><td>2</td>" in text
+    assert "<th>first column</th>" in text
 
 
 @pytest.fixture

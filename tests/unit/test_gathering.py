@@ -99,7 +99,7 @@ def test_phase_planes_keep_their_course_from_the_start_of_the_record(planes):
     one = plane("k1", 0.8)
     found = whole.sel(damping="k1", tuning=0.8)
     np.testing.assert_array_equal(found.velocity, one.velocity)
-    assert found.status.attrs == one.status.attrs
+    assert found.status.flag_meanings == one.status.flag_meanings
 
 
 def test_one_shard_is_enough(windows, planes):

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.data import storage
-from gearlib.data.numbers_given import stretches
+from gearlib.data.motions import stretches
 from gearlib.studies import global_picture, jump, nonlinear_damping, phase_lag
 from tests.paper import PAPER, PARAMETERS
 from tests.tables import read_back

@@ -5,9 +5,7 @@ import pytest
 import xarray as xr
 
 from gearlib import simulate, sweep
-from gearlib.data.growing import without_growth
-from gearlib.data.lost_contact import lost_share
-from gearlib.data.summary import in_words
+from gearlib.data.motions import description, lost_share, without_growth
 from gearlib.data.variables import describe
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
@@ -35,7 +33,7 @@ def test_a_motion_in_words(period, motion, inverse, bounces, contact):
     run = simulate(PAPER, 0.7, periods=2)
     for name, value in {"period": period, "fraction_inverse": inverse, "bounces": bounces}.items():
         run[name] = run[name].copy(data=np.array(value))
-    assert in_words(run) == f"The motion from rest {motion}; {contact}."
+    assert description(run) == f"The motion from rest {motion}; {contact}."
 
 
 def test_rounding_of_times_is_no_loss_of_contact():

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gearlib.data import storage, tables
-from gearlib.data.files import write_table
+from gearlib.data import storage
+from gearlib.data.files import write_table, write_table_page
 from gearlib.studies import certificate_table, certificates
 from joblog import redirect_output
 
@@ -18,4 +18,4 @@ if __name__ == "__main__":
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)
     write_table(certificate_table.rows(rows), snakemake.output.csv)
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page, given.gears)
+    write_table_page(snakemake.output.csv, snakemake.output.page, given.gears)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gearlib.data import storage, tables
-from gearlib.data.files import write_table
+from gearlib.data import storage
+from gearlib.data.files import write_table, write_table_page
 from gearlib.models.pair import GearPair
 from gearlib.studies import claims
 from joblog import redirect_output
@@ -21,4 +21,4 @@ if __name__ == "__main__":
     )
     write_table(claims.rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)
+    write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

@@ -8,7 +8,7 @@ import traceback
 from pathlib import Path
 
 import __main__
-from gearlib.data.provenance import declare_sources
+from gearlib.data.files import declare_sources
 from workflow import sources
 from workflow.checksums import record
 

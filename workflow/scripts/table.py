@@ -2,8 +2,7 @@
 
 from pkgutil import resolve_name
 
-from gearlib.data import tables
-from gearlib.data.files import write_table
+from gearlib.data.files import write_table, write_table_page
 from inputs import datasets
 from joblog import redirect_output
 
@@ -13,4 +12,4 @@ if __name__ == "__main__":
     write_table(
         rows(**datasets(snakemake.input), **snakemake.params.settings), snakemake.output.csv
     )
-    tables.write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)
+    write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib import checks
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 
 #: Most initial states of one call: all of them are held in memory.
 MAX_STATES = 50_000_000

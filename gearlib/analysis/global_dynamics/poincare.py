@@ -8,7 +8,7 @@ from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics import grids
 from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
 from gearlib.data import status
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose

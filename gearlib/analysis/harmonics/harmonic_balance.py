@@ -19,7 +19,7 @@ from gearlib.analysis.harmonics.equation import (
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_tuning
 

@@ -22,9 +22,9 @@ from gearlib import checks
 from gearlib.analysis.orbits.followed_parameters import with_parameter
 from gearlib.analysis.orbits.tracing import Lost, slope
 from gearlib.data import status
-from gearlib.data.contact_states import FLAGS
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 from gearlib.data.result import result
+from gearlib.data.status import CONTACT_FLAGS
 from gearlib.engines import orbit as columns
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
@@ -83,7 +83,7 @@ class Orbit:
         }
         title = "Periodic orbit of a gear mesh"
         dataset = result(title, self.pair, data, method="shooting", tuning=self.tuning)
-        dataset["pattern"].attrs |= FLAGS
+        dataset["pattern"].attrs |= CONTACT_FLAGS
         return dataset
 
 

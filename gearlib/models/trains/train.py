@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from gearlib import checks
-from gearlib.data.numbers_given import floats
+from gearlib.data.motions import floats
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS

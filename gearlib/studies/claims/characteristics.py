@@ -8,8 +8,7 @@ what it finds as a third item.
 
 import numpy as np
 
-from gearlib.data.motion_words import LINE, ending, spread
-from gearlib.data.numbers_given import stretches
+from gearlib.data.motions import LINE, ending, spread, stretches
 from gearlib.studies.claims.data import READING, TOUCH
 
 #: How far the band around nu = 0.66 may reach to be "a small region": the paper gives one figure.

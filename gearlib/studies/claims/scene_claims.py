@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.motion_words import LINE, spread
+from gearlib.data.motions import LINE, spread
 from gearlib.studies.certificates import TWO
 from gearlib.studies.claims.characteristics import in_words, repeats
 from gearlib.studies.claims.data import NoData

@@ -7,7 +7,7 @@ reducer are those whose branches are alike.
 
 import numpy as np
 
-from gearlib.data.lost_contact import lost_share
+from gearlib.data.motions import lost_share
 from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.described_train import described

@@ -19,7 +19,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.many_starts import beside, in_parallel, over_starts, starts
 
 #: What `settled` says.
-SETTLED_FLAGS = status.settled_flags("all_starts_on_one_stable_orbit")
+SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
 #: Names of what `summarise` says of the motions, and of the settings.
 SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")

@@ -9,7 +9,7 @@ that of the pair alone, mesh frequency of the first stage over the mean eigenfre
 import numpy as np
 import xarray as xr
 
-from gearlib.data.lost_contact import ROUNDING, lost_share
+from gearlib.data.motions import ROUNDING, lost_share
 from gearlib.data.result import result
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer

@@ -32,7 +32,7 @@ import numpy as np
 
 from gearlib import integrators
 from gearlib.data import status
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate

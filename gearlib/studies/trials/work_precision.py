@@ -24,7 +24,7 @@ import numpy as np
 
 from gearlib import integrators
 from gearlib.data import status
-from gearlib.data.provenance import canonical_json
+from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many, stacked
 from gearlib.engines.jit import kernel
 from gearlib.engines.pair.motion import evolve, level

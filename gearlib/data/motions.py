@@ -1,0 +1,95 @@
+"""Contact loss, growth and settling of the motion that a dataset holds."""
+
+import numpy as np
+
+#: Shares of time that are this close to each other differ by the rounding of sums.
+ROUNDING = 1e-9
+#: Width of a line in a plot over the height of the orbit: 0.3 mm in a phase plane of 3 cm.
+LINE = 0.01
+#: A motion so many times as large as its model grows; undamped ones reach 1e8 and more.
+MAX_GROWTH = 1e3
+
+
+def floats(numbers):
+    """Return an array of float of the same shape; of shape (0,) where it cannot be one."""
+    try:
+        return np.asarray(numbers, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
+
+
+def stretches(condition):
+    """Return the (first, last) index of every stretch in which `condition`, shape (n,), holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(condition, np.int8), [0]])))
+    return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def lost_share(fraction_normal):
+    """Return the share of time without drive-side contact, 0 where it is rounding."""
+    loss = 1.0 - fraction_normal
+    return loss * (loss > ROUNDING)
+
+
+def without_growth(curve, extent):
+    """Return a result of `gearlib.sweep` with NaN at tunings where the motion grows.
+
+    `extent` is the largest length of the model in static deflections, see `Model.extent`.
+    """
+    reach = np.maximum(abs(curve.displacement_max), abs(curve.displacement_min))
+    bounded = reach.max([dim for dim in reach.dims if dim != "tuning"]) <= MAX_GROWTH * extent
+    return curve.assign(
+        {
+            name: values.where(bounded)
+            for name, values in curve.data_vars.items()
+            if "tuning" in values.dims and values.dtype.kind == "f"
+        }
+    )
+
+
+def spread(run):
+    """Return the largest distance between mesh periods of a record over the height of the orbit.
+
+    A spread below `LINE` is a single line in a plot.
+    """
+    x, share = run.displacement.values, run.phase.values / (2.0 * np.pi) % 1.0
+    group = np.unique(np.round(share, 9) % 1.0, return_inverse=True)[1]
+    highest, lowest = np.full((2, group.max() + 1), [[-np.inf], [np.inf]])
+    np.maximum.at(highest, group, x)
+    np.minimum.at(lowest, group, x)
+    return float((highest - lowest).max() / np.ptp(x))
+
+
+def not_settled(run):
+    """Return the sentence part that the motion of a run has not settled."""
+    return f"not settled after {int(run.followed)} mesh periods"
+
+
+def ending(run):
+    """Return on which orbit a run settles, as text, or that it has not settled."""
+    if not (period := int(run.period)):
+        return not_settled(run)
+    return f"settles later on {period} mesh period{'s'[: period > 1]}"
+
+
+def steadiness(run):
+    """Return as text whether a record is a single line in a plot, and where the motion settles."""
+    if spread(run) > LINE:
+        return f"unsteady, {ending(run)}"
+    return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {ending(run)}"
+
+
+def description(run):
+    """Return a sentence about the motion of a run of `gearlib.simulate`."""
+    if int(run.status):
+        return run.status.attrs["message"]
+    period, bounces = int(run.period), f"{float(run.bounces):.3g} times"
+    motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
+    if not period:
+        motion = f"has {not_settled(run)}"
+    contact = "the flanks never part"
+    if float(run.fraction_inverse) > 0.0:
+        contact = "it strikes both flanks"
+    elif float(run.bounces) > 0.0:
+        times = "once" if bounces == "1 times" else bounces
+        contact = f"it loses contact {times} per mesh period"
+    return f"The motion from rest {motion}; {contact}."
