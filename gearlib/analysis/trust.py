@@ -1,8 +1,8 @@
-"""Chaos or artefact? One point run again in other ways, and what all of them agree on.
+"""`trust`: chaos or artefact? One point is run in several ways, and their results are compared.
 
 A settled motion of a damped mesh does not depend on how it was computed, started and how long it
 ran. `trust` runs a point again, longer, from a disturbed state, by another method, with another
-tolerance and, for a truncated stiffness, with more harmonics, and takes the largest Lyapunov
+tolerance and, for a truncated stiffness, with more harmonics, and computes the largest Lyapunov
 exponent of the motion from its variational maps. Its label follows from stated rules:
 
 =================  ===========================================================================
@@ -10,9 +10,9 @@ label              rule
 =================  ===========================================================================
 periodic           the longer run repeats, and the others, as far as they have settled, after the
                    same number of mesh periods; deviations decay, and the extrema of all agree in
-                   at least `DIGITS` digits
-unbounded          the motion grows beyond all bounds, see `Model.bound`: it has gone so far, or is
-                   far out and grows on, and no run repeats
+                   at least `MIN_DIGITS` digits
+unbounded          the motion grows beyond all bounds, see `Model.bound`, or it is large and still
+                   grows, and no run repeats
 chaotic            deviations grow: exponent above three times its uncertainty, and a growth
                    beyond what linear growth would reach in the counted periods
 quasi-periodic     no run repeats, and deviations neither grow nor decay exponentially
@@ -21,7 +21,9 @@ undecided          everything else; the message says why and what to do
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -38,19 +40,19 @@ from gearlib.runs.simulation import run
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 
-#: Agreement in fewer digits is none.
-DIGITS = 4
+#: Digits in which the extrema of all runs must agree if the motion is periodic.
+MIN_DIGITS = 4
 
-#: More digits than these are no property of a motion but of the rounding of its runs.
-_MOST_DIGITS = 10.0
+#: Digits that a scan reports at most: more depend on the rounding of the runs.
+_MAX_DIGITS = 10.0
 
-#: A decay slower than this over the counted periods is none.
-_DECAY = -3.0
+#: Logarithm of the growth of deviations, over the counted periods, below which they decay.
+_MAX_DECAYING_GROWTH = -3.0
 
 
 @dataclass(frozen=True)
 class Trust:
-    """What all runs of one point agree on."""
+    """Label of the motion at one point, with the runs and the exponent that decide it."""
 
     label: str  #: one of `LABELS`
     message: str  #: the reason in one sentence
@@ -102,31 +104,31 @@ def trust(
     exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
     periods = integer("periods", periods, 1)
     record_periods = integer("record_periods", record_periods, 1, periods)
-    base = {
+    arguments = {
         "periods": periods,
         "record_periods": max(record_periods, min(pair.repeats, periods)),
         "initial_state": initial_state,
         "samples_per_period": 1,
     }
     initial_state = pair.check_state(initial_state)
-    names, used, runs = [], [], []
-    for name, model, changed in (
+    names, methods, runs = [], [], []
+    for name, model, changes in (
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
         ("disturbed", pair, {"initial_state": pair.disturbed(initial_state, disturbance)}),
-        *_other_ways(pair),
+        *_other_methods(pair),
     ):
         names.append(name)
-        used.append(integrators.choose(model, changed.get("method"), None)[0])
-        runs.append(run(model, tuning, **base | changed))
+        methods.append(integrators.choose(model, changes.get("method"), None)[0])
+        runs.append(run(model, tuning, **arguments | changes))
     exponent = lyapunov.largest(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     summaries = np.array([run.summary for run in runs])
-    over = ("run", "mesh")[: summaries.ndim - 1]
+    dims = ("run", "mesh")[: summaries.ndim - 1]
     data = {
-        "displacement_max": (over, summaries[..., orbit.X_MAX]),
-        "displacement_min": (over, summaries[..., orbit.X_MIN]),
+        "displacement_max": (dims, summaries[..., orbit.X_MAX]),
+        "displacement_min": (dims, summaries[..., orbit.X_MIN]),
         "period": ("run", [run.period for run in runs]),
         "status": ("run", [run.status for run in runs]),
     }
@@ -135,7 +137,7 @@ def trust(
         pair,
         data,
         {"run": names},
-        method=", ".join(dict.fromkeys(used)),
+        method=", ".join(dict.fromkeys(methods)),
         tuning=tuning,
         periods=periods,
         disturbance=disturbance,
@@ -144,36 +146,36 @@ def trust(
     return decide(table, exponent, pair.repeats)
 
 
-def scan(model, tunings, **options):
-    """Return the labels of many tunings, a dataset over ``tuning``; options are of `trust`.
+def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
+    """Return the labels of `trust` over tunings, with its options, as a dataset over ``tuning``.
 
     It has label (index in `LABELS`, CF flags), period, digits (at most 10), exponent, uncertainty.
     """
 
-    def facts(nu):
-        verdict = trust(model, nu, **options)
+    def variables(nu):
+        trusted = trust(model, nu, **options)
         return {
-            "label": np.int8(LABELS.index(verdict.label)),
-            "period": np.int32(verdict.period),
-            "digits": min(verdict.digits, _MOST_DIGITS),
-            "exponent": verdict.exponent,
-            "uncertainty": verdict.uncertainty,
+            "label": np.int8(LABELS.index(trusted.label)),
+            "period": np.int32(trusted.period),
+            "digits": min(trusted.digits, _MAX_DIGITS),
+            "exponent": trusted.exponent,
+            "uncertainty": trusted.uncertainty,
         }
 
     title = "Labels of the motion of a gear mesh"
     coords = {"tuning": np.asarray(tunings, float)}
-    data = stacked({"tuning": tunings}, facts)
+    data = stacked({"tuning": tunings}, variables)
     dataset = result(title, model, data, coords, method="several", **options)
     dataset["label"].attrs |= status.flags_of(LABELS)
     return dataset
 
 
-def _other_ways(model):
-    """Yield (name, model, changed arguments) of other methods, tolerances and harmonics."""
-    able = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(model)]
-    if len(able) > 1:
-        yield f"method {able[1]}", model, {"method": able[1]}
-    if "taylor" in able:
+def _other_methods(model: Any) -> Iterator[tuple]:
+    """Yield (name, model, changed arguments) of runs by other methods, tolerances, harmonics."""
+    methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(model)]
+    if len(methods) > 1:
+        yield f"method {methods[1]}", model, {"method": methods[1]}
+    if "taylor" in methods:
         yield "tolerance 1e-12", model, {"method": "taylor", "options": {"tolerance": 1e-12}}
     profile = model.profile
     if isinstance(profile, Fourier):
@@ -181,26 +183,27 @@ def _other_ways(model):
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 
-def decide(runs, exponent, repeats=1):
-    """Return the `Trust` that follows from the runs and the `Exponent`; see the rules above.
+def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
+    """Return the `Trust` that follows from runs and a Lyapunov exponent by the stated rules.
 
-    `runs` has displacement_max, displacement_min, period, status over run; the excitation
-    repeats after so many mesh periods.
+    `runs` has displacement_max, displacement_min, period, status over run; `repeats` is the number
+    of mesh periods after which the excitation repeats.
     """
-    label, message, period, digits = (*_verdict(runs, exponent, repeats), 0, math.nan)[:4]
+    verdict = (*_verdict(runs, exponent, repeats), 0, math.nan)
+    label, message, period, digits = verdict[:4]
     return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
 
-def _verdict(runs, exponent, repeats):
+def _verdict(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
     """Return (label, message) by the first rule that fits; if periodic, also period and digits."""
     names, codes = runs.run.values, runs.status.values
-    gone, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
+    overflowed, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
     periods = set(runs.period.values.tolist())
-    if (diverges or gone.all()) and periods == {0}:
+    if (diverges or overflowed.all()) and periods == {0}:
         return "unbounded", status.MESSAGES[status.OVERFLOW]
     variational = "the variational run"
-    if diverges or gone.any():
-        unbounded = ", ".join(names[gone]) or variational
+    if diverges or overflowed.any():
+        unbounded = ", ".join(names[overflowed]) or variational
         return "undecided", f"some runs grow without bound, others do not: {unbounded}"
     failed = codes != status.OK
     if failed.any() or math.isnan(exponent.value):
@@ -208,26 +211,26 @@ def _verdict(runs, exponent, repeats):
     if exponent.positive:
         length = f"{1.0 / exponent.value:.3g} mesh periods"
         return "chaotic", f"deviations grow by a factor e every {length}"
-    if exponent.growth < _DECAY:
-        return _settled_verdict(runs, periods, repeats)
+    if exponent.growth < _MAX_DECAYING_GROWTH:
+        return _verdict_of_decay(runs, periods, repeats)
     neither = "deviations neither grow nor decay"
     if periods == {0}:
         return "quasi-periodic", f"no run repeats; {neither} exponentially"
     return "undecided", f"{neither}, yet some run repeats: run more periods"
 
 
-def _settled_verdict(runs, periods, repeats):
-    """Return what `_verdict` does of runs whose deviations decay."""
+def _verdict_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple:
+    """Return the result of `_verdict` for runs with decaying deviations and these periods."""
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
-        # Others that are still on their way agree with it in their extrema, below.
+        # Runs that have not settled yet must agree with it in their extrema, below.
         periods = periods - {0}
     if periods == {0} or len(periods) > 1:
         message = "deviations decay, but not all runs repeat: run more periods to settle"
         if repeats > 1:
             message += f", and beyond that two repeats of the run-out, of {repeats} periods each"
         return "undecided", message
-    digits = _digits(runs)
-    if digits < DIGITS:
+    digits = _common_digits(runs)
+    if digits < MIN_DIGITS:
         return (
             "undecided",
             f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits only: "
@@ -236,9 +239,9 @@ def _settled_verdict(runs, periods, repeats):
     return "periodic", f"all runs agree in {digits:.1f} digits", *periods, digits
 
 
-def _digits(runs):
-    """Return the decimal digits to which the extrema agree, over the height of the orbit."""
-    high, low = runs.displacement_max.values, runs.displacement_min.values
-    height = np.maximum(high[0] - low[0], np.finfo(float).tiny)
-    spread = np.maximum(np.ptp(high, axis=0), np.ptp(low, axis=0)) / height
+def _common_digits(runs: xr.Dataset) -> float:
+    """Return the decimal digits to which the extrema of runs agree, over the orbit's height."""
+    highest, lowest = runs.displacement_max.values, runs.displacement_min.values
+    height = np.maximum(highest[0] - lowest[0], np.finfo(float).tiny)
+    spread = np.maximum(np.ptp(highest, axis=0), np.ptp(lowest, axis=0)) / height
     return -math.log10(max(np.max(spread), np.finfo(float).eps))

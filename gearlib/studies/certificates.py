@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearlib.analysis.orbits.continuation import restored
+from gearlib.analysis.orbits.continuation import point_of_dataset
 from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify, certify_range
@@ -142,7 +142,7 @@ def _all_points(pair, branch):
     """Return (how many points of the branches are what, the claims of all)."""
     counts, rows = Counter(), []
     for point in np.flatnonzero(branch.label.values == REGULAR):
-        orbit = as_orbit(restored(pair, branch, int(point), MAX_EVENTS).orbit)
+        orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
         proven = certify(_rounded_orbit(orbit))
         counts[proven.stability if proven else f"refused: {proven.status}"] += 1
         rows.append(_row(proven, orbit.tuning))

@@ -142,7 +142,7 @@ def sections(cases, settings):
             lyapunov.rounding_decides(pair, [tuning], state, settle + periods)[0]
             for state in states
         ]
-        grown = np.array([rate.grown for rate in rates])
+        grown = np.array([rate.exceeds_linear for rate in rates])
         chaotic = np.where(lost & grown, 1, 2 * (lost | grown)).astype(np.int8)
         section = section.assign(
             chaotic=("orbit", chaotic), exponent=("orbit", np.array([rate.value for rate in rates]))

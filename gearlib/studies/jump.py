@@ -91,7 +91,7 @@ def find(pair, tunings, resolution, direction="cold", **run):
         if exact:
             start = run.get("initial_state", (0.0, 0.0))
             carried = copy(deviation)
-            if carried.lost(middle, start, run["periods"]):
+            if carried.exceeds_limit(middle, start, run["periods"]):
                 break
         one = sweep(pair, [middle], **run)
         height = float(_heights(one)[0])

@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.continuation import continue_orbit
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
-from gearlib.analysis.orbits.tracing import Lost
+from gearlib.analysis.orbits.tracing import ContinuationFailed
 from gearlib.data import summary
 from gearlib.data.status import OK
 from gearlib.engines import orbit as orbit_columns
@@ -101,7 +101,7 @@ class Observation(NamedTuple):
         """Return what the sensors show of a model, None where a motion could not go on."""
         try:
             predicted = self.predict(model)[0]
-        except (NoOrbit, Lost, ArithmeticError, ValueError):
+        except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
             return None
         pairs = zip(self.channels, predicted, strict=True)
         return [channel.sensed(values)[0] for channel, values in pairs]
@@ -181,7 +181,7 @@ def special_speeds(model: Any, measured: dict) -> dict:
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.lost:
-            raise Lost
+            raise ContinuationFailed
         tunings = {name: getattr(resonance, RESONANCE_NAMES[name]) for name in measured}
         return {name: rate * tuning for name, tuning in tunings.items() if np.isfinite(tuning)}
     jumps = {name: speed for name, speed in measured.items() if name.startswith("jump")}

@@ -15,7 +15,7 @@ from mpmath import mp, mpf
 
 import gearlib
 from gearlib import periodic_orbit, simulate
-from gearlib.analysis.orbits.shooting import multipliers_of, product
+from gearlib.analysis.orbits.shooting import compose, floquet_multipliers
 from tests.independent import program
 from tests.independent.systems import describe, equations_of, move
 from tests.properties.cases import CASES, random_trains_case
@@ -253,7 +253,7 @@ def _closes(model, tuning, orbit):
     assert twice.period == orbit.period
     np.testing.assert_allclose(reduce @ (twice.state - orbit.state), 0.0, rtol=0, atol=1e-9)
     _, maps, _ = model.propagator(tuning).maps(orbit.state, 2 * orbit.period, 100_000)
-    multipliers = multipliers_of(product(reduce @ maps @ lift))
+    multipliers = floquet_multipliers(compose(reduce @ maps @ lift))
     # Of a cluster each moves by the root of rounding.
     squares = [np.sort(np.abs(one)) for one in (multipliers, orbit.multipliers**2)]
     np.testing.assert_allclose(*squares, rtol=0, atol=1e-7)

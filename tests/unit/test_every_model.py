@@ -33,7 +33,11 @@ from gearlib import (
     tongues,
     trust,
 )
-from gearlib.analysis.orbits.followed_parameters import known, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import (
+    followed_parameters,
+    value_of,
+    with_parameter,
+)
 from gearlib.data.files import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.from_values import model_of
@@ -241,7 +245,7 @@ def test_a_model_has_what_the_protocol_says(name):
     assert canonical_json(model.as_dict()) and model.replace() == model
     named = [*model.scales(), *model.speed_scales(NU), *model.extra_samples, *model.long_names]
     assert set(named) <= set(DESCRIPTIONS)
-    for parameter in known(model) if model.mesh or model.mesh_names else ():
+    for parameter in followed_parameters(model) if model.mesh or model.mesh_names else ():
         # The parameters of a train are those that all its meshes share.
         if model.mesh_names and len({getattr(mesh, parameter, 0) for mesh in model.meshes}) > 1:
             continue

@@ -1,4 +1,4 @@
-"""Attractors: found among final states, refined by shooting, and where a motion has arrived.
+"""Attractors: candidates among final states, refined by shooting, with their trapping ellipses.
 
 Every point of a stable periodic orbit lies in a *trapping ellipse* that no sampled motion leaves.
 The ellipses are level lines of a quadratic form that the linearised map contracts; how far the
@@ -10,51 +10,55 @@ ends inside a trapping ellipse; `gearlib.basins` with ``stop_early=False`` goes 
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, periodic_orbit, product
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, compose, periodic_orbit
 from gearlib.engines import orbit as columns
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 
-#: Longest orbit that is looked for, in cycles.
+#: Longest period of an orbit that is sought, in cycles.
 MAX_CYCLES = 32
-#: A guess for shooting: states that come back this close, in shares of the size of the motion.
-_CLOSE_RETURN = 1e-2
-#: Points closer than this, static deflections (over the size of the motion), count as equal.
-_SAME_POINT = 1e-6
-#: Multipliers nearer to the unit circle attract too slowly to tell.
+#: Distance of states one period apart that are a guess for shooting, relative to the motion's size.
+_GUESS_TOLERANCE = 1e-2
+#: Points closer than this, static deflections (relative to larger motions), count as equal.
+_SAME_POINT_TOLERANCE = 1e-6
+#: Distance from the unit circle below which a multiplier neither attracts nor repels.
 _MIN_DECAY = 1e-6
-# The linearised map shrinks the form to _SHRINK, rings are _RING apart, between rounding and the
-# size of the motion.
-_SHRINK, _RING, _RINGS = 0.5, 0.7, 40
-#: Directions in which the ellipses of two coordinates, and of more, are sampled.
+#: Factor by which the linearised map contracts the quadratic form.
+_CONTRACTION = 0.5
+#: Ratio of the radii of neighbouring rings, and their number, from the size of the motion down.
+_RING_RATIO, _RING_COUNT = 0.7, 40
+#: Sampled directions of ellipses with two coordinates, and with more.
 _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
 
 
 @dataclass(frozen=True)
 class TrappingEllipses:
-    """Ellipses around the points of an orbit, which no sampled direction leaves."""
+    """Ellipses around the points of an orbit that no sampled motion leaves."""
 
-    points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.seen`
-    forms: np.ndarray  #: shape (m, n, n)
+    points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.scaled`
+    forms: np.ndarray  #: quadratic forms, shape (m, n, n)
     radii: np.ndarray  #: shape (m,): form of the difference <= radius^2; static deflections
 
-    def holds(self, seen):
-        """Return which of the states, shape (k, n), lie in it."""
-        inside = np.zeros(len(seen), bool)
+    def contain(self, scaled_states: np.ndarray) -> np.ndarray:
+        """Return which of the scaled states, shape (k, n), lie in one of the ellipses."""
+        inside = np.zeros(len(scaled_states), bool)
         for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
-            away = seen - point
-            inside |= np.einsum("ki,ij,kj->k", away, form, away) <= radius * radius
+            difference = scaled_states - point
+            squares = np.einsum("ki,ij,kj->k", difference, form, difference)
+            inside |= squares <= radius * radius
         return inside
 
 
 @dataclass(frozen=True)
 class Attractor:
-    """Where motions end."""
+    """A set to which motions converge: a periodic orbit, or a class of other motions."""
 
     kind: int  #: index in `KINDS`
     displacement_max: float = np.nan
@@ -66,48 +70,54 @@ class Attractor:
     uncertainty: float = np.nan  #: of the exponent
 
     @property
-    def period(self):
+    def period(self) -> int:
         """Mesh periods; 0 unless periodic."""
         return self.orbit.period if self.orbit else 0
 
     @property
-    def order(self):
+    def sort_key(self) -> tuple:
         """Key by which attractors are sorted: kind, period, height."""
         height = self.displacement_max - self.displacement_min
         return self.kind, self.period, height if np.isfinite(height) else np.inf
 
 
-def find(strobe, states, known):
-    """Return the `Attractor`s, without those `known`, that settled states (k, n) are near."""
+def find_attractors(strobe: Stroboscope, states: np.ndarray, known: list) -> list:
+    """Return the periodic `Attractor`s near settled states (k, n) that are not yet known."""
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(strobe(series[-1], 1)[0])
-    # From the latest to the earliest: the latest is settled best.
+    # From the latest to the earliest: the latest has settled best.
     series = np.array(series[::-1])
-    seen, all_known = strobe.seen(series), list(known)
+    scaled_series, all_known = strobe.scaled(series), list(known)
     for k in range(len(states)):
-        if not np.isfinite(seen[:, k]).all():
+        if not np.isfinite(scaled_series[:, k]).all():
             continue
-        if any(attractor.ellipses.holds(seen[:1, k])[0] for attractor in all_known):
+        if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in all_known):
             continue
-        attractor = _at(strobe, series[0, k], seen[:, k])
-        if attractor and not any(_same(attractor, other) for other in all_known):
+        attractor = _attractor_at(strobe, series[0, k], scaled_series[:, k])
+        if attractor and not any(_are_equal(attractor, other) for other in all_known):
             all_known.append(attractor)
     return all_known[len(known) :]
 
 
-def _same(first, second):
-    """Return whether two periodic attractors are one orbit."""
-    points, size = first.ellipses.points, max(1.0, np.abs(first.ellipses.points).max())
+def _are_equal(first: Any, second: Any) -> bool:
+    """Return whether two periodic attractors are the same orbit."""
+    points = first.ellipses.points
+    size = max(1.0, np.abs(points).max())
     distances = np.abs(second.ellipses.points - points[0]).max(axis=1)
-    return bool((distances < _SAME_POINT * size).any())
+    return bool((distances < _SAME_POINT_TOLERANCE * size).any())
 
 
-def _at(strobe, state, seen):
-    """Return the attractor at a settled state, or None; `seen`: it and the states before it."""
-    size = max(1.0, np.ptp(seen, axis=0).max())
+def _attractor_at(
+    strobe: Stroboscope, state: np.ndarray, scaled_series: np.ndarray
+) -> Attractor | None:
+    """Return the periodic attractor at a settled state, or None.
+
+    `scaled_series` holds the scaled state and those of the cycles before it, the latest first.
+    """
+    size = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
-        if np.abs(seen[n] - seen[0]).max() > _CLOSE_RETURN * size:
+        if np.abs(scaled_series[n] - scaled_series[0]).max() > _GUESS_TOLERANCE * size:
             continue
         period, max_events = n * strobe.cycle, strobe.max_events
         try:
@@ -118,67 +128,68 @@ def _at(strobe, state, seen):
             continue
         largest = np.abs(orbit.multipliers).max()
         if largest <= 1.0 + _MIN_DECAY:
-            # Without damping in contact an orbit draws nothing on, nor do its neighbours.
+            # Without damping in contact neither the orbit nor its neighbours attract.
             return attractor_of(strobe, orbit) if largest < 1.0 - _MIN_DECAY else None
     return None
 
 
-def attractor_of(strobe, orbit):
-    """Return the attractor of a stable orbit, and its trapping ellipses."""
+def attractor_of(strobe: Stroboscope, orbit: Orbit) -> Attractor:
+    """Return the attractor of a stable orbit, with its trapping ellipses."""
     points = [orbit.state]
     for _ in range(orbit.period // strobe.cycle - 1):
         points.append(strobe(points[-1][None], 1)[0][0])
     points = np.array(points)
-    seen = strobe.seen(points)
-    size = max(1.0, np.abs(seen).max())
     summary = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events).summary
-    rate = float(np.log(np.abs(orbit.multipliers).max())) / orbit.period
     return Attractor(
         PERIODIC,
         float(summary[columns.X_MAX]),
         float(summary[columns.X_MIN]),
         orbit,
-        _ellipses(strobe, points, seen, size),
+        _trapping_ellipses(strobe, points),
         points,
-        rate,
-        0.0,
+        exponent=float(np.log(np.abs(orbit.multipliers).max())) / orbit.period,
+        uncertainty=0.0,
     )
 
 
-def _ellipses(strobe, points, seen, size):
-    """Return the largest trapping ellipses at the `points` of an orbit that no sample leaves."""
-    count, n = seen.shape
+def _trapping_ellipses(strobe: Stroboscope, points: np.ndarray) -> TrappingEllipses:
+    """Return the largest ellipses around the points (m, n) of an orbit that no sample leaves."""
+    centres = strobe.scaled(points)
+    size = max(1.0, np.abs(centres).max())
+    count, n = centres.shape
     maps = strobe.cycle_maps(points[0], count)
     forms, factors = np.empty((count, n, n)), np.empty((count, n, n))
-    radius = np.abs(np.linalg.eigvals(product(maps))).max()
-    turns = max(1, int(np.ceil(2.0 * np.log(_SHRINK) / np.log(max(radius, 1e-12)))))
+    spectral_radius = np.abs(np.linalg.eigvals(compose(maps))).max()
+    log_radius = np.log(max(spectral_radius, 1e-12))
+    turns = max(1, int(np.ceil(2.0 * np.log(_CONTRACTION) / log_radius)))
     for j in range(count):
-        around = np.linalg.matrix_power(product(np.roll(maps, -j, axis=0)), turns)
-        # Smallest solution of around^T S around = _SHRINK^2 (S - 1): shrunk by _SHRINK at least.
-        forms[j] = solve_discrete_lyapunov(around.T / _SHRINK, np.eye(n))
+        return_map = np.linalg.matrix_power(compose(np.roll(maps, -j, axis=0)), turns)
+        # Smallest solution S of A^T S A = _CONTRACTION^2 (S - 1) with the return map A.
+        forms[j] = solve_discrete_lyapunov(return_map.T / _CONTRACTION, np.eye(n))
         factors[j] = np.linalg.inv(np.linalg.cholesky(forms[j]).T)
-    rings = size * _RING ** np.arange(_RINGS)
-    directions = _directions(n)
+    rings = size * _RING_RATIO ** np.arange(_RING_COUNT)
+    directions = _unit_vectors(n)
     # Shape (points, rings, directions, n).
-    away = np.einsum("jab,db->jda", factors, directions)[:, None] * rings[:, None, None]
-    around = (seen[:, None, None] + away).reshape(-1, n) / strobe.weights
+    offsets = np.einsum("jab,db->jda", factors, directions)[:, None] * rings[:, None, None]
+    samples = (centres[:, None, None] + offsets).reshape(-1, n) / strobe.weights
     base = np.repeat(points, rings.size * len(directions), axis=0)
-    starts = base + (around - strobe.seen(base) / strobe.weights) @ strobe.lift.T
+    starts = base + (samples - strobe.scaled(base) / strobe.weights) @ strobe.lift.T
     ends, _ = strobe(starts, turns * count)
-    back = strobe.seen(ends).reshape(count, rings.size, -1, n) - seen[:, None, None]
-    size_of = np.sqrt(np.einsum("jrda,jab,jrdb->jrd", back, forms, back)).max(axis=2)
+    end_offsets = strobe.scaled(ends).reshape(count, rings.size, -1, n) - centres[:, None, None]
+    radii = np.sqrt(np.einsum("jrda,jab,jrdb->jrd", end_offsets, forms, end_offsets)).max(axis=2)
     # A NaN, of a run that could not go on, is not inside.
-    inside = size_of <= _RING * rings
-    radii = np.empty(count)
+    inside = radii <= _RING_RATIO * rings
+    trapping_radii = np.empty(count)
     for j in range(count):
         failed = np.flatnonzero(~inside[j])
         first = failed[-1] + 1 if failed.size else 0
-        # Below the last ring rounding rules: there only the states of the orbit itself.
-        radii[j] = rings[first] if first < rings.size else _SAME_POINT * size
-    return TrappingEllipses(seen, forms, radii)
+        # Below the smallest ring rounding dominates: there only the states of the orbit itself.
+        is_ring = first < rings.size
+        trapping_radii[j] = rings[first] if is_ring else _SAME_POINT_TOLERANCE * size
+    return TrappingEllipses(centres, forms, trapping_radii)
 
 
-def _directions(n):
+def _unit_vectors(n: int) -> np.ndarray:
     """Return unit vectors, shape (k, n), spread over all directions."""
     if n == 2:
         angles = 2.0 * np.pi * np.arange(_PLANE_DIRECTIONS) / _PLANE_DIRECTIONS

@@ -7,21 +7,21 @@ import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
 from gearlib import checks, notebook
-from gearlib.analysis.global_dynamics import grids
-from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC
+from gearlib.analysis.global_dynamics import stroboscope
+from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, Attractor
 from gearlib.analysis.global_dynamics.classification import check_model, classify
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Numbers of an attractor that a dataset has under their names.
-_NUMBERS = ("displacement_max", "displacement_min", "exponent", "uncertainty")
+#: Attributes of an attractor that are variables of the same name in a dataset.
+_ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
 #: CF flags of the kind of an attractor.
 KIND_FLAGS = flags_of(KINDS)
-#: Orbits of neighbouring tunings are one family when their extrema differ by less than this share
-#: of their height (or of a static deflection if that is larger).
-_RELATED = 0.25
+#: Largest difference of the extrema, relative to the height of the orbit (or a static deflection if
+#: that is larger), of orbits at neighbouring tunings that are one family.
+_FAMILY_TOLERANCE = 0.25
 
 
 def basins(
@@ -96,15 +96,14 @@ def basins(
     periods = checks.integer("periods", periods, 1)
     seed = checks.integer("seed", seed, 0)
     checks.one_of("stop_early", stop_early, (False, True))
-    x, v = grids.initial_states(grid)
+    x, v = stroboscope.grid_axes(grid)
     cycles = -(-periods // strobe.cycle)
-    attractors, labels = classify(
-        strobe, grids.mesh_states(x, v), cycles, stop_early=stop_early, seed=seed
-    )
+    states = stroboscope.grid_states(x, v)
+    attractors, labels = classify(strobe, states, cycles, stop_early=stop_early, seed=seed)
     share = np.bincount(labels, minlength=len(attractors)) / labels.size
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
-        **attractor_variables(attractors),
+        **_attractor_variables(attractors),
         "share": ("attractor", share),
         "share_error": ("attractor", np.sqrt(share * (1.0 - share) / labels.size)),
         **pair.scales(),
@@ -126,8 +125,8 @@ def basins(
     return dataset
 
 
-def attractor_variables(attractors):
-    """Return name -> (dims, values) of what is known of attractors."""
+def _attractor_variables(attractors: list) -> dict:
+    """Return the properties of attractors as variables of a dataset: name -> (dims, values)."""
     count = len(attractors)
     orbits = [attractor.orbit for attractor in attractors]
     points = max((len(attractor.points) for attractor in attractors if attractor.orbit), default=1)
@@ -140,18 +139,18 @@ def attractor_variables(attractors):
             states[i, : len(attractor.points)] = attractor.points
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
-    def facts(attractor):
+    def variables(attractor):
         orbit = attractor.orbit
         return {
             "attractor_kind": np.int8(attractor.kind),
             "period": np.int32(attractor.period),
-            **{name: float(getattr(attractor, name)) for name in _NUMBERS},
+            **{name: float(getattr(attractor, name)) for name in _ATTRACTOR_VARIABLES},
             "contact_pattern": " ".join(map(str, orbit.pattern)) if orbit else "",
             "grazing": np.int8(bool(orbit and orbit.grazing)),
             "trap_radius": attractor.ellipses.radii.min() if attractor.ellipses else math.nan,
         }
 
-    return stacked({"attractor": attractors}, facts) | {
+    return stacked({"attractor": attractors}, variables) | {
         "state": (("attractor", "point", "coordinate"), states),
         "multiplier_real": (("attractor", "multiplier"), real),
         "multiplier_imaginary": (("attractor", "multiplier"), imaginary),
@@ -199,28 +198,32 @@ def basin_stability(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    values = grids.values("tunings", tunings)
+    values = stroboscope.distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     Stroboscope(pair, values[0])
     check_model(pair)
-    low, high = grids.region(region).T
-    cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, grids.MAX_STATES))))
+    bounds = stroboscope.region_bounds(region)
+    low, high = bounds.T
+    cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, stroboscope.MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
-    rows = []
+    attractors_and_shares = []
     for i, nu in notebook.counted("tunings", enumerate(values), values.size):
         strobe = Stroboscope(pair, nu, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
-        corners = grids.mesh_states(np.arange(cells), np.arange(cells))
-        shares = (corners + rng.random(corners.shape)) / cells
+        corners = stroboscope.grid_states(np.arange(cells), np.arange(cells))
+        states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
         cycles = -(-periods // strobe.cycle)
-        attractors, labels = classify(strobe, low + shares * (high - low), cycles, seed=seed)
-        rows.append((attractors, np.bincount(labels, minlength=len(attractors)) / labels.size))
+        attractors, labels = classify(strobe, states, cycles, seed=seed)
+        shares = np.bincount(labels, minlength=len(attractors)) / labels.size
+        attractors_and_shares.append((attractors, shares))
+    data, coords = _family_variables(values, attractors_and_shares, cells * cells)
     dataset = result(
         "Basin stability of a gear mesh",
         pair,
-        *_families(values, rows, cells * cells),
+        data,
+        coords,
         method="stratified initial states",
-        region=grids.region(region).tolist(),
+        region=bounds.tolist(),
         samples=cells * cells,
         periods=periods,
         seed=seed,
@@ -229,53 +232,64 @@ def basin_stability(
     return dataset
 
 
-def _families(tunings, results, samples):
-    """Return (data, coordinates) of families, following attractors from tuning to tuning."""
-    families = []  # latest attractor of each
-    places = [None] * len(tunings)
-    for i in np.argsort(tunings):
-        attractors = results[i][0]
-        cost = np.array([[_distance(a, b) for b in families] for a in attractors])
-        cost = cost.reshape(len(attractors), len(families))
-        rows, columns = linear_sum_assignment(np.minimum(cost, 1e9))
-        chosen = np.full(len(attractors), -1)
+def _assign_families(attractors_of_tunings: list, order: np.ndarray) -> tuple:
+    """Follow attractors from tuning to tuning in an order.
+
+    Return (last attractor of each family, family numbers of the attractors of each tuning).
+    """
+    families: list = []
+    numbers: list = [None] * len(attractors_of_tunings)
+    for i in order:
+        attractors = attractors_of_tunings[i]
+        distances = np.array([[_distance(a, b) for b in families] for a in attractors])
+        distances = distances.reshape(len(attractors), len(families))
+        rows, columns = linear_sum_assignment(np.minimum(distances, 1e9))
+        assigned = np.full(len(attractors), -1)
         for row, column in zip(rows, columns, strict=True):
-            if cost[row, column] < _RELATED:
-                chosen[row] = column
+            if distances[row, column] < _FAMILY_TOLERANCE:
+                assigned[row] = column
         for row, attractor in enumerate(attractors):
-            if chosen[row] < 0:
-                chosen[row] = len(families)
+            if assigned[row] < 0:
+                assigned[row] = len(families)
                 families.append(attractor)
-            families[chosen[row]] = attractor
-        places[i] = chosen
+            families[assigned[row]] = attractor
+        numbers[i] = assigned
+    return families, numbers
+
+
+def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
+    """Return (variables, coordinates) of the families of attractors over the tuning."""
+    attractors_of_tunings = [attractors for attractors, _ in attractors_and_shares]
+    families, numbers = _assign_families(attractors_of_tunings, np.argsort(tunings))
     shape = len(tunings), len(families)
     share = np.zeros(shape)
-    columns = {
-        name: np.full(shape, np.nan)
-        for name in ("displacement_max", "displacement_min", "exponent")
-    }
-    for i, (attractors, shares) in enumerate(results):
-        share[i, places[i]] = shares
-        for name, table in columns.items():
-            table[i, places[i]] = [getattr(attractor, name) for attractor in attractors]
+    names = ("displacement_max", "displacement_min", "exponent")
+    tables = {name: np.full(shape, np.nan) for name in names}
+    for i, (attractors, shares) in enumerate(attractors_and_shares):
+        share[i, numbers[i]] = shares
+        for name, table in tables.items():
+            table[i, numbers[i]] = [getattr(attractor, name) for attractor in attractors]
     kinds, periods = np.array([(last.kind, last.period) for last in families]).reshape(-1, 2).T
     dims = ("tuning", "attractor_family")
     data = {
         "share": (dims, share),
         "share_error": (dims, np.sqrt(share * (1.0 - share) / samples)),
-        **{name: (dims, table) for name, table in columns.items()},
+        **{name: (dims, table) for name, table in tables.items()},
         "attractor_kind": ("attractor_family", kinds.astype(np.int8)),
         "period": ("attractor_family", periods.astype(np.int32)),
     }
     return data, {"tuning": tunings, "attractor_family": np.arange(len(families))}
 
 
-def _distance(first, second):
-    """Return how much two attractors differ, in shares of their height."""
+def _distance(first: Attractor, second: Attractor) -> float:
+    """Return the difference of the extrema of two attractors, relative to their height."""
     if (first.kind, first.period) != (second.kind, second.period):
         return np.inf
     if first.kind != PERIODIC:
         return 0.0
     size = max(1.0, first.displacement_max - first.displacement_min)
-    high = abs(first.displacement_max - second.displacement_max)
-    return max(high, abs(first.displacement_min - second.displacement_min)) / size
+    difference = max(
+        abs(first.displacement_max - second.displacement_max),
+        abs(first.displacement_min - second.displacement_min),
+    )
+    return difference / size

@@ -1,28 +1,33 @@
-"""To which attractor each of many initial states comes."""
+"""Classification of initial states by the attractor to which their motions converge."""
+
+from typing import Any
 
 import numpy as np
 
 from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
-from gearlib.analysis.global_dynamics.grids import check_one_mesh
+from gearlib.analysis.global_dynamics.attractors import Attractor
+from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_one_mesh
 from gearlib.data import status
 from gearlib.engines import orbit as columns
 from gearlib.models.model import FAR
 
-#: Random states that run first, to find the attractors.
-_SCOUTS = 128
-#: States without an attractor that are looked at more closely, at a time, and how often.
-_SAMPLED, _MAX_LOOKS = 8, 6
-#: Cycles of the first rounds after which states in a trapping ellipse leave.
+#: Random states whose motions are computed first, to find the attractors.
+_SCOUT_COUNT = 128
+#: States without an attractor that are examined at a time, and how often.
+_SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
+#: Cycles of the first round, after which states in a trapping ellipse are classified.
 _FIRST_CYCLES = 24
 #: Mesh periods of exponents, and of the extrema of motions that are not periodic.
 _EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
-#: Labels of states without an attractor: none yet, and those that have left all bounds.
+#: Mesh periods before those of an exponent.
+_SETTLING_PERIODS = 500
+#: Labels of states that are not yet classified, and of those that grow beyond their bounds.
 _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
-def check_model(model):
-    """Refuse a model with several meshes, or without any damping: it has no attractors."""
+def check_model(model: Any) -> None:
+    """Raise ValueError if a model has several meshes, or no damping and so no attractors."""
     check_one_mesh(model)
     if model.damped():
         return
@@ -32,143 +37,147 @@ def check_model(model):
     )
 
 
-def classify(strobe, states, cycles, *, stop_early=True, seed=0):
-    """Return the attractors, and of each initial state, shape (k, 2), the index of its own.
+def classify(
+    strobe: Stroboscope, states: np.ndarray, cycles: int, *, stop_early: bool = True, seed: int = 0
+) -> tuple:
+    """Return (attractors, index of the attractor of each initial state, shape (k,)).
 
-    Attractors come by kind, period and height; kinds other than periodic once at most. A run
-    has so many `cycles`, without an attractor by then as many again, and with `stop_early` it
-    ends in a trapping ellipse. `seed` chooses the states that are looked at first.
+    Attractors are sorted by kind, period and height; each kind but periodic occurs at most once.
+    A run takes `cycles` cycles, twice as many if it has no attractor by then; with `stop_early` it
+    ends in a trapping ellipse. `seed` chooses the states that are examined first.
     """
     rng = np.random.default_rng(seed)
     motions = _Motions(strobe, states, rng)
-    scouts = rng.choice(len(states), min(_SCOUTS, len(states)), replace=False)
-    motions.learn(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
-    motions.advance(cycles, stop_early)
-    bounds = motions.bounds[motions.left]
-    gone, motions.at = strobe.unbounded(motions.at, 0.0, bounds, _EXPONENT_PERIODS)
-    motions.leave(gone, _UNBOUNDED_LABEL)
-    motions.look_closer()
-    chaos = motions.chaos()
-    if motions.left.size and not chaos:
-        motions.advance(cycles, True)
-        motions.look_closer()
-        chaos = motions.chaos()
-    return motions.sorted(chaos)
+    scouts = rng.choice(len(states), min(_SCOUT_COUNT, len(states)), replace=False)
+    motions.add_attractors(strobe(strobe.start(states[np.sort(scouts)]), cycles)[0])
+    motions.propagate(cycles, stop_early)
+    bounds = motions.bounds[motions.remaining]
+    grown, motions.current = strobe.unbounded(motions.current, 0.0, bounds, _EXPONENT_PERIODS)
+    motions.set_label(grown, _UNBOUNDED_LABEL)
+    motions.examine_samples()
+    chaos = motions.chaotic_attractor()
+    if motions.remaining.size and not chaos:
+        motions.propagate(cycles, True)
+        motions.examine_samples()
+        chaos = motions.chaotic_attractor()
+    return motions.sorted_attractors(chaos)
 
 
 class _Motions:
-    """The motions of one classification, on their way."""
+    """The motions from all initial states, with the attractors that are known so far."""
 
-    def __init__(self, strobe, states, rng):
+    def __init__(self, strobe: Stroboscope, states: np.ndarray, rng: np.random.Generator):
         self.strobe, self.states, self.rng = strobe, states, rng
-        self.known = []
+        self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
-        #: States without a label: their numbers, where they are.
-        self.left, self.at = np.arange(len(states)), strobe.start(states)
-        #: Sizes beyond which each has left all bounds, as of `Model.bound`.
-        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(self.at))
+        #: Indices of the states without a label, and their current full states.
+        self.remaining, self.current = np.arange(len(states)), strobe.start(states)
+        #: Sizes beyond which a motion is unbounded, as in `Model.bound`.
+        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(self.current))
 
-    def learn(self, ends):
-        """Add the attractors near `ends`; return whether there is a new one."""
-        before = len(self.known)
+    def add_attractors(self, ends: np.ndarray) -> bool:
+        """Add the attractors near final states; return whether there is a new one."""
+        count_before = len(self.attractors)
         ends = ends[np.isfinite(ends).all(axis=1)]
         while len(ends):
             # A few at a time: most of the others are then in a trapping ellipse.
-            few, ends = ends[:_SAMPLED], ends[_SAMPLED:]
-            self.known += attractors.find(self.strobe, few, self.known)
-            for attractor in self.known:
-                ends = ends[~attractor.ellipses.holds(self.strobe.seen(ends))]
-        return len(self.known) > before
+            sample, ends = ends[:_SAMPLE_SIZE], ends[_SAMPLE_SIZE:]
+            self.attractors += attractors.find_attractors(self.strobe, sample, self.attractors)
+            for attractor in self.attractors:
+                ends = ends[~attractor.ellipses.contain(self.strobe.scaled(ends))]
+        return len(self.attractors) > count_before
 
-    def leave(self, chosen, label):
-        """Give the chosen ones of the states that are left, a mask, a label."""
-        self.labels[self.left[chosen]] = label
-        self.left, self.at = self.left[~chosen], self.at[~chosen]
+    def set_label(self, mask: np.ndarray, label: int) -> None:
+        """Give a label to the remaining states that a mask selects."""
+        self.labels[self.remaining[mask]] = label
+        self.remaining, self.current = self.remaining[~mask], self.current[~mask]
 
-    def catch(self):
-        """Label the states that are in a trapping ellipse, and those that have left all bounds."""
-        self.leave(self.strobe.size(self.at) > self.bounds[self.left], _UNBOUNDED_LABEL)
-        for i, attractor in enumerate(self.known):
-            self.leave(attractor.ellipses.holds(self.strobe.seen(self.at)), i)
+    def label_classified(self) -> None:
+        """Label the states that are in a trapping ellipse or beyond their bounds."""
+        sizes = self.strobe.size(self.current)
+        self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
+        for i, attractor in enumerate(self.attractors):
+            scaled_states = self.strobe.scaled(self.current)
+            self.set_label(attractor.ellipses.contain(scaled_states), i)
 
-    def advance(self, cycles, stop_early):
-        """Take the states on, for `cycles` cycles or to a trapping ellipse."""
+    def propagate(self, cycles: int, stop_early: bool) -> None:
+        """Propagate the remaining states over cycles, or until they are in a trapping ellipse."""
         done, step = 0, _FIRST_CYCLES if stop_early else cycles
-        while done < cycles and self.left.size:
+        while done < cycles and self.remaining.size:
             step = min(step, cycles - done)
-            self.at, codes = self.strobe(self.at, step)
+            self.current, codes = self.strobe(self.current, step)
             stopped = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
             if stopped.size:
                 raise RuntimeError(status.MESSAGES[int(stopped[0])])
-            self.catch()
+            self.label_classified()
             done += step
             step = done
 
-    def sample(self):
-        """Return places in `left` of a few states."""
-        count = min(_SAMPLED, self.left.size)
-        return np.sort(self.rng.choice(self.left.size, count, replace=False))
+    def sample(self) -> np.ndarray:
+        """Return positions of a few random states in `remaining`."""
+        count = min(_SAMPLE_SIZE, self.remaining.size)
+        return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
-    def look_closer(self):
-        """Look for attractors that the scouts have missed."""
-        for _ in range(_MAX_LOOKS):
-            if not self.left.size or not self.learn(self.at[self.sample()]):
+    def examine_samples(self) -> None:
+        """Search for further attractors near samples of the remaining states."""
+        for _ in range(_MAX_SAMPLES):
+            if not self.remaining.size or not self.add_attractors(self.current[self.sample()]):
                 return
-            self.catch()
+            self.label_classified()
 
-    def chaos(self):
-        """Return the chaotic attractor of the states that are left, else None.
+    def chaotic_attractor(self) -> Attractor | None:
+        """Return the chaotic attractor of the remaining states, or None.
 
-        Deviations must grow exponentially in each of a few, and the mean of their rates be
-        positive beyond its error.
+        Deviations must grow exponentially in each sample, and the mean exponent must be positive
+        beyond its error.
         """
-        strobe, rates = self.strobe, []
-        if not self.left.size:
+        strobe, exponents = self.strobe, []
+        if not self.remaining.size:
             return None
-        for i in self.left[self.sample()]:
-            rate = lyapunov.largest(
+        for i in self.remaining[self.sample()]:
+            exponent = lyapunov.largest(
                 strobe.pair,
                 strobe.tuning,
                 state=tuple(self.states[i]),
-                settle=500,
+                settle=_SETTLING_PERIODS,
                 periods=_EXPONENT_PERIODS,
                 max_events=strobe.max_events,
             )
-            if not rate.growth > 0.0:
+            if not exponent.growth > 0.0:
                 return None
-            rates.append(rate)
-        value, uncertainty, growth, periods, _ = np.array(rates).T
-        # Of weak chaos one motion alone may not suffice to tell.
-        error = float(np.sqrt((uncertainty**2).sum()) / len(rates))
+            exponents.append(exponent)
+        value, uncertainty, growth, periods, _ = np.array(exponents).T
+        # The exponent of one weakly chaotic motion may not be significant.
+        error = float(np.sqrt((uncertainty**2).sum()) / len(exponents))
         mean = lyapunov.Exponent(float(value.mean()), error, growth.sum(), int(periods.sum()))
         if not mean.positive:
             return None
-        return self.extent(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
+        return self.aperiodic_attractor(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
-    def extent(self, kind, **rate):
-        """Return an attractor that is not periodic, with the extrema of a few of its motions."""
+    def aperiodic_attractor(self, kind: int, **exponent: float) -> Attractor:
+        """Return an attractor that is not periodic, with the extrema of sampled motions."""
         strobe = self.strobe
         summaries = np.array(
             [
                 strobe.propagator.record(state, _EXTREMA_PERIODS, strobe.max_events).summary
-                for state in self.at[self.sample()]
+                for state in self.current[self.sample()]
             ]
         )
-        high, low = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
-        return attractors.Attractor(kind, float(high), float(low), **rate)
+        highest, lowest = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
+        return Attractor(kind, float(highest), float(lowest), **exponent)
 
-    def sorted(self, chaos):
-        """Return (attractors, labels) in the order of `Attractor.order`.
+    def sorted_attractors(self, chaos: Attractor | None) -> tuple:
+        """Return (attractors, labels of the initial states), sorted by kind, period and height.
 
         States without a periodic attractor belong to the chaotic one, or are undecided.
         """
-        known = list(self.known)
-        if self.left.size:
-            self.labels[self.left] = len(known)
-            known.append(chaos or self.extent(attractors.UNDECIDED))
+        unsorted = list(self.attractors)
+        if self.remaining.size:
+            self.labels[self.remaining] = len(unsorted)
+            unsorted.append(chaos or self.aperiodic_attractor(attractors.UNDECIDED))
         unbounded = self.labels == _UNBOUNDED_LABEL
         if unbounded.any():
-            self.labels[unbounded] = len(known)
-            known.append(attractors.Attractor(attractors.UNBOUNDED))
-        order = sorted(range(len(known)), key=lambda i: known[i].order)
-        return [known[i] for i in order], np.argsort(order)[self.labels]
+            self.labels[unbounded] = len(unsorted)
+            unsorted.append(Attractor(attractors.UNBOUNDED))
+        order = sorted(range(len(unsorted)), key=lambda i: unsorted[i].sort_key)
+        return [unsorted[i] for i in order], np.argsort(order)[self.labels]

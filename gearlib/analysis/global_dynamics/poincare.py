@@ -1,12 +1,13 @@
 """`poincare_section`: states at one mesh phase; `bifurcation_diagram`: these over a parameter."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from gearlib import checks, notebook
-from gearlib.analysis.global_dynamics import grids
-from gearlib.analysis.orbits.followed_parameters import name_parameter, varied
+from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
+from gearlib.analysis.orbits.followed_parameters import set_parameter_name, varied
 from gearlib.data import status
 from gearlib.data.motions import floats
 from gearlib.data.result import result
@@ -15,7 +16,7 @@ from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
 from gearlib.runs.sweeping import DIRECTIONS
 
-#: Most states of one section.
+#: Largest number of states in one section.
 MAX_POINTS = 50_000_000
 
 
@@ -94,16 +95,27 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     )
 
 
-def _check_phase(phase):
-    """Return the mesh phase of a section: from 0 to less than 2 pi."""
+def _check_phase(phase: float) -> float:
+    """Return the mesh phase of a section, checked to be from 0 to less than 2 pi."""
     return checks.number(
         "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
     )
 
 
-def _section(model, tuning, states, settle, periods, phase, max_events):
-    """Return (table, ends, codes), shapes (n, periods, 2), (n, 2), (n,); arguments checked."""
-    grids.check_one_mesh(model)
+def _section(
+    model: Any,
+    tuning: float,
+    states: np.ndarray,
+    settle: int,
+    periods: int,
+    phase: float,
+    max_events: int,
+) -> tuple:
+    """Record states at a mesh phase of each period for initial states (n, 2).
+
+    Return (recorded states, final states, status codes), shapes (n, periods, 2), (n, 2), (n,).
+    """
+    check_one_mesh(model)
     table = np.full((len(states), periods, 2), math.nan)
     ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
     model.propagator(tuning).sections(states, settle, phase, max_events, table, ends, codes)
@@ -161,7 +173,7 @@ def bifurcation_diagram(
         Naming the argument, its value and the allowed range.
     """
     method = choose(pair, None, None)[0]
-    values = grids.values("values", values)
+    values = distinct_values("values", values)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and pair.size > 2:
         raise ValueError(
@@ -203,26 +215,34 @@ def bifurcation_diagram(
         phase=phase,
         initial_state=initial_state,
     )
-    return name_parameter(dataset, parameter)
+    return set_parameter_name(dataset, parameter)
 
 
-def _diagram(cases: list, values: np.ndarray, direction: str, record: tuple, start: tuple) -> tuple:
-    """Return (states, ends, codes) of the section of each case, (model, tuning).
+def _diagram(
+    cases: list,
+    values: np.ndarray,
+    direction: str,
+    section_arguments: tuple,
+    initial_state: tuple,
+) -> tuple:
+    """Return (states, final states, periods and status codes) of the section of each case.
 
-    `record` is (settle, strobes, phase, max_events) of `_section`.
+    `cases` are (model, tuning), `section_arguments` are (settle, periods, phase, max_events).
     """
-    states = np.full((values.size, record[1], 2), math.nan)
+    states = np.full((values.size, section_arguments[1], 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
     order = np.argsort(values)
     if direction == "down":
         order = order[::-1]
-    state = start
+    state = initial_state
     for i in notebook.counted("values", order, order.size):
         model, tuning = cases[i]
-        table, end, code = _section(model, tuning, np.array([state]), *record)
-        states[i], ends[i], codes[i, 1] = table[0], end[0], code[0]
-        # Only whole records repeat; their range is the scale of the comparison.
-        height = float(np.ptp(table[0, :, 0]))
-        codes[i, 0] = 0 if code[0] else orbit.orbit_period(table[0], tuning, height, model.repeats)
-        state = tuple(end[0]) if direction != "cold" and code[0] == status.OK else start
+        section = _section(model, tuning, np.array([state]), *section_arguments)
+        states[i], ends[i], code = (array[0] for array in section)
+        # Only complete records can repeat; their range is the scale of the comparison.
+        height = float(np.ptp(states[i, :, 0]))
+        period = 0 if code else orbit.orbit_period(states[i], tuning, height, model.repeats)
+        codes[i] = period, code
+        is_carried = direction != "cold" and code == status.OK
+        state = tuple(ends[i]) if is_carried else initial_state
     return states, ends, codes

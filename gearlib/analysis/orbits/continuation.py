@@ -1,33 +1,35 @@
 """`continue_orbit`: a branch of periodic orbits over a parameter; `switch_branch` at doublings.
 
 Steps by pseudo-arclength (`gearlib.analysis.orbits.tracing`) on the exact shooting equation. Where
-the order of the phases of contact changes within a step, the grazing is located first, put on the
-branch, and the branch is taken up just behind it with a short step, because the multipliers change
-there like the root of the distance.
+the order of the contact states changes within a step, the grazing is located first and put on the
+branch, which goes on just behind it with a short step, because the multipliers change there like
+the root of the distance.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
-from gearlib.analysis.orbits.branch_points import branch_point, orbit_dataset
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
+from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: First step, smallest step, step behind a grazing, over the largest.
-_FIRST, _LEAST, _BEHIND = 0.1, 1e-4, 1e-3
-#: A step that needs at most this many corrections may grow.
-_EASY = 3
+#: First step, smallest step and step behind a grazing, as shares of the largest step.
+_FIRST_STEP, _MIN_STEP, _STEP_BEHIND_GRAZING = 0.1, 1e-4, 1e-3
+#: Corrections up to which a step counts as easy, so that the next may be longer.
+_MAX_EASY_CORRECTIONS = 3
 #: Height of an orbit, in static deflections, from which on the largest step grows with it.
-_LARGE = 4.0
-#: A tangent whose share of the parameter is smaller stands across it.
-_VERTICAL = 1e-9
-#: Distances from a period doubling at which the doubled orbit is looked for, scaled.
-_AWAY = (0.02, 0.005, 0.1, 1e-3)
+_LARGE_HEIGHT = 4.0
+#: Share of the parameter in a tangent below which the branch is normal to the parameter's axis.
+_NORMAL_TOLERANCE = 1e-9
+#: Distances from a period doubling at which the doubled orbit is sought, scaled.
+_SWITCH_DISTANCES = (0.02, 0.005, 0.1, 1e-3)
 
 
 def continue_orbit(
@@ -91,7 +93,7 @@ def continue_orbit(
     start, to = followed_parameters.check_goal(
         orbit.pair, orbit.tuning, name, to, "that of the orbit"
     )
-    low, high = _limits(limits, start, to)
+    interval = _checked_limits(limits, start, to)
     max_height = checks.finite_positive("max_height", max_height)
     step = checks.finite_positive("step", step)
     max_points = checks.integer("max_points", max_points, 2)
@@ -99,13 +101,14 @@ def continue_orbit(
     problem = Shooting(orbit.pair, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
         first = _first_point(problem, problem.unknowns(orbit.state, [start]), np.sign(to - start))
-        points = _follow(problem, first, to, (low, high), max_height, step, max_points)
-    except tracing.Lost as error:
+        points = _follow_branch(problem, first, to, interval, max_height, step, max_points)
+    except tracing.ContinuationFailed as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
     return _dataset(problem, points, name, to)
 
 
-def _limits(limits, start, to):
+def _checked_limits(limits: Any, start: float, to: float) -> tuple:
+    """Return (lowest, highest) value of the parameter, by default `start` and `to`, checked."""
     if limits is None:
         return min(start, to), max(start, to)
     low, high = (
@@ -120,55 +123,73 @@ def _limits(limits, start, to):
     return low, high
 
 
-def _first_point(problem, y, sign):
-    """Return the first point of a branch, whose parameter grows or falls by `sign`.
+def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> BranchPoint:
+    """Return the first point of a branch, with a tangent along which the parameter has a sign.
 
-    If it stands across the parameter, it is set towards the higher orbits.
+    If the branch is normal to the parameter's axis, its tangent leads to higher orbits.
     """
-    orbit = problem.evaluate(y)
-    direction = tracing.tangent(orbit.jacobian, sign * np.eye(y.size)[-1])
-    first = branch_point(orbit, direction)
-    if abs(direction[-1]) < _VERTICAL:
-        steps = [tracing.correct(problem, y + h * direction, direction) for h in (1e-3, -1e-3)]
-        ahead, back = (branch_point(orbit, direction).height for orbit, _ in steps)
-        if ahead < back:
+    solution = problem.evaluate(unknowns)
+    direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
+    first = branch_point(solution, direction)
+    if abs(direction[-1]) < _NORMAL_TOLERANCE:
+        height_ahead, height_behind = (
+            branch_point(
+                tracing.correct(problem, unknowns + h * direction, direction)[0], direction
+            ).height
+            for h in (1e-3, -1e-3)
+        )
+        if height_ahead < height_behind:
             return replace(first, tangent=-direction)
     return first
 
 
-def _follow(problem, first, to, limits, max_height, largest, max_points):
-    """Return the points of the branch, a list of `BranchPoint`."""
+def _follow_branch(
+    problem: Shooting,
+    first: BranchPoint,
+    to: float,
+    limits: tuple,
+    max_height: float,
+    max_step: float,
+    max_points: int,
+) -> list:
+    """Follow the branch from its first point to its end and return its `BranchPoint`s."""
     points, goal = [first], to / problem.units[-1]
 
-    def go(h):
+    def step(length):
         last = points[-1]
-        orbit, tangent, corrections = tracing.advance(problem, last.y, last.tangent, h, goal)
-        new = branch_point(orbit, tangent)
-        end = _passed(last.value, new.value, first.value, to, limits)
+        solution, tangent, corrections = tracing.take_step(
+            problem, last.unknowns, last.tangent, length, goal
+        )
+        new = branch_point(solution, tangent)
+        end = _value_at_end(last.value, new.value, first.value, to, limits)
         if end is not None:
-            orbit = tracing.at_value(problem, last.y, new.y, end / problem.units[-1])
-            tangent = tracing.tangent(orbit.jacobian, last.tangent)
+            scaled_end = end / problem.units[-1]
+            solution = tracing.solve_at_value(problem, last.unknowns, new.unknowns, scaled_end)
+            tangent = tracing.tangent(solution.jacobian, last.tangent)
             # Scaling and back may have cost the last digit of the value.
-            new = replace(branch_point(orbit, tangent), value=end)
-        added = _with_special(problem, last, new)
+            new = replace(branch_point(solution, tangent), value=end)
+        added = _points_of_step(problem, last, new)
         points.extend(added)
         grazed = len(added) > 1 and added[-2].label == special.GRAZING
-        if (end == to and not grazed) or _closed(points, h):
-            return h, "complete"
+        if (end == to and not grazed) or _is_closed(points, length):
+            return length, "complete"
         if (end is not None and not grazed) or points[-1].height > max_height:
-            return h, "beyond its limits"
-        # Where the motion is large, so may be the steps.
-        h = tracing.longer(h, corrections, _EASY, largest * max(1.0, new.height / _LARGE))
-        return _BEHIND * largest if grazed else h, ""
+            return length, "beyond its limits"
+        if grazed:
+            return _STEP_BEHIND_GRAZING * max_step, ""
+        longest = max_step * max(1.0, new.height / _LARGE_HEIGHT)
+        return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest), ""
 
-    ended = tracing.follow(go, points, _FIRST * largest, _LEAST * largest, max_points)
-    if ended != "complete":
+    end_reason = tracing.follow_curve(
+        step, points, _FIRST_STEP * max_step, _MIN_STEP * max_step, max_points
+    )
+    if end_reason != "complete":
         points[-1] = replace(points[-1], label=points[-1].label or special.END)
     return points
 
 
-def _passed(last, new, first, to, limits):
-    """Return the value at which the branch ends within a step, None if it does not."""
+def _value_at_end(last: float, new: float, first: float, to: float, limits: tuple) -> float | None:
+    """Return the value of the parameter at which the branch ends within a step, else None."""
     if (last - to) * (new - to) <= 0.0 and last != to:
         return to
     # On the side where the branch began, rounding is no reason to end it.
@@ -181,67 +202,77 @@ def _passed(last, new, first, to, limits):
     return None
 
 
-def _with_special(problem, last, new):
-    """Return the points of a step: special points, and the new one or that behind a grazing."""
+def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> list:
+    """Return the points that a step adds: special points, then the new point.
+
+    After a grazing the last point is the one just behind it.
+    """
     if new.pattern == last.pattern:
         return [*special.special_points(problem, last, new), new]
-    before, after = special.grazing(problem, last, new)
-    return [*special.special_points(problem, last, before), before, after]
+    before, behind = special.locate_grazing(problem, last, new)
+    return [*special.special_points(problem, last, before), before, behind]
 
 
-def _closed(points, h):
+def _is_closed(points: list, step_length: float) -> bool:
     """Return whether the branch has come back to its first point, in its first direction."""
     if len(points) < 10:
         return False
     first, last = points[0], points[-1]
-    way = first.y - last.y
-    near = np.linalg.norm(way) < h
-    return near and first.tangent @ last.tangent > 0.0 and way @ last.tangent >= 0.0
+    difference = first.unknowns - last.unknowns
+    is_near = np.linalg.norm(difference) < step_length
+    same_direction = first.tangent @ last.tangent > 0.0 and difference @ last.tangent >= 0.0
+    return bool(is_near and same_direction)
 
 
-def _dataset(problem, points, name, to):
-    """Return the branch as a dataset over its points."""
-    values, high, low = np.array([(point.value, point.high, point.low) for point in points]).T
-    stable = [is_stable(point.orbit.multipliers) for point in points]
+def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Dataset:
+    """Return the branch over a parameter as a dataset over its points."""
+    highest, lowest = np.array([(p.displacement_max, p.displacement_min) for p in points]).T
+    stable = [is_stable(point.solution.multipliers) for point in points]
     data = {
         "stable": ("point", np.array(stable, np.int8)),
         "label": ("point", np.array([point.label for point in points], np.int8)),
         "contacts": ("point", np.array([point.pattern for point in points], object)),
-        "displacement_max": ("point", high),
-        "displacement_min": ("point", low),
-        "orbit_height": ("point", high - low),
+        "displacement_max": ("point", highest),
+        "displacement_min": ("point", lowest),
+        "orbit_height": ("point", highest - lowest),
         "static_deflection": problem.pair.static_deflection,
-        name: values,
+        name: np.array([point.value for point in points]),
     }
     if problem.pair.mesh:
         data["backlash_ratio"] = problem.pair.backlash_ratio
-    orbits, title = [point.orbit for point in points], "Branch of periodic orbits of a gear mesh"
-    dataset = orbit_dataset(title, orbits, data, parameter=name, to=to)
+    solutions = [point.solution for point in points]
+    title = "Branch of periodic orbits of a gear mesh"
+    dataset = branch_dataset(title, solutions, data, parameter=name, to=to)
     dataset["label"].attrs |= flags_of(special.LABELS)
     dataset["label"].attrs["long_name"] = "what kind of point of the branch"
     return dataset.assign_attrs(parameter=name)
 
 
-def restored(model, branch, point, max_events, labels=None):
-    """Return a `BranchPoint` of a dataset, else ValueError, also if its label is none of these."""
+def point_of_dataset(
+    model: Any, branch: xr.Dataset, point: int, max_events: int, labels: tuple = ()
+) -> BranchPoint:
+    """Return the `BranchPoint` of a number in a dataset of `continue_orbit`.
+
+    ValueError if there is no such point, or if it has none of the labels.
+    """
     if "parameter" not in getattr(branch, "attrs", ()):
         raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     if labels and int(branch.label[point]) not in labels:
-        words = [special.LABELS[label] for label in (*labels, int(branch.label[point]))]
+        names = [special.LABELS[label] for label in (*labels, int(branch.label[point]))]
         raise ValueError(
             f"point = {point!r} is not allowed: it must be labelled "
-            f"{' or '.join(words[:-1])}, it is {words[-1]}"
+            f"{' or '.join(names[:-1])}, it is {names[-1]}"
         )
     name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
-    # One number, or that of each point where several branches are put together.
+    # Where several branches are put together, each point has a period.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
-    y = problem.unknowns(branch["state"].values[point], [value])
-    return branch_point(problem.evaluate(y), np.zeros(y.size))
+    unknowns = problem.unknowns(branch["state"].values[point], [value])
+    return branch_point(problem.evaluate(unknowns), np.zeros(unknowns.size))
 
 
 def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
@@ -270,18 +301,20 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     NoOrbit
         If the doubled orbit was not found.
     """
-    chosen = restored(pair, branch, point, max_events, (special.DOUBLING,))
-    problem = chosen.orbit.problem
-    values, vectors = np.linalg.eig(chosen.orbit.matrix)
+    doubling = point_of_dataset(pair, branch, point, max_events, (special.DOUBLING,))
+    problem = doubling.solution.problem
+    values, vectors = np.linalg.eig(doubling.solution.monodromy)
     n = len(values)
-    row = np.append(vectors[:, np.argmin(abs(values + 1.0))].real / problem.units[:n], 0.0)
-    row /= np.linalg.norm(row)
+    eigenvector = vectors[:, np.argmin(abs(values + 1.0))].real / problem.units[:n]
+    direction = np.append(eigenvector, 0.0)
+    direction /= np.linalg.norm(direction)
     period, scales = 2 * problem.period, problem.units[n:]
     doubled = Shooting(pair, problem.tuning, period, problem.names, scales, max_events)
-    for distance in _AWAY:
+    for distance in _SWITCH_DISTANCES:
+        start = doubling.unknowns + distance * direction
         try:
-            orbit, _ = tracing.correct(doubled, chosen.y + distance * row, row)
-        except tracing.Lost:
+            solution, _ = tracing.correct(doubled, start, direction)
+        except tracing.ContinuationFailed:
             continue
-        return as_orbit(orbit)
+        return as_orbit(solution)
     raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")

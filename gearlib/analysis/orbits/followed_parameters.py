@@ -1,10 +1,14 @@
-"""The parameters over which orbits are followed: one number of a model changed, the rest kept.
+"""The parameters over which orbits are followed: one number of a model changes, the others stay.
 
-The ratios of the pair and the tuning are changed in their dimensionless form, and all other ratios
-keep their values: another contact ratio moves neither the mean stiffness nor the damping ratios.
+The ratios of the pair and the tuning change in their dimensionless form, and all other ratios keep
+their values: another contact ratio changes neither the mean stiffness nor the damping ratios.
 """
 
 import dataclasses
+from typing import Any
+
+import numpy as np
+import xarray as xr
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
@@ -21,76 +25,74 @@ RATIOS = {
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
-#: Names of those that models know by another name.
-_FIELDS = {
+#: Parameter -> attribute of models that holds it, where the names differ.
+_ATTRIBUTE_NAMES = {
     "damping": "damping_ratio",
     "backlash_damping": "backlash_damping_ratio",
     "backlash": "backlash_ratio",
 }
 
 
-def known(pair):
-    """Return the parameters of a model as a dict name -> (CF units, long_name)."""
-    return (RATIOS if pair.mesh else {}) | pair.parameters
+def followed_parameters(model: Any) -> dict:
+    """Return the parameters over which orbits of a model can be followed: name -> attributes."""
+    parameters = (RATIOS if model.mesh else {}) | model.parameters
+    return {
+        name: {"units": units, "long_name": long_name}
+        for name, (units, long_name) in parameters.items()
+    }
 
 
-def attributes(pair, name):
-    """Return the attributes of a variable that holds a parameter."""
-    return dict(zip(("units", "long_name"), known(pair)[name], strict=True))
-
-
-def check_parameter(pair, name):
-    """Return the name of a parameter over which orbits of a model are followed, else ValueError."""
-    if not (is_model(pair) and (pair.mesh or pair.mesh_names)):
+def check_parameter(model: Any, name: str) -> str:
+    """Return the name of a parameter over which orbits of a model can be followed, checked."""
+    if not (is_model(model) and (model.mesh or model.mesh_names)):
         raise ValueError(
-            f"pair = {type(pair).__name__} is not allowed: it must be a GearPair, a OneDegreePair, "
-            "a SixDegreePair or a GearTrain"
+            f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
+            "OneDegreePair, a SixDegreePair or a GearTrain"
         )
-    return checks.one_of("parameter", name, known(pair))
+    return checks.one_of("parameter", name, followed_parameters(model))
 
 
-def check_goal(pair, tuning, name, to, whose):
-    """Return (value of a parameter, other value to which it goes), else ValueError."""
-    start = value_of(pair, tuning, name)
-    to = checks.number("to", to, f"another {name} than {whose}", lambda v: v != start)
-    with_parameter(pair, tuning, name, to)
-    return start, to
+def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) -> tuple:
+    """Return (value of a parameter, different value up to which it is followed), checked."""
+    start = value_of(model, tuning, name)
+    goal = checks.number("to", goal, f"another {name} than {owner}", lambda v: v != start)
+    with_parameter(model, tuning, name, goal)
+    return start, goal
 
 
-def value_of(pair, tuning, name):
-    """Return the value of a parameter at a model and a tuning."""
+def value_of(model: Any, tuning: float, name: str) -> float:
+    """Return the value of a parameter of a model at a tuning."""
     if name == "tuning":
         return float(tuning)
-    if name in pair.parameters:
-        return float(pair.parameter(name))
-    return float(getattr(pair, _FIELDS.get(name, name)))
+    if name in model.parameters:
+        return float(model.parameter(name))
+    return float(getattr(model, _ATTRIBUTE_NAMES.get(name, name)))
 
 
-def with_parameter(pair, tuning, name, value):
-    """Return (pair, tuning) with one parameter set, else ValueError."""
+def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
+    """Return (model, tuning) with another value of one parameter; ValueError if not allowed."""
     if name == "tuning":
-        return pair, checks.finite_positive(name, value)
-    if name in pair.parameters:
-        return pair.with_parameter(name, value), tuning
-    if pair.mesh is not pair:
-        inner, _ = with_parameter(pair.mesh, tuning, name, value)
-        return dataclasses.replace(pair, pair=inner), tuning
+        return model, checks.finite_positive(name, value)
+    if name in model.parameters:
+        return model.with_parameter(name, value), tuning
+    if model.mesh is not model:
+        inner_pair, _ = with_parameter(model.mesh, tuning, name, value)
+        return dataclasses.replace(model, pair=inner_pair), tuning
     if name == "backlash":
         value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
     elif name in ("damping", "backlash_damping"):
         value = checks.finite_nonnegative(name, value)
-    if name in _FIELDS:
-        return pair.replace(**ratio_fields(pair, _FIELDS[name], value)), tuning
-    changed = pair.replace(**{name: value})
-    over_max = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
-    return changed.replace(max_stiffness=pair.mean_stiffness / over_max), tuning
+    if name in _ATTRIBUTE_NAMES:
+        return model.replace(**ratio_fields(model, _ATTRIBUTE_NAMES[name], value)), tuning
+    changed = model.replace(**{name: value})
+    ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
+    return changed.replace(max_stiffness=model.mean_stiffness / ratio), tuning
 
 
-def varied(model, tuning, parameter, values):
+def varied(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
     """Return (model, tuning) for each value, shape (n,), of one of `RATIOS`, else ValueError.
 
-    The given tuning is taken where another parameter is varied; ratios other than the tuning are
-    varied of a `GearPair` only.
+    If another parameter than the tuning varies, the tuning is fixed and the model a `GearPair`.
     """
     checks.one_of("parameter", parameter, RATIOS)
     if parameter == "tuning":
@@ -107,8 +109,11 @@ def varied(model, tuning, parameter, values):
     return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
 
 
-def name_parameter(dataset, parameter):
-    """Give a varied backlash its name: as a course, the word means the line of Eq. (4)."""
+def set_parameter_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
+    """Return a dataset over a parameter, in which a varied backlash has its long name.
+
+    In other datasets the variable backlash is the flank line over time.
+    """
     if parameter == "backlash":
         dataset[parameter].attrs["long_name"] = "backlash in static deflections"
     return dataset

@@ -1,4 +1,4 @@
-"""`main_resonance`: the special speeds of the main resonance of a mesh.
+"""`main_resonance`: the tunings at which a mesh loses contact, jumps and vibrates most.
 
 Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits from static
 equilibrium show between which tunings contact is lost. From both ends of this range the branch is
@@ -9,47 +9,52 @@ which is then computed to rounding.
 import functools
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.analysis.orbits import tracing
-from gearlib.analysis.orbits.branch_points import branch_point
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, periodic_orbit
-from gearlib.analysis.orbits.special_points import FOLD, located
-from gearlib.analysis.orbits.tracing import Lost
+from gearlib.analysis.orbits.special_points import FOLD, BranchPoint, branch_point, locate
+from gearlib.analysis.orbits.tracing import ContinuationFailed
 from gearlib.data import status
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Quantities that `main_resonance` computes.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
-_EXTREMA = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
+_EXTREMUM_COLUMNS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
+#: Exceptions after which a quantity counts as not computed.
+_FAILURES = (ContinuationFailed, NoOrbit, np.linalg.LinAlgError)
 
 #: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Depth of contact loss beyond which it does not count.
-_DEEP = 0.1
-#: First and largest step along a branch, one within which it may turn, and the least; size of
-#: states from which on, and corrections up to which, steps grow; most steps.
-_FIRST_STEP, _LARGEST_STEP, _SHORT_STEP, _LEAST_STEP = 0.1, 0.4, 1e-3, 1e-5
-_LARGE_STATE, _MAX_EASY_CORRECTIONS, _MAX_POINTS = 2.0, 3, 4000
-#: Tuning that weighs as much as a static deflection, and the share of its first tuning at which a
-#: branch that is followed down ends.
-_TUNING_SCALE, _LOWEST_SHARE = 0.5, 0.25
+#: Largest depth of contact loss that is distinguished, in static deflections.
+_MAX_LOSS_DEPTH = 0.1
+#: First, largest and smallest step along a branch, and the longest within which it may turn.
+_FIRST_STEP, _MAX_STEP, _MIN_STEP, _MAX_TURNING_STEP = 0.1, 0.4, 1e-5, 1e-3
+#: Size of states from which on the largest step grows with it.
+_LARGE_STATE = 2.0
+_MAX_EASY_CORRECTIONS, _MAX_POINTS = 3, 4000
+#: Tuning that weighs as much as a static deflection.
+_TUNING_SCALE = 0.5
+#: Share of its first tuning at which a branch that is followed down ends.
+_MIN_TUNING_SHARE = 0.25
 #: Reasons for the end of a branch.
-_FOLD, _PASSED = "fold", "passed"
+_FOLD_REACHED, _RESONANCE_PASSED = "fold", "passed"
 #: Relative tuning step behind a fold, where it shows to which motion the model jumps, and periods
 #: of the excitation until that has settled.
-_BEHIND_FOLD, _SETTLING = 0.002, 160
+_STEP_BEHIND_FOLD, _SETTLING_REPEATS = 0.002, 160
 #: Largest number of jumps to higher branches before the motion falls.
-_MAX_CLIMBS = 4
+_MAX_JUMPS_TO_HIGHER_BRANCHES = 4
 #: Modulus of a multiplier above which deviations grow.
-_UNSTABLE = 1.0 + 1e-6
-#: Shares of a step along a branch: beside a fold it shows whether an extremum grows further, and
-#: to the second a peak is located.
-_BESIDE_FOLD, _PEAK_TOLERANCE = 1e-3, 1e-6
+_MAX_STABLE_MODULUS = 1.0 + 1e-6
+#: Share of a step before a fold at which an extremum is compared with the one at the fold.
+_SHARE_BEFORE_FOLD = 1e-3
+#: Tolerance of the position of a peak, as a share of a step.
+_PEAK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class MainResonance:
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
     #: States at the start of a mesh period at these points, name -> array of shape (n,).
     states: dict = field(default_factory=dict)
-    #: Names of those that were not computed: the motion is lost on the way.
+    #: Names of the quantities that could not be computed.
     lost: frozenset = frozenset()
     #: Largest displacement at the peak, static deflections.
     peak_displacement: float = math.nan
@@ -89,28 +94,28 @@ def main_resonance(model, quantities=QUANTITIES):
         motion falls, whether or not its period doubles before; peaks are those of the branch up to
         its first fold.
     """
-    points, values, lost = {}, {}, set()
+    points, values, failed = {}, {}, set()
     try:
         search = _Search(model)
-    except (Lost, NoOrbit, np.linalg.LinAlgError):
+    except _FAILURES:
         return MainResonance(lost=frozenset(quantities))
     for name in quantities:
         try:
-            if name in _EXTREMA:
-                point, values[name] = search.peak(_EXTREMA[name])
+            if name in _EXTREMUM_COLUMNS:
+                point, values[name] = search.peak(_EXTREMUM_COLUMNS[name])
             else:
                 point = getattr(search, name)()
-        except (Lost, NoOrbit, np.linalg.LinAlgError):
-            lost.add(name)
+        except _FAILURES:
+            failed.add(name)
             continue
         if point is not None:
             points[name] = point
     return MainResonance(
-        **{name: search.tuning(y) for name, y in points.items()},
-        states={name: search.problem.model(y)[2][0] for name, y in points.items()},
+        **{name: search.tuning(unknowns) for name, unknowns in points.items()},
+        states={name: search.problem.model(unknowns)[2][0] for name, unknowns in points.items()},
         peak_displacement=values.get("peak", math.nan),
         peak_force=values.get("peak_dynamic_factor", math.nan),
-        lost=frozenset(lost),
+        lost=frozenset(failed),
     )
 
 
@@ -121,169 +126,186 @@ class _Search:
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Direction of the tuning in the unknowns.
-        self.ahead = np.eye(self.problem.units.size)[-1]
-        self.scan, heights, least = zip(*map(self._from_static, _SCAN_TUNINGS), strict=True)
+        self.tuning_axis = np.eye(self.problem.units.size)[-1]
+        orbits = map(self._orbit_from_equilibrium, _SCAN_TUNINGS)
+        self.scan, heights, clearances = zip(*orbits, strict=True)
         low, high = _RESONANCE_BOUNDS
         within = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
-        self.summit = int(np.where(within, heights, -np.inf).argmax())
-        #: A tuning at which contact is lost.
-        self.inside = float(_SCAN_TUNINGS[self.summit])
-        kept = np.array(least) >= 0.0
-        if kept[self.summit]:
+        #: Index of the highest orbit of the scan, and a tuning at which contact is lost.
+        self.highest = int(np.where(within, heights, -np.inf).argmax())
+        self.tuning_with_loss = float(_SCAN_TUNINGS[self.highest])
+        in_contact = np.array(clearances) >= 0.0
+        if in_contact[self.highest]:
             step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
-            ends = self.inside / step, self.inside * step
-            lowest = minimize_scalar(self._least, bounds=ends, method="bounded")
-            self.inside = float(lowest.x) if lowest.fun < 0.0 else math.nan
-        below = np.flatnonzero(kept & (_SCAN_TUNINGS < self.inside))
-        above = np.flatnonzero(kept & (_SCAN_TUNINGS > self.inside))
+            bounds = self.tuning_with_loss / step, self.tuning_with_loss * step
+            lowest = minimize_scalar(self._clearance, bounds=bounds, method="bounded")
+            self.tuning_with_loss = float(lowest.x) if lowest.fun < 0.0 else math.nan
+        below = np.flatnonzero(in_contact & (_SCAN_TUNINGS < self.tuning_with_loss))
+        above = np.flatnonzero(in_contact & (_SCAN_TUNINGS > self.tuning_with_loss))
         #: Orbits of the scan on both sides that keep contact.
         self.below = self.scan[below[-1]] if below.size else None
         self.above = self.scan[above[0]] if above.size else None
 
-    def tuning(self, y):
+    def tuning(self, unknowns: np.ndarray) -> float:
         """Return the tuning of scaled unknowns."""
-        return float(y[-1] * self.problem.units[-1])
+        return float(unknowns[-1] * self.problem.units[-1])
 
-    def _from_static(self, tuning):
-        """Return (unknowns, height, least displacement) of the orbit next to static equilibrium.
+    def _orbit_from_equilibrium(self, tuning: float) -> tuple:
+        """Return (unknowns, height, clearance) of the orbit next to static equilibrium.
 
-        The displacement is at least that of `_DEEP`, also where there is no such orbit.
+        The clearance is the least distance from the flank line, at least -_MAX_LOSS_DEPTH, which
+        is also returned where there is no such orbit.
         """
         model = self.model
         start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
         try:
             state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
         except NoOrbit:
-            return self.problem.unknowns(start, [tuning]), 0.0, -_DEEP
-        y = self.problem.unknowns(state, [tuning])
-        summary = self.problem.record(y, model.repeats)[1].summary
-        low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
-        return y, (high - low).max(), max((low - model.flank_lines[0]).min(), -_DEEP)
+            return self.problem.unknowns(start, [tuning]), 0.0, -_MAX_LOSS_DEPTH
+        unknowns = self.problem.unknowns(state, [tuning])
+        summary = self.problem.record(unknowns, model.repeats)[1].summary
+        lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+        clearance = max((lowest - model.flank_lines[0]).min(), -_MAX_LOSS_DEPTH)
+        return unknowns, (highest - lowest).max(), clearance
 
-    def _least(self, tuning):
+    def _clearance(self, tuning: float) -> float:
         """Return the least distance from the flank line of the orbit from static equilibrium."""
-        return self._from_static(tuning)[2]
+        return self._orbit_from_equilibrium(tuning)[2]
 
-    def onset(self):
+    def onset(self) -> np.ndarray | None:
         """Return the orbit that just touches the flank line, running up."""
         if self.below is None:
             return None
         low, precision = self.tuning(self.below), np.finfo(float).eps
-        tuning = brentq(self._least, low, self.inside, xtol=precision, rtol=4.0 * precision)
-        return self._from_static(tuning)[0]
+        tuning = brentq(
+            self._clearance, low, self.tuning_with_loss, xtol=precision, rtol=4.0 * precision
+        )
+        return self._orbit_from_equilibrium(tuning)[0]
 
-    def _extremum(self, y, column):
+    def _extremum(self, unknowns: np.ndarray, column: int) -> float:
         """Return the largest value of a column of the summaries of all meshes."""
-        record = self.problem.record(y, self.model.repeats)[1]
+        record = self.problem.record(unknowns, self.model.repeats)[1]
         return float(record.summary[..., column].max())
 
-    def jump_up(self):
-        """Return the first fold running up, None without one."""
-        return None if self.below is None else self._lasting(self._branch(self.below, True)[0])
+    def jump_up(self) -> np.ndarray | None:
+        """Return the first fold running up, None if there is none."""
+        if self.below is None:
+            return None
+        return self._stable_fold(self._follow_branch(self.below, True)[0])
 
     @functools.cached_property
-    def _down(self):
-        """The first fold running down, and the orbits on the way to it."""
+    def _branch_down(self) -> tuple:
+        """The first fold running down, and the points of the branch before it."""
         if self.above is not None:
-            return self._branch(self.above, False)
-        around = self.scan[max(self.summit - 3, 0) : self.summit + 4]
-        orbits = [tracing.correct(self.problem, y, self.ahead)[0] for y in around]
-        return None, [branch_point(orbit, self.ahead) for orbit in orbits]
+            return self._follow_branch(self.above, False)
+        neighbours = self.scan[max(self.highest - 3, 0) : self.highest + 4]
+        axis = self.tuning_axis
+        solutions = [tracing.correct(self.problem, start, axis)[0] for start in neighbours]
+        return None, [branch_point(solution, axis) for solution in solutions]
 
-    def jump_down(self):
-        """Return the fold at which the motion falls, running down, None without one."""
-        fold = self._down[0]
-        for _ in range(_MAX_CLIMBS):
+    def jump_down(self) -> np.ndarray | None:
+        """Return the fold at which the motion falls, running down, None if there is none."""
+        fold = self._branch_down[0]
+        for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
                 break
-            tuning, periods = (1.0 - _BEHIND_FOLD) * fold.value, _SETTLING * self.model.repeats
+            tuning = (1.0 - _STEP_BEHIND_FOLD) * fold.value
+            periods = _SETTLING_REPEATS * self.model.repeats
             propagator = self.problem.propagator(self.model, tuning)
-            ends, codes = propagator.many(fold.orbit.state[None], periods, MAX_EVENTS)
+            ends, codes = propagator.many(fold.solution.state[None], periods, MAX_EVENTS)
             if codes[0] != status.OK:
-                raise Lost(status.MESSAGES[int(codes[0])])
-            behind = self.problem.unknowns(ends[0], [tuning])
-            if not self._extremum(behind, columns.X_MAX) > fold.high:
-                return self._lasting(fold)
-            fold, _ = self._branch(behind, False)
+                raise ContinuationFailed(status.MESSAGES[int(codes[0])])
+            settled = self.problem.unknowns(ends[0], [tuning])
+            if not self._extremum(settled, columns.X_MAX) > fold.displacement_max:
+                return self._stable_fold(fold)
+            fold, _ = self._follow_branch(settled, False)
         return None
 
-    def _branch(self, start, up):
-        """Return (fold, points): the first fold ahead of an orbit, None without one.
+    def _follow_branch(self, start: np.ndarray, up: bool) -> tuple:
+        """Return (first fold ahead of an orbit or None, points of the branch before it).
 
         The branch ends where it comes out on the other side of the resonance without contact loss.
         """
         problem = self.problem
         sign, end = (1.0, self.above) if up else (-1.0, self.below)
-        low, high = _LOWEST_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
-        orbit, _ = tracing.correct(problem, start, self.ahead)
-        points = [branch_point(orbit, tracing.tangent(orbit.jacobian, sign * self.ahead))]
+        low, high = _MIN_TUNING_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
+        solution, _ = tracing.correct(problem, start, self.tuning_axis)
+        tangent = tracing.tangent(solution.jacobian, sign * self.tuning_axis)
+        points = [branch_point(solution, tangent)]
 
-        def passed(point):
+        def has_passed(point):
             if not low < point.value < high:
                 return True
-            beyond = end is not None and sign * (point.y[-1] - end[-1]) > 0.0
-            return beyond and (up or point.low >= np.max(self.model.flank_lines[0]))
+            is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
+            in_contact = point.displacement_min >= np.max(self.model.flank_lines[0])
+            return is_beyond and (up or in_contact)
 
-        def go(h):
+        def step(length):
             last = points[-1]
-            # A short step may turn: close behind a grazing a fold is sharp.
-            turns = h < _SHORT_STEP
-            orbit, tangent, corrections = tracing.advance(
-                problem, last.y, last.tangent, h, corner=turns
+            # Close behind a grazing a fold is so sharp that a short step may turn.
+            solution, tangent, corrections = tracing.take_step(
+                problem,
+                last.unknowns,
+                last.tangent,
+                length,
+                allow_corner=length < _MAX_TURNING_STEP,
             )
-            new = branch_point(orbit, tangent)
+            new = branch_point(solution, tangent)
             if sign * tangent[-1] < 0.0:
-                _, fold = located(problem, last, new, FOLD) or (0.0, None)
+                _, fold = locate(problem, last, new, FOLD) or (0.0, None)
                 if fold is None:
-                    raise Lost("the branch turns at no fold")
+                    raise ContinuationFailed("the branch turns at no fold")
                 points.append(fold)
-                return h, _FOLD
+                return length, _FOLD_REACHED
             # The slope of the cubic in the middle shows two folds within a step.
-            middle = 6.0 * (new.y - last.y)[-1] / h - (last.tangent + tangent)[-1]
-            if sign * middle < 0.0:
-                raise Lost("two folds lie within the step")
+            difference = new.unknowns - last.unknowns
+            middle_slope = 6.0 * difference[-1] / length - (last.tangent + tangent)[-1]
+            if sign * middle_slope < 0.0:
+                raise ContinuationFailed("two folds lie within the step")
             points.append(new)
-            size = max(1.0, np.abs(new.y[:-1]).max() / _LARGE_STATE)
-            h = tracing.longer(h, corrections, _MAX_EASY_CORRECTIONS, _LARGEST_STEP * size)
-            return h, _PASSED if passed(new) else ""
+            longest = _MAX_STEP * max(1.0, np.abs(new.unknowns[:-1]).max() / _LARGE_STATE)
+            length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest)
+            return length, _RESONANCE_PASSED if has_passed(new) else ""
 
-        ended = tracing.follow(go, points, _FIRST_STEP, _LEAST_STEP, _MAX_POINTS)
-        if ended not in (_FOLD, _PASSED):
-            raise Lost(ended)
-        fold = points.pop() if ended == _FOLD else None
+        end_reason = tracing.follow_curve(step, points, _FIRST_STEP, _MIN_STEP, _MAX_POINTS)
+        if end_reason not in (_FOLD_REACHED, _RESONANCE_PASSED):
+            raise ContinuationFailed(end_reason)
+        fold = points.pop() if end_reason == _FOLD_REACHED else None
         return fold, points
 
-    def _lasting(self, fold):
-        """Return the unknowns of a fold; Lost where the motion has lost its stability before.
+    def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
+        """Return the unknowns of a fold if the motion is stable up to it.
 
-        With one degree of freedom and damping the other multiplier is below 1.
+        With one degree of freedom and damping the second multiplier is below 1.
         """
         if fold is None:
             return None
-        multipliers = fold.orbit.multipliers
+        multipliers = fold.solution.multipliers
         others = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
-        if self.model.size > 2 and (np.abs(others) >= _UNSTABLE).any():
-            raise Lost("the motion has left its branch before the fold")
-        return fold.y
+        if self.model.size > 2 and (np.abs(others) >= _MAX_STABLE_MODULUS).any():
+            raise ContinuationFailed("the motion has left its branch before the fold")
+        return fold.unknowns
 
-    def peak(self, column):
+    def peak(self, column: int) -> tuple:
         """Return (unknowns, value) where a column of summaries is largest before the first fold."""
-        fold, points = self._down
-        points = [point.y for point in (points if fold is None else [*points, fold])]
-        values = [self._extremum(y, column) for y in points]
+        fold, branch = self._branch_down
+        points = [point.unknowns for point in (branch if fold is None else [*branch, fold])]
+        values = [self._extremum(unknowns, column) for unknowns in points]
         i, last = int(np.argmax(values)), len(points) - 1
 
-        def point_at(place):
-            first = min(int(place), last - 1)
+        def point_at(position: float) -> Any:
+            first = min(int(position), last - 1)
             chord = points[first + 1] - points[first]
-            start = points[first] + (place - first) * chord
-            return tracing.correct(self.problem, start, chord / np.linalg.norm(chord))[0].y
+            start = points[first] + (position - first) * chord
+            normal = chord / np.linalg.norm(chord)
+            return tracing.correct(self.problem, start, normal)[0].unknowns
 
-        def loss_at(place):
-            return -self._extremum(point_at(place), column)
+        def negative_extremum(position: float) -> float:
+            return -self._extremum(point_at(position), column)
 
-        if fold is not None and i == last and -loss_at(last - _BESIDE_FOLD) <= values[i]:
+        before_fold = last - _SHARE_BEFORE_FOLD
+        if fold is not None and i == last and -negative_extremum(before_fold) <= values[i]:
             return points[i], values[i]
-        ends, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
-        top = minimize_scalar(loss_at, bounds=ends, method="bounded", options=options)
+        bounds, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
+        top = minimize_scalar(negative_extremum, bounds=bounds, method="bounded", options=options)
         return point_at(top.x), -float(top.fun)

@@ -6,71 +6,93 @@ on a flank line) fix a curve over the state and both parameters, followed by pse
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
-from gearlib.analysis.orbits.branch_points import orbit_dataset
-from gearlib.analysis.orbits.continuation import restored
-from gearlib.analysis.orbits.shooting import NoOrbit, Shooting
-from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS
+from gearlib.analysis.orbits.continuation import point_of_dataset
+from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
+from gearlib.analysis.orbits.special_points import (
+    DOUBLING,
+    FOLD,
+    GRAZING,
+    LABELS,
+    branch_dataset,
+)
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Scaled step of differences; value of the condition over its slope that counts as zero.
-_DIFFERENCE, _ZERO = 1e-6, 1e-10
-#: Smallest step over the largest; size of states from which on, and
-#: corrections up to which, steps grow.
-_LEAST, _LARGE, _EASY = 1e-3, 2.0, 4
-_SAMPLES = 512  #: of a mesh period, between which turning points are interpolated
+#: Scaled step of the differences of the condition.
+_DIFFERENCE_STEP = 1e-6
+#: Largest value of the condition, over its gradient, at which it counts as fulfilled.
+_MAX_CONDITION = 1e-10
+#: Smallest step, as a share of the largest.
+_MIN_STEP = 1e-3
+#: Size of states, in static deflections, from which on the largest step grows with it.
+_LARGE_STATE = 2.0
+#: Corrections up to which a step counts as easy, so that the next may be longer.
+_MAX_EASY_CORRECTIONS = 4
+#: Samples of a mesh period, between which turning points are interpolated.
+_SAMPLES = 512
 #: Values, slopes and second derivatives at 0 and 1 of the powers 0 to 5, shape (6, 6).
 _HERMITE = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) for m in (0, 1, 2)]
 
 
-class _SpecialPoints(Shooting):
-    """Orbits with a special point, over two parameters."""
+class _SpecialPointProblem(Shooting):
+    """The shooting equation with the condition of a special point, over two parameters."""
 
     label, phase, line = FOLD, None, 0.0
 
-    def touch(self, y):
-        """Return (phase, displacement) of the turning point next to `phase`, at first to a line."""
-        samples = self.record(y, self.period + 1, _SAMPLES)[1].samples
+    def turning_point(self, unknowns: np.ndarray) -> tuple:
+        """Return (phase, displacement) of the turning point that touches a flank line.
+
+        It is the one next to the last `phase`; without one, the one next to a line.
+        """
+        samples = self.record(unknowns, self.period + 1, _SAMPLES)[1].samples
         samples = samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
         turns, step = np.flatnonzero(np.diff(samples[:, 1] < 0.0)), math.tau / _SAMPLES
         if not turns.size:
-            raise tracing.Lost("the orbit has no turning point")
+            raise tracing.ContinuationFailed("the orbit has no turning point")
         if self.phase is None:
-            # Half a period off both ends a turning point is found at neighbouring orbits too.
+            # Half a period off both ends a turning point exists in neighbouring orbits too.
             inside = turns[np.abs(turns / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
             touches = itertools.product(inside, (0.0, -self.pair.backlash_ratio))
             i, self.line = min(touches, key=lambda touch: abs(samples[touch[0], 0] - touch[1]))
         else:
             i = turns[np.abs(turns * step - self.phase).argmin()]
         ends = samples[i : i + 2] * step ** np.arange(3.0)
-        course = Polynomial(np.linalg.solve(_HERMITE, ends.ravel()))
-        place = ends[0, 1] / (ends[0, 1] - ends[1, 1])
+        displacement = Polynomial(np.linalg.solve(_HERMITE, ends.ravel()))
+        position = ends[0, 1] / (ends[0, 1] - ends[1, 1])
         for _ in range(2):
-            place -= course.deriv()(place) / course.deriv(2)(place)
-        return (i + place) * step, float(course(place))
+            position -= displacement.deriv()(position) / displacement.deriv(2)(position)
+        return (i + position) * step, float(displacement(position))
 
-    def condition(self, y):
-        """Return the function that is zero at the special point."""
+    def condition(self, unknowns: np.ndarray) -> float:
+        """Return a function of the unknowns that is zero at the special point."""
         if self.label == GRAZING:
-            return self.touch(y)[1] - self.line
-        matrix = super().evaluate(y).matrix
-        return np.linalg.det(matrix - (1 if self.label == FOLD else -1) * np.eye(len(matrix)))
+            return self.turning_point(unknowns)[1] - self.line
+        monodromy = super().evaluate(unknowns).monodromy
+        multiplier = 1 if self.label == FOLD else -1
+        return np.linalg.det(monodromy - multiplier * np.eye(len(monodromy)))
 
-    def evaluate(self, y):
-        """Return the `Evaluation` of the shooting equation with the condition below."""
-        orbit = super().evaluate(y)
-        row = [tracing.slope(self.condition, y, column, _DIFFERENCE) for column in range(y.size)]
-        value = self.condition(y) / np.linalg.norm(row)
-        orbit.jacobian = np.vstack([orbit.jacobian, np.array(row) / np.linalg.norm(row)])
-        orbit.miss = np.append(orbit.miss, value)
-        orbit.small = orbit.small and abs(value) <= _ZERO
-        return orbit
+    def evaluate(self, unknowns: np.ndarray) -> Evaluation:
+        """Return the `Evaluation` of the shooting equation with the condition as last equation."""
+        solution = super().evaluate(unknowns)
+        gradient = np.array(
+            [
+                tracing.difference_quotient(self.condition, unknowns, i, _DIFFERENCE_STEP)
+                for i in range(unknowns.size)
+            ]
+        )
+        size = np.linalg.norm(gradient)
+        value = self.condition(unknowns) / size
+        solution.jacobian = np.vstack([solution.jacobian, gradient / size])
+        solution.residuals = np.append(solution.residuals, value)
+        solution.converged = solution.converged and abs(value) <= _MAX_CONDITION
+        return solution
 
 
 def locus(
@@ -121,51 +143,58 @@ def locus(
     NoOrbit
         If the special point itself was not found.
     """
-    chosen = restored(pair, branch, point, max_events, (FOLD, DOUBLING, GRAZING))
-    known, label = chosen.orbit.problem, int(branch.label[point])
+    special_point = point_of_dataset(pair, branch, point, max_events, (FOLD, DOUBLING, GRAZING))
+    branch_problem, label = special_point.solution.problem, int(branch.label[point])
+    tuning, period = branch_problem.tuning, branch_problem.period
     names = branch.attrs["parameter"], followed_parameters.check_parameter(pair, parameter)
     checks.require(names[0] != names[1], "parameter", parameter, "another than the branch's")
-    start, to = followed_parameters.check_goal(pair, known.tuning, parameter, to, "the pair's")
+    start, to = followed_parameters.check_goal(pair, tuning, parameter, to, "the pair's")
     step = checks.finite_positive("step", step)
-    scales = known.units[-1], abs(to - start)
-    problem = _SpecialPoints(pair, known.tuning, known.period, names, scales, max_events)
-    problem.label, y = label, problem.unknowns(chosen.orbit.state, [chosen.value, start])
+    scales = branch_problem.units[-1], abs(to - start)
+    problem = _SpecialPointProblem(pair, tuning, period, names, scales, max_events)
+    problem.label = label
+    unknowns = problem.unknowns(special_point.solution.state, [special_point.value, start])
     try:
         if label == GRAZING:
-            problem.phase, _ = problem.touch(y)
+            problem.phase, _ = problem.turning_point(unknowns)
         allowed = not (problem.line and pair.moving_flank)
         checks.require(allowed, "point", point, "a grazing of the normal flank: the other moves")
-        orbits = [tracing.correct(problem, y, np.eye(y.size)[-1])[0]]
-        ended = _follow(problem, orbits, to, limits, step, max_points)
-    except tracing.Lost as error:
+        solutions = [tracing.correct(problem, unknowns, np.eye(unknowns.size)[-1])[0]]
+        end_reason = _follow_locus(problem, solutions, to, limits, step, max_points)
+    except tracing.ContinuationFailed as error:
         raise NoOrbit(f"the locus could not be followed from point {point}: {error}") from None
     title = "Locus of special points of periodic orbits of a gear mesh"
-    dataset = orbit_dataset(title, orbits, {}, parameters=list(names), to=to)
-    return dataset.assign_attrs(label=LABELS[label], ended=ended)
+    dataset = branch_dataset(title, solutions, {}, parameters=list(names), to=to)
+    return dataset.assign_attrs(label=LABELS[label], ended=end_reason)
 
 
-def _follow(problem, orbits, to, limits, largest, max_points):
-    """Add the orbits of the locus behind the first, and return why it ended."""
-    goal, home = to / problem.units[-1], orbits[0].y[-1]
-    sign = np.sign(goal - home)
-    along = tracing.tangent(orbits[0].jacobian, sign * np.eye(orbits[0].y.size)[-1])
+def _follow_locus(
+    problem: Any, solutions: list, to: float, limits: tuple, max_step: float, max_points: int
+) -> str:
+    """Add the solutions of the locus behind the first one, and return the reason for its end."""
+    goal, first_value = to / problem.units[-1], solutions[0].unknowns[-1]
+    sign = np.sign(goal - first_value)
+    axis = np.eye(solutions[0].unknowns.size)[-1]
+    direction = tracing.tangent(solutions[0].jacobian, sign * axis)
 
-    def go(h):
-        nonlocal along
+    def step(length):
+        nonlocal direction
         # Where an event meets a stiffness switch, folds and doublings have a corner.
-        corner = h < 2.0 * _LEAST * largest
-        new, along, corrections = tracing.advance(problem, orbits[-1].y, along, h, goal, corner)
-        orbits.append(new)
+        allow_corner = length < 2.0 * _MIN_STEP * max_step
+        solution, direction, corrections = tracing.take_step(
+            problem, solutions[-1].unknowns, direction, length, goal, allow_corner
+        )
+        solutions.append(solution)
+        unknowns = solution.unknowns
         if problem.label == GRAZING:
-            problem.phase, _ = problem.touch(new.y)
-        # Where the state is large, so may be the steps.
-        size = max(1.0, np.abs(new.y[:-2]).max() / _LARGE)
-        h = tracing.longer(h, corrections, _EASY, largest * size)
-        ends = {
-            "at its goal": new.y[-1] == goal,
-            "at a limit": not limits[0] <= new.y[-2] * problem.units[-2] <= limits[1],
-            "back at its beginning": (new.y[-1] - home) * sign < 0.0,
+            problem.phase, _ = problem.turning_point(unknowns)
+        longest = max_step * max(1.0, np.abs(unknowns[:-2]).max() / _LARGE_STATE)
+        length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest)
+        end_reasons = {
+            "at its goal": unknowns[-1] == goal,
+            "at a limit": not limits[0] <= unknowns[-2] * problem.units[-2] <= limits[1],
+            "back at its beginning": (unknowns[-1] - first_value) * sign < 0.0,
         }
-        return h, next((reason for reason, reached in ends.items() if reached), "")
+        return length, next((reason for reason, reached in end_reasons.items() if reached), "")
 
-    return tracing.follow(go, orbits, 0.2 * largest, _LEAST * largest, max_points)
+    return tracing.follow_curve(step, solutions, 0.2 * max_step, _MIN_STEP * max_step, max_points)

@@ -1,13 +1,13 @@
 """Periodic orbits by shooting on the map of n mesh periods, with their Floquet multipliers.
 
 An orbit of period n is a fixed point of the map that takes the state at tau = 0 through n mesh
-periods. Newton's method needs the derivative of that map by the state, which is exact: variational
-equations with the saltation at flank crossings. Orbits are therefore computed to rounding, unstable
-ones included. The derivative by a parameter is a central difference, which decides how fast
-Newton's method converges, not where to.
+periods. Newton's method needs the derivative of that map by the state, the monodromy matrix, which
+is exact: variational equations with the saltation at flank crossings. Orbits are therefore computed
+to rounding, unstable ones included. The derivative by a parameter is a central difference, which
+decides how fast Newton's method converges, not where to.
 
 At grazing the derivative depends on the side from which it is taken: an orbit that touches a flank
-line says so, its multipliers are those of the side on which it was computed.
+line is marked as grazing, and its multipliers belong to the side on which it was computed.
 """
 
 import functools
@@ -16,11 +16,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.linalg import block_diag
 
 from gearlib import checks
 from gearlib.analysis.orbits.followed_parameters import with_parameter
-from gearlib.analysis.orbits.tracing import Lost, slope
+from gearlib.analysis.orbits.tracing import ContinuationFailed, difference_quotient
 from gearlib.data import status
 from gearlib.data.motions import floats
 from gearlib.data.result import result
@@ -29,20 +30,20 @@ from gearlib.engines import orbit as columns
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Largest residual of an orbit, in static deflections; height times this if larger.
+#: Largest residual of an orbit, in static deflections, or relative to its height if that is larger.
 MAX_RESIDUAL = 1e-12
-#: Mesh periods from rest after which a motion is taken as the first guess.
+#: Mesh periods from rest after which the state is the default guess.
 _SETTLING_PERIODS = 400
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
-#: Most mesh periods of an orbit, whose maps are kept, and of a piece of it.
-MAX_PERIODS, _MAX_PIECE_PERIODS = 100_000, 32
-#: Distance of a multiplier from the unit circle that is rounding: that of a double multiplier goes
-#: with the root of the map's.
+#: Largest number of mesh periods of an orbit, which limits memory, and of one shooting segment.
+MAX_PERIODS, _MAX_SEGMENT_PERIODS = 100_000, 32
+#: Multipliers this close to the unit circle count as on it: a double multiplier has an error of the
+#: square root of the rounding of the map.
 _CIRCLE_TOLERANCE = 1e-7
-#: An orbit may repeat after a part of its period if its state does to the first tolerance, and does
-#: if the orbit of that period is as close as the second. Units of `MAX_RESIDUAL`.
-_REPEAT_TOLERANCE, _SAME_ORBIT_TOLERANCE = 1e-6, 1e-9
-#: Distance from a flank line at which an orbit touches it, in shares of its height.
+#: Residual up to which a shorter period is tried, and distance of its orbit up to which it is the
+#: same orbit; in static deflections.
+_SHORTER_PERIOD_TOLERANCE, _SAME_ORBIT_TOLERANCE = 1e-6, 1e-9
+#: Distance from a flank line at which an orbit touches it, relative to the orbit's height.
 _TOUCH_TOLERANCE = 1e-9
 
 
@@ -56,20 +57,20 @@ class Orbit:
 
     pair: object  #: the model
     tuning: float
-    period: int  #: mesh periods, the least after which it repeats
-    state: np.ndarray  #: at tau = 0, shape (n,), as of `Propagator.start`
+    period: int  #: mesh periods, the smallest number after which it repeats
+    state: np.ndarray  #: full state at tau = 0, shape (n,)
     residual: float  #: largest difference of the states at start and end
-    multipliers: np.ndarray  #: Floquet multipliers of the n periods, complex, largest first
-    pattern: tuple  #: contact codes in the order met, from tau = 0
-    grazing: bool  #: whether it touches a flank line: then its linearisation is one-sided
+    multipliers: np.ndarray  #: Floquet multipliers of the whole period, complex, largest first
+    pattern: tuple  #: contact codes in the order in which they occur from tau = 0
+    grazing: bool  #: whether it touches a flank line: then its multipliers are one-sided
 
     @property
-    def stable(self):
+    def stable(self) -> bool:
         """Whether no multiplier lies outside the unit circle; see `is_stable`."""
         return is_stable(self.multipliers)
 
-    def dataset(self):
-        """Return the orbit as a dataset: state, multipliers, pattern and what they say."""
+    def dataset(self) -> xr.Dataset:
+        """Return the orbit as a dataset: state, multipliers, stability and contact pattern."""
         data = {
             "state": ("coordinate", self.state),
             "multiplier_real": ("multiplier", self.multipliers.real),
@@ -87,8 +88,8 @@ class Orbit:
         return dataset
 
 
-def check_orbit(orbit):
-    """Refuse what is no orbit."""
+def check_orbit(orbit: Any) -> None:
+    """Raise ValueError if an argument is no `Orbit`."""
     checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
 
 
@@ -131,79 +132,89 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         )
     problem = Shooting(pair, tuning, period, max_events=max_events)
     try:
-        orbit = _solve(problem, problem.guess(_guess(problem, guess)))
-    except Lost as error:
+        solution = _newton(problem, problem.guess(_initial_state(problem, guess)))
+    except ContinuationFailed as error:
         raise NoOrbit(str(error)) from None
-    if not orbit.small:
+    if not solution.converged:
         raise NoOrbit(
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
-            f"best residual is {orbit.residual:.2g}: guess closer, or another period"
+            f"best residual is {solution.residual:.2g}: guess closer, or another period"
         )
-    z = orbit.state
-    for part in (n for n in range(repeats, period, repeats) if period % n == 0):
-        end, _, code = problem.propagator(pair, tuning).maps(z, part, max_events)
-        if code != status.OK or problem.distance(end, z) > _REPEAT_TOLERANCE:
+    return _orbit_of_shorter_period(solution) or as_orbit(solution)
+
+
+def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
+    """Return an orbit as one of a divisor of its period, if it repeats earlier, else None."""
+    problem, state = solution.problem, solution.state
+    model, tuning, max_events = problem.pair, problem.tuning, problem.max_events
+    propagator, period = problem.propagator(model, tuning), problem.period
+    for divisor in (n for n in range(model.repeats, period, model.repeats) if period % n == 0):
+        end, _, code = propagator.maps(state, divisor, max_events)
+        if code != status.OK or problem.distance(end, state) > _SHORTER_PERIOD_TOLERANCE:
             continue
         try:
-            least = periodic_orbit(pair, tuning, guess=z, period=part, max_events=max_events)
+            orbit = periodic_orbit(
+                model, tuning, guess=state, period=divisor, max_events=max_events
+            )
         except NoOrbit:
             continue
-        # Beside a doubling the orbit of half the period is another one.
-        if problem.distance(least.state, z) <= _SAME_ORBIT_TOLERANCE:
-            return least
-    return as_orbit(orbit)
+        # Close to a period doubling there is a different orbit of half the period.
+        if problem.distance(orbit.state, state) <= _SAME_ORBIT_TOLERANCE:
+            return orbit
+    return None
 
 
 class Shooting:
-    """The equation of orbits of `period` mesh periods, over their state and parameters of a model.
+    """The shooting equation for orbits of a period, over their state and parameters of a model.
 
     Unknowns are scaled: one unit of a parameter changes it by its scale and weighs as much as a
-    static deflection. If no parameter varies, a long period is divided into pieces, so that
-    deviations along an unstable orbit do not drown its end in rounding.
+    static deflection. If no parameter varies, a long period is divided into segments with a state
+    each (multiple shooting), so that deviations along an unstable orbit stay above rounding.
     """
 
     def __init__(self, model, tuning, period, names=(), scales=(), max_events=MAX_EVENTS):
         self.pair, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator: Any = None
-        self.reduce, self.lift = model.reduction()
-        n, pieces = len(self.reduce), 1 if names else -(-period // _MAX_PIECE_PERIODS)
-        #: Mesh periods at which pieces begin, and the last one ends.
-        self.starts = [period * i // pieces for i in range(pieces + 1)]
-        #: Free rotations of the states at the starts of pieces, shape (pieces, n), or none.
+        #: Matrices from full states to states without free rotation, and back.
+        self.reduction, self.lift = model.reduction()
+        n, segments = len(self.reduction), 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
+        #: Mesh periods at which segments begin, and the last one ends.
+        self.starts = [period * i // segments for i in range(segments + 1)]
+        #: Free rotations of the states at the starts of segments, shape (segments, n), or none.
         self.rotations: Any = 0.0
-        #: Number of the piece after each, and the derivative of its first state by all states.
-        self.following = np.arange(1, pieces + 1) % pieces
-        self.links = np.eye(pieces * n)[(np.arange(pieces * n) + n) % (pieces * n)]
-        state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * pieces
+        #: Index of the segment after each, and the derivative of its first state by all states.
+        self.next_segments = np.arange(1, segments + 1) % segments
+        self.links = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
+        state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * segments
         #: Size of one scaled unit of each unknown.
         self.units = np.array([*state_units, *scales])
 
     def unknowns(self, state, values):
-        """Return the scaled unknowns y for a full state and the parameters."""
-        return np.append(self.reduce @ state, values) / self.units
+        """Return the scaled unknowns for a full state and values of the parameters."""
+        return np.append(self.reduction @ state, values) / self.units
 
     def guess(self, state):
-        """Return the scaled unknowns of the motion from a full state, with its free rotation."""
+        """Return the scaled unknowns of the motion from a full state; keep its free rotation."""
         states, propagator = [state], self.propagator(self.pair, self.tuning)
         for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
-            states.append(self._piece(propagator, states[-1], start, stop)[0])
-        whole = np.array(states)
-        reduced = whole @ self.reduce.T
-        self.rotations = whole - reduced @ self.lift.T
-        return reduced.ravel() / self.units
+            states.append(self._segment(propagator, states[-1], start, stop)[0])
+        full_states = np.array(states)
+        reduced_states = full_states @ self.reduction.T
+        self.rotations = full_states - reduced_states @ self.lift.T
+        return reduced_states.ravel() / self.units
 
-    def model(self, y):
-        """Return (model, tuning, states at the starts of pieces) for unknowns, else ValueError."""
-        values = y * self.units
+    def model(self, unknowns):
+        """Return (model, tuning, full states at the starts of segments), else ValueError."""
+        values = unknowns * self.units
         model, tuning, n = self.pair, self.tuning, self.units.size - len(self.names)
         for name, value in zip(self.names, values[n:], strict=True):
             model, tuning = with_parameter(model, tuning, name, float(value))
-        states = values[:n].reshape(-1, len(self.reduce)) @ self.lift.T
+        states = values[:n].reshape(-1, len(self.reduction)) @ self.lift.T
         return model, tuning, states + self.rotations
 
     def propagator(self, model, tuning):
-        """Return the propagator of a model; that of the last tuning hands on its tables."""
+        """Return the propagator of a model at a tuning; tables of the last one are reused."""
         last = self._propagator
         if last is None or last.model is not model:
             self._propagator = model.propagator(tuning)
@@ -211,122 +222,118 @@ class Shooting:
             self._propagator = last.at(tuning)
         return self._propagator
 
-    def _piece(self, propagator, state, start, stop):
-        """Return (end, maps of all mesh periods) of the motion between two mesh periods."""
+    def _segment(self, propagator, state, start, stop):
+        """Return (final state, maps of all mesh periods) of the motion between mesh periods."""
         first = start % self.pair.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first)
         if code != status.OK:
-            raise Lost(f"the motion could not go on: {status.MESSAGES[code]}")
+            raise ContinuationFailed(f"the motion could not go on: {status.MESSAGES[code]}")
         return end, maps
 
-    def run(self, y):
-        """Return (tuning, states, ends, maps of all mesh periods) of pieces; ValueError, Lost."""
-        model, tuning, states = self.model(y)
+    def run(self, unknowns):
+        """Return (tuning, first states, final states, maps of all mesh periods) of all segments."""
+        model, tuning, states = self.model(unknowns)
         propagator, maps, ends = self.propagator(model, tuning), [], np.empty_like(states)
         for i, state in enumerate(states):
-            ends[i], piece = self._piece(propagator, state, *self.starts[i : i + 2])
-            maps.append(piece)
+            ends[i], segment_maps = self._segment(propagator, state, *self.starts[i : i + 2])
+            maps.append(segment_maps)
         return tuning, states, ends, maps
 
-    def record(self, y, periods, samples=0):
-        """Return (model, `Record` of a run over mesh periods)."""
-        model, tuning, states = self.model(y)
+    def record(self, unknowns, periods, samples=0):
+        """Return (model, `Record`) of a run over some mesh periods."""
+        model, tuning, states = self.model(unknowns)
         propagator = self.propagator(model, tuning)
         return model, propagator.record(states[0], periods, self.max_events, samples)
 
-    def evaluate(self, y):
-        """Return the `Evaluation` at scaled unknowns, else ValueError, Lost."""
-        return Evaluation(self, y)
+    def evaluate(self, unknowns):
+        """Return the `Evaluation` at scaled unknowns; ValueError or ContinuationFailed."""
+        return Evaluation(self, unknowns)
 
     def distance(self, first, second):
-        """Return the size of the difference of two states, as of `size_of`."""
-        return size_of(self.reduce @ (first - second), second, self.tuning)
+        """Return the distance of two states, relative to the second as in `residual_size`."""
+        return residual_size(self.reduction @ (first - second), second, self.tuning)
 
 
 class Evaluation:
-    """The shooting equation at some states and parameters, in scaled unknowns."""
+    """The shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
-    def __init__(self, problem, y):
-        self.problem, self.y = problem, y
-        tuning, states, ends, maps = problem.run(y)
-        starts = states if len(states) == 1 else states[problem.following]
-        miss = (ends - starts) @ problem.reduce.T
-        #: First state, and the maps of the pieces without free rotations.
-        self.state = states[0]
-        self.maps = [problem.reduce @ product(piece) @ problem.lift for piece in maps]
-        self.miss = miss.ravel() / problem.units[: miss.size]  #: shape (n,)
-        self.residual = size_of(miss, states, tuning)
-        #: Whether the residual counts as none.
-        self.small = self.residual <= MAX_RESIDUAL
+    def __init__(self, problem, unknowns):
+        self.problem, self.unknowns = problem, unknowns
+        tuning, states, ends, maps = problem.run(unknowns)
+        next_states = states if len(states) == 1 else states[problem.next_segments]
+        differences = (ends - next_states) @ problem.reduction.T
+        self.state = states[0]  #: full state at tau = 0
+        #: Maps of the segments without free rotations.
+        self.maps = [problem.reduction @ compose(m) @ problem.lift for m in maps]
+        self.residuals = differences.ravel() / problem.units[: differences.size]  #: shape (n,)
+        self.residual = residual_size(differences, states, tuning)
+        self.converged = self.residual <= MAX_RESIDUAL
 
     @cached_property
-    def matrix(self):
-        """Map of the whole period, without free rotations."""
-        return product(self.maps)
+    def monodromy(self):
+        """Monodromy matrix: the linearised map of the whole period, without free rotations."""
+        return compose(self.maps)
 
     @cached_property
     def multipliers(self):
         """Floquet multipliers, complex, largest first."""
-        return multipliers_of(self.matrix)
+        return floquet_multipliers(self.monodromy)
 
     @cached_property
     def jacobian(self):
         """Derivative of the residuals, shape (n, n + parameters)."""
-        problem, n = self.problem, self.miss.size
+        problem, n = self.problem, self.residuals.size
         units = problem.units[:n]
-        by_ends = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
-        by_states = (by_ends - problem.links) * units / units[:, None]
+        ends_by_states = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
+        by_states = (ends_by_states - problem.links) * units / units[:, None]
+
+        def final_states(unknowns):
+            return problem.run(unknowns)[2]
+
         by_parameters = [
-            (slope(lambda y: problem.run(y)[2], self.y, column) @ problem.reduce.T).ravel() / units
-            for column in range(n, self.y.size)
+            (difference_quotient(final_states, self.unknowns, i) @ problem.reduction.T).ravel()
+            / units
+            for i in range(n, self.unknowns.size)
         ]
         return np.column_stack([by_states, *by_parameters])
 
 
-def as_orbit(evaluation):
-    """Return the `Orbit` of an `Evaluation`."""
-    problem, period, y = evaluation.problem, evaluation.problem.period, evaluation.y
-    model, tuning, states = problem.model(y)
+def as_orbit(solution: Evaluation) -> Orbit:
+    """Return the `Orbit` at a solution of the shooting equation."""
+    problem, period = solution.problem, solution.problem.period
+    model, tuning, states = problem.model(solution.unknowns)
     record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
     pattern, grazing = _contacts(record, model.flank_lines, tuning)
-    return Orbit(
-        model,
-        tuning,
-        period,
-        states[0],
-        evaluation.residual,
-        evaluation.multipliers,
-        pattern,
-        grazing,
-    )
+    residual, multipliers = solution.residual, solution.multipliers
+    return Orbit(model, tuning, period, states[0], residual, multipliers, pattern, grazing)
 
 
-def _solve(problem, y):
-    """Return the `Evaluation` where Newton's method with halved steps ends."""
-    orbit = problem.evaluate(y)
+def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
+    """Solve the shooting equation by Newton's method with halved steps; return the last iterate."""
+    solution = problem.evaluate(unknowns)
     for _ in range(_MAX_NEWTON_STEPS):
-        if orbit.small:
+        if solution.converged:
             break
         try:
-            step = -np.linalg.solve(orbit.jacobian, orbit.miss)
+            step = -np.linalg.solve(solution.jacobian, solution.residuals)
         except np.linalg.LinAlgError:
             raise NoOrbit(
                 f"the map has a multiplier 1 at tuning = {problem.tuning!r}: a fold is here; "
                 "guess an orbit on one of its sides"
             ) from None
         for _ in range(_MAX_HALVINGS):
-            trial = problem.evaluate(orbit.y + step)
-            if trial.residual < orbit.residual:
+            trial = problem.evaluate(solution.unknowns + step)
+            if trial.residual < solution.residual:
                 break
             step *= 0.5
         else:
             break
-        orbit = trial
-    return orbit
+        solution = trial
+    return solution
 
 
-def _guess(problem, guess):
-    """Return the full state of a user's guess, by default that of the settled motion."""
+def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
+    """Return the full state of a guess; without one, the state in which the motion settles."""
     model, n = problem.pair, problem.pair.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
@@ -344,50 +351,53 @@ def _guess(problem, guess):
     return values if values.size == n else propagator.start(values)
 
 
-def multipliers_of(matrix):
-    """Return the eigenvalues of the map of all periods, complex, largest first."""
-    multipliers = np.linalg.eigvals(matrix).astype(complex)
+def floquet_multipliers(monodromy: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of a monodromy matrix, complex, largest first."""
+    multipliers = np.linalg.eigvals(monodromy).astype(complex)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
 
-def is_stable(multipliers):
-    """Return whether no multiplier lies outside the unit circle.
+def is_stable(multipliers: np.ndarray) -> bool:
+    """Return whether no Floquet multiplier lies outside the unit circle.
 
-    Without damping on its way an orbit has them on the circle, where rounding shifts them to
-    either side: such an orbit counts as stable.
+    An orbit without damping has them on the circle, where rounding shifts them to either side:
+    such an orbit counts as stable.
     """
     return bool(np.abs(multipliers).max() < 1.0 + _CIRCLE_TOLERANCE)
 
 
-def product(maps):
-    """Return the map of all periods from those of each, shape (periods, n, n)."""
-    return functools.reduce(lambda matrix, each: each @ matrix, maps)
+def compose(maps: Any) -> np.ndarray:
+    """Return the linear map of all periods from the maps of each, in their order."""
+    return functools.reduce(lambda matrix, next_map: next_map @ matrix, maps)
 
 
-def size_of(miss, z, tuning):
-    """Return a residual in static deflections, over the size of the state if that is larger."""
-    weights = np.repeat([1.0, tuning], miss.shape[-1] // 2)
-    return float(np.abs(weights * miss).max() / max(1.0, np.abs(z).max() * 1e-2))
+def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> float:
+    """Return a difference of states in static deflections, relative to states larger than 100."""
+    weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
+    return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))
 
 
-def _contacts(record, flank_lines, tuning):
-    """Return (contact codes in the order met, whether an orbit touches a flank line)."""
+def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
+    """Return (contact codes in the order in which they occur, whether the orbit grazes)."""
     events, summary = record.events, record.summary
-    low, high = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
-    near, far = flank_lines
-    close = _TOUCH_TOLERANCE * np.maximum(1.0, high - low)
-    touches = (
-        min(np.min(abs(end - line) - close) for end in (low, high) for line in (near, far)) < 0
+    lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+    tolerance = _TOUCH_TOLERANCE * np.maximum(1.0, highest - lowest)
+    touches = any(
+        np.min(np.abs(extremum - line) - tolerance) < 0
+        for extremum in (lowest, highest)
+        for line in flank_lines
     )
     if not len(events):
-        # Without a crossing every mesh stays on one side; it may still come to the line.
-        return tuple(resting(low, high, near, far)), bool(touches)
+        return tuple(codes_without_events(lowest, highest, *flank_lines)), touches
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
-    return pattern, bool(touches or speeds.min() < np.sqrt(close.min()))
+    return pattern, bool(touches or speeds.min() < np.sqrt(tolerance.min()))
 
 
-def resting(low, high, near, far):
-    """Return the contact code of every mesh, shape (m,), of an orbit that crosses no flank line."""
-    return np.atleast_1d(np.where(high > near, 1, np.where(low > far, 0, -1))).tolist()
+def codes_without_events(
+    lowest: np.ndarray, highest: np.ndarray, near_line: Any, far_line: Any
+) -> list:
+    """Return the contact code of every mesh of an orbit without events, from its extrema (m,)."""
+    codes = np.where(highest > near_line, 1, np.where(lowest > far_line, 0, -1))
+    return np.atleast_1d(codes).tolist()

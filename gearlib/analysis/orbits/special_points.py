@@ -1,4 +1,4 @@
-"""Special points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point.
+"""Points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point, regular points.
 
 Between two neighbouring points of a branch a special point shows as a change of sign of
 
@@ -7,11 +7,11 @@ fold              det(M - I), and the parameter turns round
 branch point      det(M - I), and the parameter goes on
 period doubling   det(M + I)
 Neimark-Sacker    |mu| - 1 of the largest pair of complex multipliers mu
-grazing           the order in which the phases of contact are met
+grazing           the order of the contact states
 ================  =============================================================
 
-with M the map of the whole period (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). It
-is located by Brent's method on the chord between the two, a grazing by bisection, with a Newton
+with M the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). It is
+located by Brent's method on the chord between the two, a grazing by bisection, with a Newton
 correction to the branch in every step, so that the located point is an orbit to rounding.
 
 The mesh force is zero on a flank line. M is therefore continuous at a grazing, but beyond it
@@ -19,15 +19,20 @@ changes like the root of the distance: the branch goes on without a corner, with
 jumps, and folds and doublings often lie close behind a grazing, never exactly on it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.optimize import brentq
 
-from gearlib.analysis.orbits.branch_points import branch_point
+from gearlib.analysis.orbits.followed_parameters import followed_parameters
+from gearlib.analysis.orbits.shooting import Evaluation, Shooting, codes_without_events
 from gearlib.analysis.orbits.tracing import correct, tangent
+from gearlib.data.result import result
+from gearlib.engines import orbit as columns
 
-#: Names of the labels; a label is the place in this list.
+#: Names of the labels; a label is the index in this tuple.
 LABELS = (
     "regular",
     "fold",
@@ -39,92 +44,186 @@ LABELS = (
 )
 REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(LABELS))
 
-#: Places on a chord are found to this share of it.
-_PLACE = 1e-14
-#: How far behind a grazing, in shares of the chord, the branch is taken up: so that rounding does
-#: not show as contact.
-_BEHIND = 1e-7
-#: A complex pair whose modulus is this far from 1, squared, is not on the circle.
-_ON_CIRCLE = 1e-6
-#: Changes of a test function below this are rounding: nothing is lost or gained on the way.
-_ROUNDING = 1e-9
+#: Tolerance of the position of a special point, as a share of the chord.
+_CHORD_TOLERANCE = 1e-14
+#: Share of the chord behind a grazing at which the branch goes on: there rounding makes no contact.
+_SHARE_BEHIND_GRAZING = 1e-7
+#: Largest deviation of the squared modulus from 1 at which a complex pair is on the unit circle.
+_CIRCLE_TOLERANCE = 1e-6
+#: Test functions of Neimark-Sacker points below this change their sign by rounding only.
+_MIN_TEST_VALUE = 1e-9
+#: Events of several meshes closer in phase than this are simultaneous.
+_SIMULTANEOUS_TOLERANCE = 1e-9
+_CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
-def _torus(multipliers):
+@dataclass(frozen=True)
+class BranchPoint:
+    """An orbit of a branch, with its tangent, extrema, contact pattern and label."""
+
+    solution: Evaluation
+    tangent: np.ndarray  #: of the branch, unit length
+    value: float  #: of the parameter
+    pattern: str  #: contact states in cyclic order, as letters
+    displacement_max: float
+    displacement_min: float
+    label: int = REGULAR
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """Scaled unknowns of the shooting equation."""
+        return self.solution.unknowns
+
+    @property
+    def height(self) -> float:
+        """Difference of the largest and the smallest displacement."""
+        return self.displacement_max - self.displacement_min
+
+
+def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
+    """Return the `BranchPoint` at a solution of the shooting equation with one parameter."""
+    problem = solution.problem
+    model, record = problem.record(solution.unknowns, problem.period)
+    summary = record.summary
+    value = float(solution.unknowns[-1] * problem.units[-1])
+    highest, lowest = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
+    pattern = _cyclic_pattern(record.events, summary, model.flank_lines)
+    return BranchPoint(solution, tangent, value, pattern, highest, lowest)
+
+
+def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
+    """Return a dataset of shooting solutions and their parameters over ``point``.
+
+    `variables` are added to it, and replace parameters of the same name.
+    """
+    problem = solutions[0].problem
+    multipliers = np.array([solution.multipliers for solution in solutions])
+    unknowns = np.array([solution.unknowns * problem.units for solution in solutions])
+    data = {
+        "state": (("point", "coordinate"), np.array([solution.state for solution in solutions])),
+        "multiplier_real": (("point", "multiplier"), multipliers.real),
+        "multiplier_imaginary": (("point", "multiplier"), multipliers.imag),
+        "residual": ("point", np.array([solution.residual for solution in solutions])),
+        "period": np.int32(problem.period),
+    }
+    if "tuning" not in problem.names:
+        data["tuning"] = problem.tuning
+    parameters = followed_parameters(problem.pair)
+    for name, values in zip(problem.names, unknowns.T[len(problem.reduction) :], strict=True):
+        data[name] = "point", variables.pop(name, values), parameters[name]
+    attributes |= {"period": problem.period, "tuning": problem.tuning}
+    method = "pseudo-arclength on shooting"
+    return result(title, problem.pair, data | variables, method=method, **attributes)
+
+
+def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
+    """Return the contact states of an orbit as letters, independent of where tau = 0 lies.
+
+    Of all cyclic rotations the last in the alphabet is chosen. With several meshes the number of
+    the mesh stands before each letter, and simultaneous events are sorted by mesh.
+    """
+    if not len(events):
+        middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
+        codes = codes_without_events(middle, middle, *flank_lines)
+        return "".join(_CONTACT_LETTERS[code] for code in codes)
+    codes = events[:, columns.EVENT_TO]
+    if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
+        # The orbit begins on a flank line to rounding: an event next to tau = 0 is missing.
+        codes = np.append(codes, events[0, columns.EVENT_FROM])
+    letters = [_CONTACT_LETTERS[int(code)] for code in codes]
+    if events.shape[1] > columns.EVENT_COLUMNS:
+        times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
+        instants = np.cumsum(np.diff(times, prepend=times[0]) > _SIMULTANEOUS_TOLERANCE)
+        meshes = events[:, columns.EVENT_COLUMNS].astype(int)
+        letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
+    return max("".join(letters[i:] + letters[:i]) for i in range(len(letters))).strip()
+
+
+def _neimark_sacker_test(multipliers: np.ndarray) -> float:
     """Return |mu|^2 - 1 of the largest pair of complex multipliers, -1 without one."""
     pairs = multipliers[multipliers.imag > 1e-9]
     return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
 
 
-_TESTS = {
+#: Label -> function of the multipliers that changes its sign at such a point.
+_TEST_FUNCTIONS = {
     FOLD: lambda multipliers: np.prod(multipliers - 1.0).real,
     DOUBLING: lambda multipliers: np.prod(multipliers + 1.0).real,
-    NEIMARK_SACKER: _torus,
+    NEIMARK_SACKER: _neimark_sacker_test,
 }
 
 
-def between(problem, a, b, share):
-    """Return the `BranchPoint` at a share of the chord from point `a` to point `b`.
+def point_on_chord(
+    problem: Shooting, first: BranchPoint, last: BranchPoint, share: float
+) -> BranchPoint:
+    """Return the point of the branch at a share of the chord between two points.
 
-    Its tangent is the chord's: that of the branch costs more and may not be there.
+    Its tangent is the chord, because that of the branch costs more and may not exist.
     """
-    chord = b.y - a.y
-    row = chord / np.linalg.norm(chord)
-    orbit, _ = correct(problem, a.y + share * chord, row)
-    return branch_point(orbit, row)
+    chord = last.unknowns - first.unknowns
+    direction = chord / np.linalg.norm(chord)
+    solution, _ = correct(problem, first.unknowns + share * chord, direction)
+    return branch_point(solution, direction)
 
 
-def located(problem, a, b, label):
-    """Return (share of the chord, `BranchPoint`) of a special point from `a` to `b`, else None."""
-    test = _TESTS[label]
-    ends = {0.0: test(a.orbit.multipliers), 1.0: test(b.orbit.multipliers)}
-    if not ends[0.0] * ends[1.0] < 0.0:
+def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
+    """Locate a special point of a kind between two points of a branch.
+
+    Return (share of the chord, `BranchPoint`), or None if the test function has no change of sign.
+    """
+    test = _TEST_FUNCTIONS[label]
+    end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
+    if not end_values[0.0] * end_values[1.0] < 0.0:
         return None
-    if label == NEIMARK_SACKER and min(map(abs, ends.values())) < _ROUNDING:
+    if label == NEIMARK_SACKER and min(map(abs, end_values.values())) < _MIN_TEST_VALUE:
         return None
 
-    def value(share):
-        return ends.get(share) or test(between(problem, a, b, share).orbit.multipliers)
+    def test_value(share):
+        if end_values.get(share):
+            return end_values[share]
+        return test(point_on_chord(problem, first, last, share).solution.multipliers)
 
-    share = brentq(value, 0.0, 1.0, xtol=_PLACE, rtol=4.0 * np.finfo(float).eps)
-    point = between(problem, a, b, share)
-    if label == NEIMARK_SACKER and abs(test(point.orbit.multipliers)) > _ON_CIRCLE:
-        # The pair became real on the way.
+    share = brentq(test_value, 0.0, 1.0, xtol=_CHORD_TOLERANCE, rtol=4.0 * np.finfo(float).eps)
+    point = point_on_chord(problem, first, last, share)
+    if label == NEIMARK_SACKER and abs(test(point.solution.multipliers)) > _CIRCLE_TOLERANCE:
+        # The complex pair became real between the points.
         return None
-    if label == FOLD and a.tangent[-1] * b.tangent[-1] > 0.0:
+    if label == FOLD and first.tangent[-1] * last.tangent[-1] > 0.0:
         label = BRANCH_POINT
     return share, replace(point, label=label)
 
 
-def special_points(problem, a, b):
-    """Return the special points other than grazings from point `a` to `b`, in branch order.
+def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
+    """Return the special points between two points with the same contact pattern, in branch order.
 
-    Neighbours of one contact pattern; Lost if the branch could not be followed on the chord.
+    ContinuationFailed if the branch could not be followed on the chord.
     """
-    pairs = [pair for label in _TESTS if (pair := located(problem, a, b, label))]
+    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
+    pairs = [pair for pair in located if pair]
     return [point for _, point in sorted(pairs, key=lambda pair: pair[0])]
 
 
-def grazing(problem, a, b):
-    """Return the points just before and after the first change of the contact pattern, or `Lost`.
+def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
+    """Return the points just before and just behind the first change of the contact pattern.
 
-    The first of them carries the label.
+    The first of them has the label of a grazing.
     """
-    low, high, before = 0.0, 1.0, a
-    while high - low > _PLACE:
+    low, high, before = 0.0, 1.0, first
+    while high - low > _CHORD_TOLERANCE:
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break
-        point = between(problem, a, b, middle)
-        if point.pattern == a.pattern:
+        point = point_on_chord(problem, first, last, middle)
+        if point.pattern == first.pattern:
             low, before = middle, point
         else:
             high = middle
-    if before is a:
-        # The point itself touches: its place is taken by its neighbour with a label.
-        before = between(problem, a, b, low)
-    after = b
-    if high + _BEHIND < 1.0:
-        after = between(problem, a, b, high + _BEHIND)
-        after = replace(after, tangent=tangent(after.orbit.jacobian, after.tangent))
-    return replace(before, label=GRAZING), after
+    if before is first:
+        # The first point itself touches the flank line; a copy beside it has the label.
+        before = point_on_chord(problem, first, last, low)
+    behind = last
+    if high + _SHARE_BEHIND_GRAZING < 1.0:
+        behind = point_on_chord(problem, first, last, high + _SHARE_BEHIND_GRAZING)
+        direction = tangent(behind.solution.jacobian, behind.tangent)
+        behind = replace(behind, tangent=direction)
+    return replace(before, label=GRAZING), behind

@@ -1,118 +1,145 @@
-"""Steps along a curve of solutions of n equations in n + 1 unknowns, by pseudo-arclength.
+"""Continuation by pseudo-arclength: steps along a curve of solutions of n equations.
 
-From a point of the curve a step goes along the tangent; Newton's method then comes back to the
-curve in the plane across the step, so that folds are no obstacle (Keller 1977; Allgower and Georg,
-Numerical Continuation Methods, 1990). Unknowns are scaled: one unit of each weighs the same.
+There are n + 1 unknowns. A step goes along the tangent of the curve; Newton's method then comes
+back to the curve in the plane across the step, so that folds are no obstacle (Keller 1977;
+Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are scaled: one unit of each
+weighs the same.
 
-A *problem* has ``evaluate(y)``, which returns a solution with
+A *problem* has ``evaluate(unknowns)``, which returns a solution with
 
-``y``         the unknowns
-``miss``      residuals, shape (n,)
-``jacobian``  their derivatives, shape (n, n + 1)
-``small``     whether the residuals count as none
+``unknowns``   where it was evaluated, shape (n + 1,)
+``residuals``  of the equations, shape (n,)
+``jacobian``   derivatives of the residuals, shape (n, n + 1)
+``converged``  whether the residuals are negligible
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-#: Corrections after which a point counts as lost, and how far one may lead.
-_MAX_NEWTON, _FARTHEST = 15, 1.0
-#: Least cosine between the tangents at both ends of a step.
-_STRAIGHT = 0.95
-#: A second singular value below this share of the largest: the solutions are no single curve.
-_NO_CURVE = 1e-8
-#: Step of differences by a parameter, in shares of its scale.
-_DIFFERENCE = 1e-5
+_MAX_CORRECTIONS = 15
+#: Longest correction: beyond it Newton's method may reach another curve.
+_MAX_CORRECTION_LENGTH = 1.0
+#: Smallest cosine between the tangents at both ends of a step.
+_MIN_TANGENT_COSINE = 0.95
+#: Relative size of the smallest singular value below which the solutions form no single curve.
+_SINGULAR_TOLERANCE = 1e-8
+#: Step of the differences by a parameter, in scaled units.
+_DIFFERENCE_STEP = 1e-5
 
 
-class Lost(RuntimeError):
+class ContinuationFailed(RuntimeError):
     """Newton's method did not come back to the curve."""
 
 
-def correct(problem, start, row):
-    """Return (solution, corrections) on the curve where row . (y - start) = 0, or `Lost`."""
-    y = start
-    for count in range(_MAX_NEWTON):
-        try:
-            solution = problem.evaluate(y)
-            if solution.small:
-                return solution, count
-            matrix = np.vstack([solution.jacobian, row])
-            step = -np.linalg.solve(matrix, np.append(solution.miss, row @ (y - start)))
-        except ValueError as error:
-            raise Lost(str(error)) from None
-        if not np.linalg.norm(step) < _FARTHEST:
-            raise Lost("a correction leads too far")
-        y = y + step
-    raise Lost("the corrections do not converge")
+def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
+    """Return (solution, number of corrections) on the curve in the plane normal to a vector.
 
-
-def tangent(jacobian, along):
-    """Return the unit tangent, shape (n + 1,), of positive product with `along`, or `Lost`."""
-    _, sizes, rows = np.linalg.svd(jacobian)
-    if sizes[-1] < _NO_CURVE * sizes[0]:
-        raise Lost("the solutions are no single curve here")
-    direction = rows[-1]
-    return direction if direction @ along >= 0.0 else -direction
-
-
-def advance(problem, y, along, h, goal=None, corner=False):
-    """Return (solution, tangent, corrections) a step of length h on, or `Lost`.
-
-    A step that would pass the value `goal` of the last unknown ends there. Lost too if the curve
-    turns within the step, unless a corner is allowed.
+    The plane goes through `start`; ContinuationFailed if Newton's method does not converge.
     """
-    start = y + h * along
-    if goal is not None and (y[-1] - goal) * (start[-1] - goal) < 0.0:
-        solution, corrections = at_value(problem, y, start, goal), 0
-        if not np.linalg.norm(solution.y - y) < 2.0 * h:
-            raise Lost("the step leads too far")
+    unknowns = start
+    for count in range(_MAX_CORRECTIONS):
+        try:
+            solution = problem.evaluate(unknowns)
+            if solution.converged:
+                return solution, count
+            matrix = np.vstack([solution.jacobian, normal])
+            residuals = np.append(solution.residuals, normal @ (unknowns - start))
+            correction = -np.linalg.solve(matrix, residuals)
+        except ValueError as error:
+            raise ContinuationFailed(str(error)) from None
+        if not np.linalg.norm(correction) < _MAX_CORRECTION_LENGTH:
+            raise ContinuationFailed("a correction leads too far")
+        unknowns = unknowns + correction
+    raise ContinuationFailed("the corrections do not converge")
+
+
+def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the unit tangent of the curve, shape (n + 1,), that points along a direction."""
+    _, singular_values, rows = np.linalg.svd(jacobian)
+    if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
+        raise ContinuationFailed("the solutions are no single curve here")
+    return rows[-1] if rows[-1] @ direction >= 0.0 else -rows[-1]
+
+
+def take_step(
+    problem: Any,
+    unknowns: np.ndarray,
+    direction: np.ndarray,
+    length: float,
+    goal: float | None = None,
+    allow_corner: bool = False,
+) -> tuple:
+    """Take one step along the curve and return (solution, tangent, number of corrections).
+
+    A step that would pass the value `goal` of the last unknown ends there. ContinuationFailed if
+    the curve turns within the step and no corner is allowed.
+    """
+    predicted = unknowns + length * direction
+    if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
+        solution, corrections = solve_at_value(problem, unknowns, predicted, goal), 0
+        if not np.linalg.norm(solution.unknowns - unknowns) < 2.0 * length:
+            raise ContinuationFailed("the step leads too far")
     else:
-        solution, corrections = correct(problem, start, along)
-    direction = tangent(solution.jacobian, along)
-    if not corner and not direction @ along > _STRAIGHT:
-        raise Lost("the curve turns within the step")
-    return solution, direction, corrections
+        solution, corrections = correct(problem, predicted, direction)
+    new_direction = tangent(solution.jacobian, direction)
+    if not allow_corner and not new_direction @ direction > _MIN_TANGENT_COSINE:
+        raise ContinuationFailed("the curve turns within the step")
+    return solution, new_direction, corrections
 
 
-def longer(h, corrections, few, largest):
-    """Return the next step: one that needed few corrections grows by a half, up to the largest."""
-    return min(1.5 * h, largest) if corrections <= few else h
+def next_step_length(
+    length: float, corrections: int, max_easy_corrections: int, max_length: float
+) -> float:
+    """Return the length of the next step: half as long again if few corrections were needed."""
+    return min(1.5 * length, max_length) if corrections <= max_easy_corrections else length
 
 
-def follow(go, points, h, least, max_points):
-    """Call `go` for steps until the curve ends, and return why it does.
+def follow_curve(
+    step: Callable, points: list, length: float, min_length: float, max_points: int
+) -> str:
+    """Take steps along a curve until it ends, and return the reason for its end.
 
-    `go(h)` takes a step of length h, adds to `points`, and returns the length of the next step and
-    why the curve ends there, "" where it does not. `Lost` halves the step, down to `least`.
+    `step(length)` adds points to `points` and returns (length of the next step, reason why the
+    curve ends there or ""). A step that fails is repeated with half the length, down to
+    `min_length`.
     """
     while len(points) < max_points:
         try:
-            h, ended = go(h)
-        except Lost as error:
-            h *= 0.5
-            ended = str(error) if h < least else ""
-        if ended:
-            return ended
+            length, end_reason = step(length)
+        except ContinuationFailed as error:
+            length *= 0.5
+            end_reason = str(error) if length < min_length else ""
+        if end_reason:
+            return end_reason
     return "after max_points"
 
 
-def at_value(problem, y, ahead, value):
-    """Return the solution where the last unknown has a value, guessed between two points."""
-    share = (value - y[-1]) / (ahead[-1] - y[-1])
-    start = y + share * (ahead - y)
+def solve_at_value(
+    problem: Any, unknowns: np.ndarray, unknowns_ahead: np.ndarray, value: float
+) -> Any:
+    """Return the solution between two points of the curve where the last unknown has a value."""
+    share = (value - unknowns[-1]) / (unknowns_ahead[-1] - unknowns[-1])
+    start = unknowns + share * (unknowns_ahead - unknowns)
     start[-1] = value
-    return correct(problem, start, np.eye(y.size)[-1])[0]
+    return correct(problem, start, np.eye(unknowns.size)[-1])[0]
 
 
-def slope(function, y, column, step=_DIFFERENCE):
-    """Return the derivative of a function by one unknown, one-sided on the rim of its range."""
-    places, values = [], []
-    for ahead in (-step, step):
-        moved = y + ahead * np.eye(y.size)[column]
+def difference_quotient(
+    function: Callable, unknowns: np.ndarray, index: int, step: float = _DIFFERENCE_STEP
+) -> Any:
+    """Return the derivative of a function by one unknown, by a central difference.
+
+    Where the function raises ValueError on one side, the difference is one-sided.
+    """
+    positions, values = [], []
+    for signed_step in (-step, step):
+        shifted = unknowns + signed_step * np.eye(unknowns.size)[index]
         try:
-            values.append(function(moved))
+            values.append(function(shifted))
         except ValueError:
-            moved = y
-            values.append(function(moved))
-        places.append(moved[column])
-    return (values[1] - values[0]) / (places[1] - places[0])
+            shifted = unknowns
+            values.append(function(shifted))
+        positions.append(shifted[index])
+    return (values[1] - values[0]) / (positions[1] - positions[0])

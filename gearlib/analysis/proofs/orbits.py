@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from gearlib import checks
-from gearlib.analysis.orbits.shooting import check_orbit, resting
+from gearlib.analysis.orbits.shooting import check_orbit, codes_without_events
 from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.arc_laws import ArcLaws
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
@@ -130,7 +130,8 @@ def listed_contacts(orbit):
         for row in record.events
     ]
     summary = record.summary
-    codes = resting(summary[..., columns.X_MIN], summary[..., columns.X_MAX], *model.flank_lines)
+    lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
+    codes = codes_without_events(lowest, highest, *model.flank_lines)
     pattern = pattern_of(codes, events)
     for _, mesh, before, _ in reversed(events):
         codes[mesh] = before
