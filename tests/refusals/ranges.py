@@ -82,22 +82,6 @@ def _beside(bound, way):
     return way * 1e-12 if bound == 0.0 else math.nextafter(bound, way * math.inf)
 
 
-def said(allowed, text):
-    """Return whether a sentence ends with a range, a part of pi as a number near it.
-
-    Behind it stand other ways to give the value; of a mapping there is only the beginning.
-    """
-    parts = re.split(r"pi / (\d)", allowed)
-    pattern = "".join(r"(\d\.\d+)" if i % 2 else re.escape(one) for i, one in enumerate(parts))
-    end = "" if allowed.endswith(" of ") else r"( or a .*|; did you mean .*)?$"
-    found = re.match(pattern + end.replace("(", "(?:"), text)
-    wanted = [math.pi / int(one) for one in parts[1::2]]
-    return found is not None and all(
-        math.isclose(float(one), angle, rel_tol=1e-3)
-        for one, angle in zip(found.groups(), wanted, strict=True)
-    )
-
-
 class Ranges:
     """The rows of one part of the table: what a key may be, by the longest end of its path."""
 
