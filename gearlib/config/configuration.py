@@ -2,7 +2,7 @@
 
 from typing import Literal, get_args
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from gearlib import checks
 from gearlib.config import experiments as e
@@ -88,14 +88,6 @@ class Config(Section):
     mesh_stiffness: MeshStiffness = SECTION
     harris_map: HarrisMap = SECTION
     tolerances: Tolerances = SECTION
-
-    @field_validator("targets", mode="before")
-    @classmethod
-    def _check_comparison(cls, names):
-        if isinstance(names, list) and "compare" in names:
-            words = "left out, and called by its name, snakemake -j2 compare"
-            raise checks.refusal(f".[{names.index('compare')}]", "compare", words)
-        return names
 
     @model_validator(mode="after")
     def _check(self):

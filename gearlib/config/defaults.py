@@ -13,7 +13,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from gearlib.config import laid_over
 from gearlib.config.experiments import Problem, Resonance
-from gearlib.config.gear_pair_section import Damping, GearPairSection, Run
+from gearlib.config.gear_pair_section import Damping, GearPairSection
 from gearlib.config.gears_section import Gears
 from gearlib.config.types import Name, tuning_per_rpm
 
@@ -25,8 +25,6 @@ _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)]
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
 #: Damping ratio where a study needs damping and the configuration has none.
 _DAMPING_RATIO = 0.05
-#: Harmonics of the phase lag.
-_HARMONICS = 5
 #: Panels of one figure, see `Basins` and `Poincare`.
 _PANELS = 12
 #: What describes the bodies of the gears: one without the others would not fit the reduced mass,
@@ -51,9 +49,6 @@ def filled(mapping):
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODIES):
         for key in (*_BODIES, "bearing_stiffness"):
             del defaults["six_degrees"][key]
-    # A run must have samples enough to tell the harmonics of the phase lag apart.
-    most = _run(mapping).samples_per_period // 8
-    defaults["phase_lag"]["harmonics"] = max(1, min(_HARMONICS, most))
     whole = laid_over(defaults, mapping)
     if "gears" in mapping:
         whole["gear_pair"] = pair or _PAIR
@@ -149,14 +144,6 @@ def _defaults_of(pair, dampings):
         },
         "figures": {"colours": {}},
     }
-
-
-def _run(mapping):
-    """Return the section `run` of a configuration, or its default while it is refused."""
-    try:
-        return Run.model_validate(mapping.get("run", {}))
-    except ValidationError:
-        return Run()
 
 
 def _cases(dampings, tuning):

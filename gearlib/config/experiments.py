@@ -37,9 +37,6 @@ class Resonance(grid(0.5, 1.4, 0.0005)):
         fits = tunings.steps(0.0, self.window, self.step) % 1 == 0
         allowed = f"a whole multiple of .step = {self.step!r}"
         checks.require(fits, ".window", self.window, allowed)
-        smallest = (self.stop - self.start) / t.MAX_JOBS
-        allowed = f">= {smallest:.2g} to stay within {t.MAX_JOBS:,} jobs"
-        checks.require(self.window >= smallest, ".window", self.window, allowed)
         return self
 
     def windows(self, direction):
@@ -55,9 +52,7 @@ class Resonance(grid(0.5, 1.4, 0.0005)):
 class PhasePlanes(Section):
     """The phase planes (Fig. 5): one run for each tuning and damping."""
 
-    tunings: Distinct[t.Tuning] = entry(
-        "Tunings nu, a row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82]
-    )
+    tunings: Distinct[t.Tuning] = entry("Tunings, a row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82])
 
 
 class PhaseLag(grid(0.56, 0.79, 0.005)):
@@ -81,8 +76,7 @@ class Jump(Seeded, grid(0.78, 0.86, 0.001)):
         "Numbers of stiffness harmonics instead of the full rectangle.", [1, 2, 3, 5, 10, 20]
     )
     factors: Distinct[t.Positive] = entry(
-        "Factors on the damping, and on the backlash.",
-        [0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0],
+        "Factors on the damping, and on the backlash.", [0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0]
     )
     displacements: Distinct[t.Finite] = entry(
         "Other initial displacements, static deflections.", [-1.0, -0.5, -0.1, 0.1, 0.5, 1.0, 2.0]
@@ -121,13 +115,8 @@ class AnalyticMethod(grid(0.3, 1.5, 0.02)):
 class NonlinearDamping(grid(0.5, 1.4, 0.004)):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
-    damping: t.PositiveDamping = entry(
-        "Linear coefficient, N s/m. Default: the largest of the dampings.",
-        None,
-    )
-    amplitude: t.Positive = entry(
-        "Amplitude of the motion for which they are equivalent, static deflections.", 1.0
-    )
+    damping: t.PositiveDamping = entry("Linear coefficient, N s/m. Default: the largest.", None)
+    amplitude: t.Positive = entry("Amplitude of equal dissipation, static deflections.", 1.0)
     tuning: t.Tuning = entry("Tuning that gives its frequency.", 0.8)
     shown: Distinct[t.Tuning] = entry("Tunings of the phase planes.", [0.78, 0.82, 0.95])
 
@@ -191,10 +180,8 @@ class Branches(_Span):
 
     start: t.Tuning = entry("Tuning at which the branches begin.", 0.5)
     stop: t.Tuning = entry("Tuning at which the branches end.", 1.4)
-    step: t.number(gt=0, le=1) = entry("Largest step; the whole range counts as one.", 0.05)
-    max_height: t.Positive = entry(
-        "Height of orbits, static deflections, that ends a branch.", 20.0
-    )
+    step: t.number(gt=0, le=1) = entry("Largest step; the range of tunings counts as 1.", 0.05)
+    max_height: t.Positive = entry("Height of orbits that ends a branch, static deflections.", 20.0)
     max_points: whole(2, 1_000_000) = entry("Largest number of points of one branch.", 2000)
     loci: LociSection = t.SECTION
 
@@ -220,9 +207,7 @@ class Certificates(Section):
 class Figures(Section):
     """How the figures are drawn; no computation depends on it."""
 
-    formats: Distinct[Literal["png", "pdf", "svg"]] = entry(
-        "File formats of figures.", ["png", "pdf"]
-    )
+    formats: Distinct[Literal["png", "pdf", "svg"]] = entry("Formats of figures.", ["png", "pdf"])
     dpi: whole(50, 1200) = entry("Resolution of pixel formats, dots per inch.", 200)
     colours: dict[
         t.DampingName, t.text("a colour '#rrggbb', in quotes", pattern="^#[0-9A-Fa-f]{6}$")
@@ -268,9 +253,7 @@ class Scene(Section):
         "Largest change that counts as none: displacements over the height of the orbit, "
         "forces over the height of the force, fractions and bounces as they are."
     )
-    cases: Annotated[list[Case], Field(min_length=1, max_length=6)] = entry(
-        "The runs, one a column."
-    )
+    cases: Annotated[list[Case], Field(min_length=1, max_length=6)] = entry("Runs, a column each.")
     courses: Distinct[_Course] = entry("Time courses below the phase plane, from above.")
     periods_shown: t.Count = entry("Mesh periods shown, the last ones.")
 
@@ -345,8 +328,8 @@ class Basins(_States):
 class Bifurcation(_States, grid(0.45, 0.95, 0.001)):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
-    damping: Damping = entry("Default: the first of the dampings with material damping.", None)
-    share_step: t.Distance = entry("Step of the shares of the basins, as `step`.", 0.01)
+    damping: Damping = entry("Damping. Default: the first one with material damping.", None)
+    share_step: t.Distance = entry("Step of the shares of the basins.", 0.01)
     settle: whole(0, 1_000_000) = entry("Mesh periods before the record.", 400)
     strobes: whole(1, 10_000) = entry("Number of stroboscopic states recorded.", 48)
     starts: whole(0, 1000) = entry("Random initial states besides up and down.", 8)
@@ -468,7 +451,7 @@ class WorkPrecision(Section):
 
     methods: Distinct[MethodName] = entry("Names of `gearlib.methods()`.", [*get_args(MethodName)])
     problems: Distinct[Problem] = entry("Names of the test problems.", [*get_args(Problem)])
-    damping: t.PositiveDamping = entry("Linear damping, N s/m. Default: the largest.", None)
+    damping: t.PositiveDamping = entry("Linear damping, N s/m. Default: the largest one.", None)
     cubic_damping: t.quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0) = entry(
         "Cubic damping of the problem cubic, N s^3/m^3. Default: the one that has the force of "
         "`damping` at the velocity static deflection * mean eigenfrequency.",
@@ -478,5 +461,5 @@ class WorkPrecision(Section):
     conservative_periods: whole(1, 10_000) = entry(
         "Mesh periods without damping, where rounding errors grow fast, and of trains.", 3
     )
-    record_periods: whole(1, 100) = entry("The last ones, whose events are compared.", 3)
+    record_periods: whole(1, 100) = entry("The last periods, whose events are compared.", 3)
     repeats: t.Count = entry("Largest number of timed runs, of which the shortest counts.", 9)

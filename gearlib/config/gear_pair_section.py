@@ -50,7 +50,7 @@ class Damping(_Coefficients):
 
     damping_ratio: _Ratio = entry("beta: material_damping is 2 beta m_red Omega_s.", None)
     logarithmic_decrement: _Ratio = entry("delta = 2 pi beta / sqrt(1 - beta^2).", None)
-    backlash_damping_ratio: _Ratio = entry("beta_m, of backlash_damping likewise.", None)
+    backlash_damping_ratio: _Ratio = entry("beta_m: backlash_damping likewise.", None)
 
     @model_validator(mode="after")
     def _in_coefficients(self, info):
@@ -95,7 +95,7 @@ class Run(Section):
     """Length and record of every run."""
 
     revolutions: t.LargeCount = entry("Revolutions of every run.", 5)
-    recorded_revolutions: t.whole(1) = entry("The last ones, which are evaluated.", 1)
+    recorded_revolutions: t.whole(1) = entry("The last revolutions, which are evaluated.", 1)
     samples_per_period: t.whole(8, 65_536) = entry("Samples of a mesh period in phase planes.", 256)
     initial_state: State = entry("State from which cold runs start.", {})
 
@@ -123,16 +123,16 @@ class SixDegrees(Section):
     """
 
     base_radii: several(t.Length, 2) = entry("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
-    inertias: several(t.Inertia, 2) = entry("J3, J2, kg m^2. Default: 3 Rb^2 reduced_mass.", None)
+    inertias: several(t.Inertia, 2) = entry("Inertias J3, J2, kg m^2. Default: 3 Rb^2 m_red.", None)
     masses: several(t.Mass, 2) = entry(
         "Masses m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together.",
         None,
     )
     bearing_stiffness: several(t.Stiffness, 4) = entry(
-        "C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
+        "Stiffness C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
     )
     bearing_damping: several(t.DampingCoefficient, 4) = entry(
-        "k3y, k3z, k2y, k2z, N s/m. Default: a damping ratio of 2 %.", None
+        "Damping k3y, k3z, k2y, k2z, N s/m. Default: 2 % of the critical.", None
     )
     eccentricities: several(t.type_of(RUN_OUT), 2) = entry(
         "Run-out of the pitch circles e3, e2, m. Default: 0.8 static deflections, at most a fifth "

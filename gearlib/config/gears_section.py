@@ -218,7 +218,7 @@ class HarrisMap(Section):
     )
     stiffness: Literal["energy", "iso"] = entry("Stiffness of a pair of teeth.", "energy")
     loads: t.Distinct[t.NonNegative] = entry(
-        "Over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
+        "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
     phases: t.whole(8, 10_000) = entry("Phases of a mesh period.", 256)
 

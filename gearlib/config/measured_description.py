@@ -130,8 +130,7 @@ class Channel(Section):
         if self.unit == COUNTS and self.counts_per_turn is not None:
             field, text = "counts_per_turn", "1 turn"
         elif self.unit == COUNTS and self.count is not None:
-            field = "count"
-            text = self.count
+            field, text = "count", self.count
         elif self.unit == COUNTS:
             return 1.0, "1" if allowed[0][0] == "1" else "count"
         for cf, written in allowed:
@@ -161,7 +160,7 @@ class Channel(Section):
 class Condition(Section):
     """Speed and load of all measurements with one simulationConditionId."""
 
-    speed: quantity("rpm", "1500 rpm", ge=0) = entry("Speed of the counted gear, rpm.", None)
+    speed: quantity("rpm", "1500 rpm", ge=0) = entry("Speed of the gear that counts, rpm.", None)
     direction: Literal["up", "down", "rest"] = entry("How the speed was reached.", None)
     load: t.type_of(LOAD) = entry("Static mesh force, N.", None)
     torque: quantity("N m", "120 N m", gt=0) = entry("Torque of the same gear, N m.", None)

@@ -7,7 +7,7 @@ from pydantic import model_validator
 from gearlib import checks
 from gearlib.config import types as t
 from gearlib.config import units
-from gearlib.config.types import MAX_JOBS, Recorded, Section, entry, grid, several
+from gearlib.config.types import Recorded, Section, entry, grid, several
 from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated
 
@@ -15,7 +15,6 @@ from gearlib.models import tolerated
 _QUANTITIES = tuple(name for name in QUANTITIES if "duty point" not in QUANTITIES[name][1])
 #: Keys of values, and of deviations, which may be shares.
 _VALUES, _DEVIATIONS = ("mean", "min", "max", "nominal"), ("std", "upper", "lower")
-_SHARE = "%"
 
 
 class ToleratedParameter(Section):
@@ -41,24 +40,22 @@ class ToleratedParameter(Section):
         if self.distribution is None:
             fits = self.shape is None
             checks.require(fits, f"{key}.shape", self.shape, "left out without a distribution")
-            return {name: _read(f"{key}.{name}", x, kind) for name, x in numbers.items()}
+            return {name: _in_si(f"{key}.{name}", x, kind) for name, x in numbers.items()}
         for name, value in numbers.items():
             raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
         return {"distribution": self.distribution, **(self.shape or {})}
 
 
-def _read(key, value, kind):
-    """Return a text with a unit as a number of the kind."""
-    if not isinstance(value, str) or value.strip().endswith(_SHARE) or not hasattr(kind, "unit"):
+def _in_si(key, value, kind):
+    """Return a text with a unit as a number of the kind; shares stay texts."""
+    if not isinstance(value, str) or value.strip().endswith("%") or not hasattr(kind, "unit"):
         return value
     try:
         return units.read(value, kind.unit)
     except ValueError:
-        allowed = "a finite number"
-        if kind.unit != "1":
-            allowed += f" in {kind.unit} or a text with its unit such as {kind.example!r}"
-        if key.endswith(_DEVIATIONS):
-            allowed += ", or a share such as '5 %'"
+        unit = f" in {kind.unit} or a text with its unit such as {kind.example!r}"
+        share = ", or a share such as '5 %'" if key.endswith(_DEVIATIONS) else ""
+        allowed = f"a finite number{unit if kind.unit != '1' else ''}{share}"
         raise checks.refusal(key, value, allowed) from None
 
 
@@ -103,9 +100,6 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
 
     @model_validator(mode="after")
     def _check(self):
-        shard = -(-self.samples // MAX_JOBS)
-        allowed = f">= {shard} to stay within {MAX_JOBS:,} jobs"
-        checks.require(self.shard >= shard, ".shard", self.shard, allowed)
         t.check_different(".parameters", self.parameters, "parameter")
         names = [tolerance.parameter for tolerance in self.parameters]
         both = f"{', '.join(known_parameters())}, all of the gear pair or all of the drawing"

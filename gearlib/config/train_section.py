@@ -96,7 +96,7 @@ _Body = like("_Body", "", elements.Body, optional=("inertia", "base_radius"))
 class BodyPart(_Body):
     """A gear or a carrier, see `gearlib.Body`."""
 
-    gear: BodyGear = entry("Drawing: inertia, base radius, teeth and mass follow.", None)
+    gear: BodyGear = entry("Drawing, which gives its inertia and base radius.", None)
 
     @model_validator(mode="after")
     def _check(self):

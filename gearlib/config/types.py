@@ -79,22 +79,25 @@ def _read_truth(value):
 
 
 def _read_choice(value):
-    if isinstance(value, bool):  # pydantic would take true for 1
-        raise PydanticCustomError("choice", "no choice")
-    return _read_integer(value)
+    return _accept(not isinstance(value, bool), _read_integer(value))  # true is not 1
 
 
 def _read_option(value):
     value = _read_number(_read_integer(_read_truth(value)))
-    if not isinstance(value, (int, float, str)) or value in (math.inf, -math.inf) or value != value:
-        raise PydanticCustomError("option", "no plain value")
-    return value
+    is_plain = isinstance(value, (int, float, str))
+    return _accept(is_plain and (isinstance(value, str) or math.isfinite(value)), value)
 
 
 def _read_amount(value):
-    if isinstance(_read_option(value), bool):
-        raise PydanticCustomError("amount", "no amount")
-    return _read_option(value)
+    value = _read_option(value)
+    return _accept(not isinstance(value, bool), value)
+
+
+def _accept(fits, value):
+    """Return a value, or have it refused in the words of the schema."""
+    if not fits:
+        raise PydanticCustomError("refused", "not allowed")
+    return value
 
 
 def _all_different(values):
@@ -151,8 +154,8 @@ def quantity(unit, example, *, infinite=False, **bounds):
             return value
         try:
             return units.read(value, unit)
-        except ValueError as error:
-            raise PydanticCustomError("quantity", "no quantity") from error
+        except ValueError:
+            return _accept(False, value)
 
     comment = f"{'or .inf, ' if infinite else ''}in {unit} or a text with its unit such as "
     extra = _or_text(units.TEXT, f"{comment}'{example}'")
@@ -297,7 +300,7 @@ Start, OwnStart = described(Tuning, _FIRST), described(OwnTuning, _FIRST)
 Stop, OwnStop = described(Tuning, _LAST), described(OwnTuning, _LAST)
 Step, OwnStep = described(Distance, _DISTANCE), described(number(gt=0, le=10), _DISTANCE)
 Periods = described(LargeCount, "Mesh periods of a run.")
-RecordPeriods = described(whole(1), "The last periods, which are evaluated; at most `periods`.")
+RecordPeriods = described(whole(1), "The last mesh periods, which are evaluated.")
 Starts = described(Count, "Seeded starts of every motion.")
 Seed = described(whole(0, 1_000_000), "Seed of the random starts.")
 

@@ -94,16 +94,6 @@ def test_the_gears_alone_are_a_configuration(backlash, dampings):
     assert six.pair.reduced_mass == pair.reduced_mass
 
 
-@pytest.mark.parametrize("teeth", [1, 200])
-@pytest.mark.parametrize("count", [1, 60])
-def test_defaults_fit_the_gears(teeth, count):
-    # As long as names may be.
-    names = [f"{'x' * 38}{i:02}" for i in range(count)]
-    dampings = {name: coefficients(1.0, 0.0) for name in names}
-    given = {"gear_pair": GEARS | {"teeth": teeth}, "dampings": dampings}
-    assert load(given | {"run": {"samples_per_period": 8}}).phase_lag.harmonics == 1
-
-
 def test_default_bodies_have_the_reduced_mass_of_the_pair():
     # Along the line of action both rotations and both bearings yield.
     config = load({"gear_pair": GEARS, "dampings": {"a": coefficients(1.0, 0.0)}})
