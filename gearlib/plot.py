@@ -6,7 +6,6 @@ figures. Second scales are in SI units where the gears have them: a pair by its 
 """
 
 import math
-from itertools import cycle
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from gearlib.figures import (
     branches_figure,
     campbell_figure,
     harris_map_figure,
+    panels,
     phase_planes_figure,
     plot_curves,
     resonance_figure,
@@ -25,7 +25,6 @@ from gearlib.figures import schematic as train_schematic
 from gearlib.figures.fit_figure import fit
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
-from gearlib.figures.run_up_figure import run_up
 from gearlib.runs.simulation import simulate
 
 __all__ = [
@@ -42,8 +41,6 @@ __all__ = [
     "time_course",
     "values",
 ]
-
-_EXTREMA = ("displacement_max", "displacement_min")
 
 
 @style.styled()
@@ -71,39 +68,27 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     ValueError
         If a dataset has no such variable over the tuning.
     """
-    for one in sweeps:
-        if "tuning" not in getattr(one, "dims", ()):
-            raise ValueError(
-                "tuning has one value: gearlib.plot.resonance draws datasets of gearlib.sweep"
-            )
-    train = any("mesh" in one.dims for one in sweeps)
-    names = (variable,) if variable else ("dynamic_factor",) if train else _EXTREMA
-    parts = plot_curves.parts("resonance", sweeps, labels, (*names, "tuning", "period"), "sweep")
-    axes, own = plot_curves.axes(axes)
-    ends = [end for _, _, one in parts for end in resonance_figure.extent(one, names)]
-    axes.set_ylim(style.limits(ends))
-    tunings = [one.tuning.values[[0, -1]] for _, _, one in parts]
-    axes.set_xlim(np.min(tunings), np.max(tunings) + (0.0 if np.ptp(tunings) else 0.01))
-    if names == _EXTREMA:
-        plot_curves.shade(axes, parts, "y")
-    groups = [group for group, _, _ in parts]
-    for number, (label, look) in enumerate(plot_curves.looks(parts, resonance_figure.CARRIED)):
-        one = parts[number][2].sortby("tuning")
-        shift = number / len(groups)
-        marks = look.colour, look.line, look.marker
-        resonance_figure.draw_sweep(axes, one, *marks, shift, names=names)
-        axes.plot([], [], color=look.colour, ls=look.line, marker=look.marker, ms=3.5, label=label)
+    train = any("mesh" in sweep.dims for sweep in sweeps)
+    default = ("dynamic_factor",) if train else resonance_figure.EXTREMA
+    names = default if variable is None else (variable,)
+    curves = plot_curves.curves("resonance", sweeps, labels, (*names, "period"), "sweep", "tuning")
+    axes = plot_curves.axes_or_new(axes)
+    data = [curve.data.sortby("tuning") for curve in curves]
+    axes.set_ylim(style.limits(*(resonance_figure.shown_range(one, names) for one in data)))
+    axes.set_xlim(style.limits(*(one.tuning for one in data), margin=0.0))
+    for number, (curve, sweep) in enumerate(zip(curves, data, strict=True)):
+        shift = number / len(curves)
+        resonance_figure.draw_sweep(axes, sweep, curve.look, shift, names, label=curve.label)
     axes.set_xlabel(style.OWN_TUNING)
-    first = parts[0][2]
-    axes.set_ylabel("displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static deflections)")
-    if names != _EXTREMA:
-        axes.set_ylabel(plot_curves.words(first[names[0]]))
-    speeds = {float(one.speed[-1] / one.tuning[-1]) for _, _, one in parts if "speed" in one}
-    if len(speeds) == 1 and plot_curves.scale(parts, "static_deflection") is not None:
-        plot_curves.second(axes, "x", speeds.pop(), "speed (rpm)")
-    if names[0] in _EXTREMA:
-        plot_curves.length(axes, "y", parts, "displacement")
-    return plot_curves.finish(axes, own)
+    axes.set_ylabel(panels.axis_label(data[0][names[0]], 45))
+    speeds = {float(one.speed[-1] / one.tuning[-1]) for one in data if "speed" in one}
+    if len(speeds) == 1 and plot_curves.in_si(curves):
+        style.second_scale(axes, speeds.pop(), panels.axis_label(data[0].speed))
+    if names == resonance_figure.EXTREMA:
+        axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
+        plot_curves.shade_backlash(axes, curves, "y")
+        plot_curves.add_si_scale(axes, curves, "displacement", "right")
+    return plot_curves.add_legend(axes)
 
 
 @style.styled()
@@ -127,28 +112,30 @@ def phase_plane(*runs, axes=None, labels=None):
     ValueError
         If a dataset has no time course.
     """
-    parts = plot_curves.parts("phase_plane", runs, labels, ("displacement", "velocity"), "simulate")
-    axes, own = plot_curves.axes(axes)
-    for (label, look), (_, _, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        x, v = phase_planes_figure.orbit_of(one)
-        axes.plot(x, v, color=look.colour, linestyle=look.line, label=label)
-    axes.set_xlim(axes.get_xlim())
+    names = ("displacement", "velocity")
+    curves = plot_curves.curves("phase_plane", runs, labels, names, "simulate", "phase")
+    axes = plot_curves.axes_or_new(axes)
+    for curve in curves:
+        orbit = phase_planes_figure.closed_orbit(curve.data)
+        line = curve.look.line
+        if "stable" in curve.data:
+            line = "-" if curve.data.stable else style.DASHED
+        axes.plot(*orbit, color=curve.look.colour, linestyle=line, label=curve.label)
     # With moving bearings the far flank is no line in this plane.
-    if not any("backlash" in one for one in runs):
-        plot_curves.shade(axes, parts, "x")
-    axes.set_xlabel(plot_curves.COURSES["displacement"][0])
-    axes.set_ylabel(plot_curves.COURSES["velocity"][0])
-    plot_curves.length(axes, "x", parts, "displacement")
-    plot_curves.course_scale(axes, parts, "velocity")
-    return plot_curves.finish(axes, own)
+    if not any("backlash" in run for run in runs):
+        plot_curves.shade_backlash(axes, curves, "x")
+    for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
+        axes.set(**{f"{direction}label": panels.axis_label(curves[0].data[name], 50)})
+        plot_curves.add_si_scale(axes, curves, name, side)
+    return plot_curves.add_legend(axes)
 
 
 @style.styled()
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with each gain and loss of contact.
 
-    Of one curve the times in the backlash are shaded. A tick of its colour on a curve is where the
-    contact changes.
+    The times in the backlash are shaded if there is only one curve. A tick on the curve of a pair
+    is where the contact changes.
 
     Parameters
     ----------
@@ -169,29 +156,69 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     ValueError
         If a dataset has no such variable over the phase.
     """
-    parts = plot_curves.parts("time_course", runs, labels, (variable, "phase"), "simulate")
-    axes, own = plot_curves.axes(axes)
-    for (label, look), (_, at, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        turns = one.phase.values / math.tau
-        axes.plot(turns, one[variable].values, color=look.colour, ls=look.line, label=label)
-        if "event_phase" in one:
-            here = one.event_phase.values
-            if "mesh" in at and "event_mesh" in one:
-                here = here[one.event_mesh.values == at["mesh"]]
-            height = np.interp(here / math.tau, turns, one[variable].values)
-            style.dots(axes, here / math.tau, height, "|", look.colour, 7.0, zorder=3)
-    if len(parts) == 1 and "contact" in parts[0][2]:
-        time_courses_figure.shade_contact(axes, turns, parts[0][2].contact.values)
-    axes.set_xlim(turns[0], turns[-1])
-    axes.set_xlabel("mesh periods")
-    axes.set_ylabel(
-        plot_curves.COURSES.get(variable, [plot_curves.words(parts[0][2][variable])])[0]
-    )
-    frequency = plot_curves.scale(parts, "mesh_frequency")
-    if frequency is not None and plot_curves.scale(parts, "static_deflection") is not None:
-        plot_curves.second(axes, "x", 1e3 * math.tau / frequency, "time (ms)")
-    plot_curves.course_scale(axes, parts, variable)
-    return plot_curves.finish(axes, own)
+    curves = plot_curves.curves("time_course", runs, labels, (variable,), "simulate", "phase")
+    axes = plot_curves.axes_or_new(axes)
+    ends = []
+    for curve in curves:
+        run = panels.in_mesh_periods(curve.data)
+        periods, heights = run.phase.values, run[variable].values
+        look = {"color": curve.look.colour, "linestyle": curve.look.line}
+        axes.plot(periods, heights, label=curve.label, **look)
+        ends += [periods[0], periods[-1]]
+        if "event_phase" in run and "mesh" not in run.coords:
+            events = run.event_phase.values / math.tau
+            at = np.interp(events, periods, heights)
+            style.dots(axes, events, at, "|", curve.look.colour, 7.0, zorder=3)
+    if len(curves) == 1 and "contact" in run:
+        time_courses_figure.shade_contact(axes, periods, run.contact.values)
+    axes.set_xlim(min(ends), max(ends))
+    axes.set_xlabel(panels.axis_label(run.phase))
+    axes.set_ylabel(panels.axis_label(run[variable], 45))
+    frequency = plot_curves.common_scalar(curves, "mesh_frequency")
+    if frequency is not None and plot_curves.in_si(curves):
+        style.second_scale(axes, 1e3 * math.tau / frequency, "time (ms)")
+    plot_curves.add_si_scale(axes, curves, variable, "right")
+    return plot_curves.add_legend(axes)
+
+
+@style.styled()
+def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
+    """Draw a variable of the revolutions of run-ups over their speed; dotted where it falls.
+
+    Parameters
+    ----------
+    *runs : xarray.Dataset
+        Of `gearlib.run_up`; each mesh of a train is a colour.
+    axes : matplotlib.axes.Axes, optional
+    labels : sequence of str, optional
+        Of the datasets.
+    variable : str
+        Any over ``revolution``: extrema of displacement and dynamic_force, mean_force, bounces,
+        fraction_normal.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If a dataset is no run-up, or has no such variable.
+    """
+    names = (variable, "revolution_speed")
+    curves = plot_curves.curves("run_up", runs, labels, names, "run_up", "revolution")
+    axes = plot_curves.axes_or_new(axes)
+    variables = [curve.data[variable] for curve in curves]
+    size, unit = style.readable_unit(variables[0].units, *variables)
+    for curve, heights in zip(curves, variables, strict=True):
+        speed = curve.data.revolution_speed.values
+        # The last revolution goes on as the one before it.
+        falls = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
+        look = {"color": curve.look.colour, "label": curve.label}
+        style.draw_rise_and_fall(axes, speed, heights.values / size, falls, **look)
+    axes.set_xlabel("speed (rpm)")
+    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], size, unit), 45))
+    return plot_curves.add_legend(axes)
 
 
 @style.styled()
@@ -217,15 +244,14 @@ def campbell(diagram, *, axes=None, to=None):
     ValueError
         If the dataset is no Campbell diagram of one order or more.
     """
-    plot_curves.need("campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell")
+    plot_curves.require("campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell")
     if not diagram.critical_speed.size:
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
-    axes, own = plot_curves.axes(axes)
+    axes = plot_curves.axes_or_new(axes)
     end = 1.02 * float(diagram.critical_speed.max()) if to is None else float(to)
     if not 0.0 < end < math.inf:
         raise ValueError(f"to = {to!r} is not allowed: it must be a finite number > 0, in rpm")
-    campbell_figure.draw_orders(axes, diagram, end)
-    handles = campbell_figure.entries(diagram)
+    handles = campbell_figure.draw_orders(axes, diagram, end)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 
@@ -259,14 +285,13 @@ def schematic(train, *, run=None, phase=None, axes=None):
     try:
         layout = train.layout()
     except AttributeError:
-        words = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
-        raise ValueError(words) from None
+        message = f"train = {train!r} is not allowed: it must be a gearlib.GearTrain"
+        raise ValueError(message) from None
     if run is not None:
-        plot_curves.need("schematic", run, ("contact", "status"), "simulate")
-    phase, contact = train_schematic.at(layout, run, phase)
-    axes, own = plot_curves.axes(axes)
+        plot_curves.require("schematic", run, ("contact", "status"), "simulate")
+    phase, contact = train_schematic.instant_of_run(layout, run, phase)
+    axes = plot_curves.axes_or_new(axes)
     train_schematic.draw(axes, layout, None, phase, contact)
-    axes.set_title("\n".join(train_schematic.words(layout, contact)))
     return axes
 
 
@@ -289,13 +314,13 @@ def harris_map(errors, *, axes=None):
     ValueError
         If the dataset has no transmission error over torque and phase.
     """
-    plot_curves.need("harris_map", errors, ("transmission_error", "torque"), "geometry.Mesh")
+    plot_curves.require("harris_map", errors, ("transmission_error", "torque"), "geometry.Mesh")
     if errors.transmission_error.ndim != 2:
         raise ValueError(
             f"transmission_error over {errors.transmission_error.dims} is not allowed: it must be "
             "over torque and phase; choose one of the others by `sel`"
         )
-    axes, own = plot_curves.axes(axes)
+    axes = plot_curves.axes_or_new(axes)
     design = float(errors.get("design_torque", math.nan))
     data = errors.transpose("torque", "phase", ...)
     harris_map_figure.draw_courses(axes, data, data.torque.values, design)
@@ -326,30 +351,29 @@ def values(data, *names, axes=None):
     ValueError
         If no name is given, or the dataset has no such variable over a dimension.
     """
-    plot_curves.need("values", data, names or ("names",), "GearTrain.modes and others")
+    plot_curves.require("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
             raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
-    axes, _ = plot_curves.axes(axes)
-    over, drawn = data[names[0]].dims[-1], []
+    axes = plot_curves.axes_or_new(axes)
+    *others, over = data[names[0]].dims
+    rows = {}
     for name in names:
-        others = data[name].dims[:-1]
+        prefix = [panels.name_and_unit(data[name])[0]] * (len(names) > 1)
         for place in np.ndindex(*data[name].shape[:-1]):
             row = data[name].isel(dict(zip(others, place, strict=True)))
-            words = [name.replace("_", " ")] * (len(names) > 1)
-            words += [f"{row[dim].item():g}" for dim in others]
-            drawn.append((" ".join(words), row.values))
-    for look, (words, row) in zip(style.looks(range(len(drawn))).values(), drawn, strict=True):
-        axes.plot(row, look.marker, color=look.colour, ms=4, label=words)
-    entries = [str(entry) for entry in data[over].values]
-    few = slice(None, None, -(-len(entries) // 12))
-    tilted = {"rotation": 30, "ha": "right"} if max(map(len, entries)) > 5 else {}
-    axes.set_xticks(range(len(entries))[few], entries[few], **tilted)
+            rows[" ".join([*prefix, *(f"{row[dim].item():g}" for dim in others)])] = row
+    for label, look in style.looks(rows).items():
+        axes.plot(rows[label], look.marker, color=look.colour, ms=4, label=label)
+    ticks = [str(value) for value in data[over].values]
+    shown = slice(None, None, -(-len(ticks) // 12))
+    tilted = {"rotation": 30, "ha": "right"} if max(map(len, ticks)) > 5 else {}
+    axes.set_xticks(range(len(ticks))[shown], ticks[shown], **tilted)
     axes.set_xlabel(over.replace("_", " "))
-    unit = data[names[0]].attrs.get("units", "1")
-    axes.set_ylabel(f"{', '.join(names).replace('_', ' ')} ({unit})")
-    axes.set_ylim(style.limits([row for _, row in drawn]))
-    if len(drawn) > 1:
+    label = panels.axis_label(data[names[0]], 45)
+    axes.set_ylabel(label if len(names) == 1 else ", ".join(names).replace("_", " "))
+    axes.set_ylim(style.limits(*rows.values()))
+    if len(rows) > 1:
         axes.legend(title=" and ".join(others).replace("_", " "))
     return axes
 
@@ -377,36 +401,36 @@ def orbit(*orbits, axes=None, labels=None):
     ValueError
         If it is neither, or both.
     """
-    if orbits and all(isinstance(one, Orbit) for one in orbits):
-        words = labels or [
-            f"{'stable' if one.stable else 'unstable'}, {one.period} mesh periods" for one in orbits
+    if orbits and all(isinstance(orbit, Orbit) for orbit in orbits):
+        periods = [
+            f"{'stable' if orbit.stable else 'unstable'}, {orbit.period} mesh periods"
+            for orbit in orbits
         ]
-        runs = [_course_of(one) for one in orbits]
-        axes = phase_plane(*runs, axes=axes, labels=words)
-        each = len(axes.lines) // len(orbits)
-        for i, line in enumerate(axes.lines):
-            line.set_linestyle("-" if orbits[i // each].stable else style.DASHED)
-        if labels or len(orbits) > 1 or each == 1:
-            axes.legend()
-        return axes
-    for one in orbits or [None]:
-        plot_curves.need("orbit", one, ("displacement_max", "stable", "label"), "continue_orbit")
-    axes, own = plot_curves.axes(axes)
-    found = set()
-    for one, colour in zip(orbits, cycle(style.PALETTE), strict=False):
-        name = one.attrs.get("parameter", "tuning")
-        branch = one.rename({name: "tuning"}) if name != "tuning" else one
-        if "branch" not in one:
-            branch = branch.assign(branch=("point", np.zeros(one.sizes["point"], int)))
-        for variable in _EXTREMA:
-            branches_figure.draw_curve(axes, branch, variable, colour)
-            x, y = branch.tuning.values, branch[variable].values
-            found |= {*branches_figure.draw_special_points(axes, x, y, one.label.values)}
-    axes.set_xlabel(style.OWN_TUNING if name == "tuning" else name.replace("_", " "))
-    axes.set_ylabel("displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static deflections)")
-    handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
-    axes.legend(handles=[*handles, *map(branches_figure.special_entry, sorted(found))])
+        return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels or periods)
+    names = ("displacement_max", "stable", "label")
+    curves = plot_curves.curves("orbit", orbits, labels, names, "continue_orbit", "point")
+    axes = plot_curves.axes_or_new(axes)
+    parameter = orbits[0].attrs.get("parameter", "tuning")
+    for curve in curves:
+        points = curve.data.rename({parameter: "tuning"} if parameter != "tuning" else {})
+        if "branch" not in points:
+            points = points.assign(branch=0 * points.label)
+        for name in resonance_figure.EXTREMA:
+            branches_figure.draw_curve(axes, points, name, curve.look.colour)
+            branches_figure.draw_special_points(axes, points.tuning, points[name], points.label)
+    axes.set_xlabel(panels.axis_label(orbits[0][parameter]))
+    axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
+    codes = np.concatenate([branch.label for branch in orbits])
+    axes.legend(handles=branches_figure.entries(codes))
     return axes
+
+
+def _time_course_of(orbit):
+    """Return the run of an orbit over one of its periods, and whether it is stable."""
+    counts = {"periods": orbit.period, "record_periods": orbit.period}
+    run = simulate(orbit.pair, orbit.tuning, initial_state=tuple(orbit.state), **counts)
+    # Rounding may grow along an unstable orbit, so that the run does not find its period.
+    return run.assign(period=orbit.period, stable=bool(orbit.stable))
 
 
 def _course_of(one):

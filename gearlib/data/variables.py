@@ -17,7 +17,7 @@ DESCRIPTIONS = {
     "velocity": ("1", "relative mesh velocity dx/dtau in static deflections"),
     "acceleration": ("1", "relative mesh acceleration d2x/dtau2 in static deflections"),
     "stiffness": ("1", "mesh stiffness over mean mesh stiffness"),
-    "modified_stiffness": ("1", "modified stiffness function C (H1 + H2) over mean mesh stiffness"),
+    "modified_stiffness": ("1", "modified stiffness C (H1 + H2) over mean stiffness"),
     "dynamic_force": ("1", "dynamic mesh force over load"),
     "contact": ("1", "phase of contact"),
     # six degrees of freedom

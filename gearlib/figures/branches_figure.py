@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from gearlib.figures import style
+from gearlib.figures import panels, style
 
 _HEIGHT = 6.6
 #: Points on both sides of a fold that tell on which side it lies.
-_FAR = 6
-#: label -> (name, colour, marker), in the codes of `gearlib.analysis.orbits.special_points`.
-_SPECIAL = {
+POINTS_BESIDE_FOLD = 6
+#: Shares of the ranges of tuning and height within which special points share a line of text.
+SAME_TEXT_WIDTH, SAME_TEXT_HEIGHT = 0.05, 0.06
+#: Code of `gearlib.analysis.orbits.special_points` -> (name, colour, marker).
+SPECIAL_POINTS = {
     1: ("fold", style.PALETTE[4], "o"),
     2: ("period doubling", style.PALETTE[5], "D"),
     3: ("Neimark-Sacker", style.PALETTE[1], "^"),
@@ -17,115 +19,100 @@ _SPECIAL = {
 }
 
 
-def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
-    """Draw a variable of branches over the tuning: solid where stable, dashed where unstable.
-
-    `branches` are those of `gearlib.studies.resonance_branches.compute`.
-    """
-    tuning, values = branches.tuning.values, branches[variable].values
-    number, stable = branches.branch.values, branches.stable.values.astype(bool)
-    for one in np.unique(number):
-        at = np.flatnonzero(number == one)
-        # Pieces of one kind; each begins where the one before it ends.
-        cuts = np.flatnonzero(np.diff(stable[at].astype(int))) + 1
-        for piece in np.split(at, cuts):
-            first = max(piece[0] - 1, at[0])
-            drawn = slice(first, piece[-1] + 1)
-            axes.plot(
-                tuning[drawn],
-                values[drawn],
-                color=colour,
-                linewidth=width,
-                linestyle="-" if stable[piece[0]] else style.DASHED,
-                zorder=zorder,
-            )
-
-
 @style.styled()
 def draw(branches, loci):
-    """Draw the branches of one damping, labelled, and the loci of their special points.
+    """Return a figure of branches, their special points marked, above the loci of these points.
 
-    They are those of `compute` and `compute_loci` of `gearlib.studies.resonance_branches`.
-    Above, heights of orbits over the tuning; below, where the special points lie over tuning
-    and damping ratio. The dotted line is the damping of the branches.
+    They are those of `compute` and `compute_loci` of `gearlib.studies.resonance_branches`. The
+    dotted line is the damping of the branches.
     """
     figure = style.page(_HEIGHT)
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
     draw_curve(top, branches, "orbit_height", "black")
-    tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
-    shown = draw_special_points(top, tuning, height, labels)
-    _name_places(top, tuning, height, labels, shown)
-    for number in np.unique(loci["locus"].values):
-        one = loci.isel(point=np.flatnonzero(loci["locus"].values == number))
-        _draw_locus(bottom, one)
-    given = float(loci.own_damping)
-    bottom.axhline(given, color="black", linewidth=0.6, linestyle=":")
-    for code in shown:
-        at = labels == code
-        _, colour, marker = _SPECIAL[code]
-        bottom.plot(tuning[at], np.full(at.sum(), given), marker, color=colour, markersize=3.5)
-    handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
-    handles += [special_entry(code, "-") for code in shown]
+    draw_special_points(top, branches.tuning, branches.orbit_height, branches.label)
+    _write_tunings(top, branches)
+    damping = float(loci.own_damping)
+    for number in np.unique(loci.locus):
+        _draw_locus(bottom, loci.isel(point=np.flatnonzero(loci.locus == number)))
+    bottom.axhline(damping, color="black", linewidth=0.6, linestyle=":")
+    at_damping = np.full(branches.sizes["point"], damping)
+    draw_special_points(bottom, branches.tuning, at_damping, branches.label, size=3.5)
+    handles = entries(branches.label, "-")
     style.legend(figure, handles, len(handles), "upper")
-    top.set_ylabel("height of the orbit\n(static defl.)")
-    bottom.set_ylabel("damping ratio $\\beta$")
+    top.set_ylabel(panels.axis_label(branches.orbit_height, 40))
+    bottom.set_ylabel(panels.axis_label(loci.damping_ratio, 40))
     bottom.set_xlabel(style.TUNING)
     return figure
 
 
-def draw_special_points(axes, x, y, labels):
-    """Mark the special points of branches, and return the codes of those that there are."""
-    shown = [code for code in _SPECIAL if (labels == code).any()]
-    for code in shown:
-        _, colour, marker = _SPECIAL[code]
-        at = labels == code
-        axes.plot(x[at], y[at], marker, color=colour, markersize=4.5, zorder=3)
-    return shown
+def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
+    """Draw a variable of branches over the tuning: solid where stable, dashed where unstable."""
+    tuning, values = branches.tuning.values, branches[variable].values
+    stable = branches.stable.values.astype(bool)
+    for number in np.unique(branches.branch):
+        points = np.flatnonzero(branches.branch == number)
+        changes = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
+        for piece in np.split(points, changes):
+            # It begins where the piece before it ends.
+            piece = np.arange(max(piece[0] - 1, points[0]), piece[-1] + 1)
+            look = {"linestyle": "-" if stable[piece[-1]] else style.DASHED, "linewidth": width}
+            axes.plot(tuning[piece], values[piece], color=colour, zorder=zorder, **look)
 
 
-def special_entry(code, line="none"):
-    """Return what a legend says of a special point."""
-    name, colour, marker = _SPECIAL[code]
-    return style.entry(name, colour, line, marker, markersize=4)
+def draw_special_points(axes, x, y, labels, size=4.5):
+    """Mark the special points of branches."""
+    x, y, labels = (np.asarray(values) for values in (x, y, labels))
+    for code, (_, colour, marker) in SPECIAL_POINTS.items():
+        points = labels == code
+        if points.any():
+            style.dots(axes, x[points], y[points], marker, colour, size, zorder=3)
+
+
+def entries(labels, line="none"):
+    """Return the entries of the legend for branches and those special points that there are."""
+    special = [SPECIAL_POINTS[code] for code in SPECIAL_POINTS if code in np.asarray(labels)]
+    return [
+        style.entry("stable orbit"),
+        style.entry("unstable orbit", line=style.DASHED),
+        *(
+            style.entry(name, colour, line, marker, markersize=4)
+            for name, colour, marker in special
+        ),
+    ]
 
 
 def _draw_locus(axes, locus):
-    """Draw the two halves of one locus, from its special point on."""
-    _, colour, _ = _SPECIAL[int(locus.label[0])]
-    tuning, damping = locus.tuning.values, locus.damping_ratio.values
-    # The second half begins anew at the special point.
-    given = float(locus.own_damping)
-    starts = np.flatnonzero(np.isclose(damping, given, rtol=1e-12, atol=0.0))
-    for part in np.split(np.arange(tuning.size), starts[1:]):
-        axes.plot(tuning[part], damping[part], color=colour, linewidth=1.0)
+    """Draw the two halves of a locus, from its special point on."""
+    _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
+    damping = locus.damping_ratio.values
+    starts = np.flatnonzero(np.isclose(damping, float(locus.own_damping), rtol=1e-12, atol=0.0))
+    for half in np.split(np.arange(damping.size), starts[1:]):
+        axes.plot(locus.tuning.values[half], damping[half], color=colour, linewidth=1.0)
 
 
-def _name_places(axes, tuning, height, labels, shown):
+def _write_tunings(axes, branches):
     """Write the tuning beside each special point; close ones share a line of text."""
-    at = np.flatnonzero(np.isin(labels, shown))
-    near_height = 0.06 * np.ptp(axes.get_ylim())
-    near_tuning = 0.05 * (np.ptp(tuning) or 1.0)
-    groups = []
-    for i in at[np.argsort(height[at], kind="stable")]:
-        for group in groups:
-            first = group[0]
-            if (
-                abs(height[i] - height[first]) < near_height
-                and abs(tuning[i] - tuning[first]) < near_tuning
-            ):
-                group.append(i)
-                break
-        else:
-            groups.append([i])
-    for group in groups:
-        words = ", ".join(f"{tuning[i]:.4f}" for i in sorted(group, key=lambda i: tuning[i]))
-        # Beside a fold, on the side to which no branch goes; else above.
-        i = min(group, key=lambda i: labels[i])
-        around = tuning[[max(i - _FAR, 0), min(i + _FAR, tuning.size - 1)]]
-        if (around > tuning[i]).all():
-            place = (-6, 0), "right center"
-        elif (around < tuning[i]).all():
-            place = (6, 0), "left center"
-        else:
-            place = (0, 6), "center bottom"
-        style.note(axes, words, (tuning[i], height[i]), *place, white=(0.15, 0.85), zorder=2.5)
+    tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
+    places = np.stack(
+        [
+            tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH,
+            height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT,
+        ]
+    )
+    points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
+    while points.size:
+        # Of points close to each other the text stands beside the one of the lowest code.
+        close = (np.abs(places[:, points] - places[:, points[:1]]) < 1.0).all(axis=0)
+        group, points = points[close], points[~close]
+        first = group[labels[group].argmin()]
+        text = ", ".join(f"{value:.4f}" for value in np.sort(tuning[group]))
+        # Beside a fold it stands on the side to which no branch goes, else above.
+        around = tuning[
+            [max(first - POINTS_BESIDE_FOLD, 0), min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
+        ]
+        side = int(np.sign(tuning[first] - around).sum())
+        offset, anchor = {-2: ((-6, 0), "right center"), 2: ((6, 0), "left center")}.get(
+            side, ((0, 6), "center bottom")
+        )
+        place = tuning[first], height[first]
+        style.note(axes, text, place, offset, anchor, white=(0.15, 0.85), zorder=2.5)

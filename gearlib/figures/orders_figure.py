@@ -36,31 +36,25 @@ def orders(*spectra, axes=None, labels=None, variable="force_amplitude"):
         If a dataset is no order spectrum, or has no such amplitude.
     """
     checks.one_of("variable", variable, ("force_amplitude", "error_amplitude"))
-    parts = plot_curves.parts("orders", spectra, labels, (variable, "mesh_order"), "orders")
-    axes, own = plot_curves.axes(axes)
-    most = max(float(one[variable][1:].max()) for _, _, one in parts)
-    force = variable == "force_amplitude"
-    unit, name = (1.0, "N") if force else style.length_unit(most)
-    for (label, look), (_, _, one) in zip(plot_curves.looks(parts), parts, strict=True):
-        _draw_lines(axes, one, variable, 1.0 / unit, look, label)
+    names = (variable, "mesh_order")
+    curves = plot_curves.curves("orders", spectra, labels, names, "orders", "order")
+    axes = plot_curves.axes_or_new(axes)
+    # Order 0 is the mean.
+    spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
+    size, unit = style.readable_unit(spectra[0][variable].units, *(s[variable] for s in spectra))
+    for curve, spectrum in zip(curves, spectra, strict=True):
+        heights = spectrum[variable].values / size
+        drawn = heights > _FLOOR * heights.max()
+        orders, heights = spectrum.order.values[drawn], heights[drawn]
+        look = {"color": curve.look.colour, "label": curve.label}
+        axes.vlines(orders, _FLOOR * heights.max(), heights, lw=1.4, **look)
+        style.dots(axes, orders, heights, "o", curve.look.colour, 2.5)
     axes.set_yscale("log")
-    _name_harmonics(axes, max((one for _, _, one in parts), key=lambda d: d.order[-1]))
+    _name_harmonics(axes, max(spectra, key=lambda spectrum: spectrum.order[-1]))
     axes.set_xlabel("order (waves per revolution)")
-    axes.set_ylabel(f"{'mesh force' if force else 'transmission error'} ({name}, peak)")
-    return plot_curves.finish(axes, own)
-
-
-def _draw_lines(axes, data, variable, scale, look, label):
-    """Draw the amplitudes of a spectrum as lines from `_FLOOR`; return the largest one.
-
-    Order 0, the mean, is left out: it is no vibration.
-    """
-    order, height = data.order.values[1:], scale * data[variable].values[1:]
-    top = float(height.max())
-    seen = height > _FLOOR * top
-    axes.vlines(order[seen], _FLOOR * top, height[seen], color=look.colour, lw=1.4, label=label)
-    style.dots(axes, order[seen], height[seen], "o", look.colour, 2.5)
-    return top
+    kind = "mesh force" if variable == "force_amplitude" else "transmission error"
+    axes.set_ylabel(f"{kind} ({unit}, peak)")
+    return plot_curves.add_legend(axes)
 
 
 def _name_harmonics(axes, data):

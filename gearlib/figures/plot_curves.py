@@ -1,161 +1,155 @@
-"""Axes, curves of datasets, legends and second scales of the pictures of `gearlib.plot`."""
+"""Curves of datasets for `gearlib.plot`: their names, their looks, and their scales in SI units."""
 
 import json
+from dataclasses import dataclass
 from itertools import product
 
-from gearlib.figures import resonance_figure, style
+import xarray as xr
+from matplotlib.axes import Axes
 
-#: Variable of a time course -> what stands at its axis, its scale to SI and the unit of that.
-COURSES = {
-    "displacement": ("displacement $y$ (static deflections)", "static_deflection", "m"),
-    "velocity": ("velocity $dy/d\\tau$ (static deflections/rad)", "velocity_scale", "m/s"),
-    "dynamic_force": ("mesh force over load (1)", "force_scale", "N"),
-    "stiffness": ("mesh stiffness over its mean (1)", "stiffness_scale", "N/m"),
+from gearlib.figures import panels, style
+
+#: Dimensions of which each value is a curve.
+CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
+#: Variable -> the scalar of its dataset that leads to SI units.
+SI_SCALES = {
+    "displacement": "static_deflection",
+    "velocity": "velocity_scale",
+    "acceleration": "acceleration_scale",
+    "dynamic_force": "force_scale",
+    "stiffness": "stiffness_scale",
 }
-#: Dimensions of which each entry is a curve, and those along one.
-_MANY = ("case", "damping", "direction", "mesh")
+#: Directions of a sweep: their names, and the dashes and markers of those that carry their state.
+DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
+CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 
 
-def axes(axes):
-    """Return axes to draw in, and whether they are new."""
-    from matplotlib import pyplot
-    from matplotlib.axes import Axes
+@dataclass(frozen=True)
+class Curve:
+    """One curve of a picture: its data, its name in the legend and its look."""
 
-    if axes is not None and not isinstance(axes, Axes):
-        raise ValueError(
-            f"axes = {axes!r} is not allowed: it must be axes of matplotlib, such as "
-            "those of pyplot.figure().add_subplot(), or None"
-        )
-    if axes is not None:
-        return axes, False
-
-    with style.styled():
-        return pyplot.figure(figsize=(5.4, 3.6), layout="constrained").add_subplot(), True
+    data: xr.Dataset
+    label: str
+    look: style.Look
 
 
-def need(call, data, names, maker):
-    missing = [name for name in names if name not in getattr(data, "variables", ())]
+def require(caller, dataset, names, maker, dimension=None):
+    """Raise ValueError unless a dataset has these variables, over the dimension if it is given."""
+    known = getattr(dataset, "variables", {})
+    missing = [
+        name for name in names if name not in known or dimension not in (None, *known[name].dims)
+    ]
     if missing:
+        over = f" over {dimension}" if dimension else ""
         raise ValueError(
-            f"{missing[0]} is missing: gearlib.plot.{call} draws datasets of gearlib.{maker}"
+            f"{missing[0]}{over} is missing: gearlib.plot.{caller} draws datasets of "
+            f"gearlib.{maker}"
         )
 
 
-def parts(call, datasets, labels, names, maker):
-    """Return (label, where, dataset) of each curve; `where` chooses it among those of its dataset.
-
-    Labels tell what differs.
-    """
-    for one in datasets or [None]:
-        need(call, one, names, maker)
+def curves(caller, datasets, labels, names, maker, dimension):
+    """Return the `Curve` list of datasets that hold these variables over a dimension."""
+    for dataset in datasets or [None]:
+        require(caller, dataset, names, maker, dimension)
     if labels is not None and len(labels) != len(datasets):
         raise ValueError(
             f"labels = {labels!r} is not allowed: they must be {len(datasets)}, one for each "
             "dataset"
         )
-    found = []
-    for i, data in enumerate(datasets):
-        own = [dim for dim in _MANY if dim in data[names[0]].dims]
-        for values in product(*(data[dim].values for dim in own)):
-            where = dict(zip(own, map(str, values), strict=True))
-            one = data.sel(dict(zip(own, values, strict=True)))
-            said = {name: str(one[name].item()) for name in ("damping",) if name in one.coords}
-            given = json.loads(data.attrs.get("parameters", "{}"))
-            if "direction" in given:
-                said["direction"] = given["direction"]
-            said |= where
-            if labels is not None:
-                said["label"] = labels[i]
-            found.append((said, where, one))
+    data, properties = [], []
+    for i, dataset in enumerate(datasets):
+        origin = _origin(dataset) if labels is None else {"label": labels[i]}
+        dims = [dim for dim in CURVE_DIMENSIONS if dim in dataset[names[0]].dims]
+        for values in product(*(dataset[dim].values for dim in dims)):
+            data.append(dataset.sel(dict(zip(dims, values, strict=True))))
+            properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
     differing = {
         name
-        for said, _, _ in found
-        for name in said
-        if len({other.get(name) for other, _, _ in found}) > 1 or name == "label"
+        for name in dict.fromkeys(name for one in properties for name in one)
+        if name == "label" or len({one.get(name) for one in properties}) > 1
     }
-    if labels is not None:
-        differing -= {"damping", "direction"} - {d for _, where, _ in found for d in where}
-    return [({n: said[n] for n in said if n in differing}, *rest) for said, *rest in found]
+    distinct = [{n: v for n, v in one.items() if n in differing} for one in properties]
+    return [*map(Curve, data, map(_label, distinct), _looks(distinct))]
 
 
-def looks(parts, of_direction=None):
-    """Yield (words of the legend, `style.Look`): a colour for each but the direction.
+def _origin(dataset):
+    """Return what tells a dataset from others without labels: its damping and its direction."""
+    parameters = json.loads(dataset.attrs.get("parameters", "{}"))
+    origin = {name: parameters[name] for name in ("direction",) if name in parameters}
+    if "damping" in dataset.coords and not dataset.damping.ndim:
+        origin["damping"] = str(dataset.damping.item())
+    return origin
 
-    Where only that differs, it has the colours.
-    """
-    keys = [
-        tuple(value for name, value in said.items() if name != "direction") for said, _, _ in parts
+
+def _label(properties):
+    """Return the name of a curve in the legend, by the properties that tell it from others."""
+    names = [
+        DIRECTIONS.get(value, value) if name == "direction" else style.damping_label(value)
+        for name, value in properties.items()
     ]
-    alone = len({*keys}) == 1
-    if alone:
-        keys = [tuple(said.values()) for said, _, _ in parts]
+    return ", ".join(names)
+
+
+def _looks(properties):
+    """Return a `style.Look` for each curve: directions have their dashes, all else has colours."""
+    keys = [tuple(v for n, v in one.items() if n != "direction") for one in properties]
+    if len({*keys}) == 1:
+        keys = [tuple(one.values()) for one in properties]
     looks = style.looks(list(dict.fromkeys(keys)))
-    for key, (said, _, _) in zip(keys, parts, strict=True):
-        look = looks[key]
-        if of_direction and said.get("direction") in of_direction:
-            look = style.Look(look.colour, *of_direction[said["direction"]])
-        words = [
-            resonance_figure.DIRECTIONS.get(value, value)
-            if name == "direction"
-            else style.damping_label(value)
-            for name, value in said.items()
-        ]
-        yield ", ".join(words), look
+    for key, one in zip(keys, properties, strict=True):
+        carried = CARRIED.get(one.get("direction"), (looks[key].line, looks[key].marker))
+        yield style.Look(looks[key].colour, *carried)
 
 
-def scale(parts, name):
-    """Return a scalar that all have alike, else None; scales of one are those of bare ratios."""
-    values = {float(one[name]) for _, _, one in parts if name in one and not one[name].ndim}
-    if len(values) != 1 or not all(name in one for _, _, one in parts):
-        return None
-    value = values.pop()
-    return None if name == "static_deflection" and value == 1.0 else value
+def axes_or_new(axes):
+    """Return axes, or those of a new figure of pyplot if there are none."""
+    from matplotlib import pyplot
+
+    if axes is None:
+        return pyplot.figure(figsize=(5.4, 3.6), layout="constrained").add_subplot()
+    if not isinstance(axes, Axes):
+        raise ValueError(
+            f"axes = {axes!r} is not allowed: it must be axes of matplotlib, such as "
+            "those of pyplot.figure().add_subplot(), or None"
+        )
+    return axes
 
 
-def shade(axes, parts, direction):
-    """Shade the backlash, if it is that of all."""
-    backlash = scale(parts, "backlash_ratio")
+def common_scalar(curves, name):
+    """Return the value of a scalar that all curves share, else None."""
+    values = {curve.data[name].item() if name in curve.data else None for curve in curves}
+    return values.pop() if len(values) == 1 else None
+
+
+def in_si(curves):
+    """Return whether all curves have one scale to SI units; pairs given by ratios have none."""
+    return common_scalar(curves, "static_deflection") not in (None, 1.0)
+
+
+def add_si_scale(axes, curves, variable, side):
+    """Add a second scale in SI units on the "top" or "right" side, if the curves share one."""
+    name = SI_SCALES.get(variable, "")
+    factor = common_scalar(curves, name)
+    if factor is None or not in_si(curves):
+        return
+    _, unit = panels.name_and_unit(curves[0].data[name])
+    if unit == "m":
+        size, unit = style.length_unit(factor)
+        factor /= size
+    style.second_scale(axes, factor, f"{variable.replace('_', ' ')} ({unit})", side)
+
+
+def shade_backlash(axes, curves, direction):
+    """Shade the backlash along the axis of the displacement, "x" or "y", if all curves share it."""
+    backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:
-        limits = axes.get_xlim() if direction == "x" else axes.get_ylim()
+        limits = axes.axis()
         style.shade_areas(axes, backlash, direction)
-        (axes.set_xlim if direction == "x" else axes.set_ylim)(limits)
+        axes.axis(limits)
 
 
-def second(axes, direction, rate, label):
-    """Add a second scale above or on the right."""
-    place = {"x": "top", "y": "right"}[direction]
-    add = getattr(axes, f"secondary_{direction}axis")
-    scale = add(place, functions=(lambda value: value * rate, lambda value: value / rate))
-    getattr(scale, f"set_{direction}label")(label)
-
-
-def length(axes, direction, parts, words):
-    """Add a scale in a unit of length, where there is one."""
-    deflection = scale(parts, "static_deflection")
-    if deflection is not None:
-        unit, name = style.length_unit(deflection)
-        second(axes, direction, deflection / unit, f"{words} ({name})")
-
-
-def course_scale(axes, parts, variable):
-    """Add the scale in SI units of a variable of a time course."""
-    if variable == "displacement":
-        length(axes, "y", parts, variable)
-    elif variable in COURSES and scale(parts, "static_deflection") is not None:
-        _, name, unit = COURSES[variable]
-        rate = scale(parts, name)
-        if rate is not None:
-            second(axes, "y", rate, f"{variable.replace('_', ' ')} ({unit})")
-
-
-def words(variable):
-    """Return what stands at the axis of a variable: its name in words and its unit."""
-    unit = variable.attrs.get("units", "1")
-    return f"{variable.attrs.get('long_name', variable.name)} ({unit})"
-
-
-def finish(axes, own):
-    """Explain the curves that have labels."""
+def add_legend(axes):
+    """Add a legend if curves have names; return the axes."""
     if any(axes.get_legend_handles_labels()[1]):
         axes.legend()
     return axes

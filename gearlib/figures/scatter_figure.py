@@ -6,18 +6,23 @@ import numpy as np
 from matplotlib.patches import Patch
 
 from gearlib.data.variables import QUANTITIES
-from gearlib.figures import style
+from gearlib.figures import panels, style
 
 _HEIGHT, _ROW = 5.0, 1.7
 _BINS = 24
-_WAYS = {"up": "speed rises", "down": "speed falls", "cold": "from rest", "seeded": "seeded starts"}
-#: Opacity of a band.
-_PALE = 0.25
+_DIRECTIONS = {
+    "up": "speed rises",
+    "down": "speed falls",
+    "cold": "from rest",
+    "seeded": "seeded starts",
+}
+_BAND_OPACITY = 0.25
+_GREY = "#CFCFCF"
 
 
 @style.styled()
 def draw(scattered, *, indices=None):
-    """Draw `gearlib.scatter` of bands and quantities, and their Sobol' indices: two figures."""
+    """Return figures, by name, of a dataset of `gearlib.scatter` and of its Sobol' indices."""
     return {
         "tolerance_bands": bands(scattered),
         "tolerance_quantities": quantities(scattered, indices=indices),
@@ -25,91 +30,82 @@ def draw(scattered, *, indices=None):
 
 
 @style.styled()
-def bands(scattered, *, axes=None):
-    """Draw bands over speed above probabilities; return the figure."""
+def bands(scattered):
+    """Return a figure of bands of displacement over speed or tuning, above probabilities."""
     figure = style.page(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     over = "tuning" if "tuning" in scattered.dims else "speed"
-    x, band = scattered[over].values, scattered.height_band
-    scale, unit = 1.0, "length units of the model"
-    if over == "speed":
-        scale, unit = style.length_unit(float(np.nanmax(band)))
+    x, band = scattered[over], scattered.height_band
+    size, unit = style.readable_unit(band.units, band)
     looks = style.looks(map(str, scattered.direction.values))
+    handles = []
     for name, look in looks.items():
+        line = {"color": look.colour, "linestyle": look.line}
         # Seeded starts end on several motions, which share no band.
         if name != "seeded" or len(looks) == 1:
-            low, middle, high = band.sel(direction=name).values / scale
-            above.fill_between(x, low, high, color=look.colour, alpha=_PALE, linewidth=0)
-            above.plot(x, middle, color=look.colour, linestyle=look.line)
-        lost = scattered.contact_loss_probability.sel(direction=name)
-        below.plot(x, lost, color=look.colour, linestyle=look.line)
-    handles = [style.entry(_WAYS[name], look.colour, look.line) for name, look in looks.items()]
-    words = "all but a twentieth at either end"
-    handles.append(Patch(color="black", alpha=_PALE, lw=0, label=words))
-    above.legend(handles=handles)
+            low, middle, high = band.sel(direction=name).values / size
+            above.fill_between(x, low, high, color=look.colour, alpha=_BAND_OPACITY, linewidth=0)
+            above.plot(x, middle, **line)
+        below.plot(x, scattered.contact_loss_probability.sel(direction=name), **line)
+        handles.append(style.entry(_DIRECTIONS[name], look.colour, look.line))
+    label = "all but a twentieth at either end"
+    above.legend(handles=[*handles, Patch(color="black", alpha=_BAND_OPACITY, lw=0, label=label)])
     if "two_motions_probability" in scattered:
-        two = scattered.two_motions_probability.values
-        below.fill_between(x, two, color="#CFCFCF", linewidth=0, zorder=0, label="two motions")
+        two = scattered.two_motions_probability
+        below.fill_between(x, two, color=_GREY, linewidth=0, zorder=0, label="two motions")
         below.legend()
-    above.set_ylim(bottom=0.0)
+    above.set(ylim=(0.0, None), xlim=style.limits(x, margin=0.0))
+    above.set_ylabel(panels.axis_label(panels.in_unit(band, size, unit), 40))
     below.set_ylim(0.0, 1.02)
-    above.set_xlim(x[0], x[-1] if x.size > 1 else x[0] + 1.0)
-    above.set_ylabel(f"peak-to-peak displacement ({unit})")
-    below.set_ylabel("share of the designs\nthat lose contact")
+    below.set_ylabel(panels.axis_label(scattered.contact_loss_probability, 30))
     below.set_xlabel("speed (rpm)" if over == "speed" else style.OWN_TUNING)
     return figure
 
 
 @style.styled()
 def quantities(scattered, *, indices=None):
-    """Draw a histogram of each quantity, and its Sobol' indices beside; return the figure."""
+    """Return a figure of histograms of the quantities, with their Sobol' indices beside them."""
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page(_ROW * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)
-    for row, name in zip(grid, names, strict=True):
-        _histogram(row[0], scattered, name)
-        if indices is not None:
-            last = name == names[-1]
-            _bars(row[1], indices.sel(quantity=name), last)
+    for (histogram, *bars), name in zip(grid, names, strict=True):
+        _draw_histogram(histogram, scattered, name)
+        for axes in bars:
+            _draw_indices(axes, indices.sel(quantity=name))
+    if indices is not None:
+        grid[-1, 1].set_xlabel("share of the variance")
     return figure
 
 
-def _histogram(axes, scattered, name):
-    one = scattered[name]
-    values = one.values[scattered[f"{name}_status"].values == 0]
-    units = QUANTITIES[name][0]
-    scale, unit = 1.0, {"min-1": "rpm", "1": ""}.get(units, units)
-    if unit == "m" and values.size:
-        scale, unit = style.length_unit(float(np.abs(values).max()))
-    words = name.replace("_", " ") + (f" ({unit})" if unit else "")
-    axes.set_xlabel(words)
+def _draw_histogram(axes, scattered, name):
+    """Draw the designs over the values of a quantity, and its nominal value."""
+    values = scattered[name].values[scattered[f"{name}_status"].values == 0]
+    unit = QUANTITIES[name][0]
+    size, unit = style.readable_unit({"min-1": "rpm", "1": ""}.get(unit, unit), values)
+    axes.set_xlabel(name.replace("_", " ") + (f" ({unit})" if unit else ""))
     axes.set_ylabel("designs")
     if not values.size:
         return
-    low, high = style.limits(values / scale, margin=0.02)
-    axes.hist(values / scale, np.linspace(low, high, _BINS + 1), color="#CFCFCF")
-    middle = float(scattered[f"{name}_nominal"])
-    if math.isfinite(middle):
-        axes.axvline(middle / scale, color="black", linestyle=style.DASHED, lw=0.6, label="nominal")
+    low, high = style.limits(values / size, margin=0.02)
+    axes.hist(values / size, np.linspace(low, high, _BINS + 1), color=_GREY)
+    nominal = float(scattered[f"{name}_nominal"]) / size
+    if math.isfinite(nominal):
+        axes.axvline(nominal, color="black", linestyle=style.DASHED, lw=0.6, label="nominal")
         axes.legend()
     axes.set_xlim(low, high)
 
 
-def _bars(axes, one, last):
-    """Draw the indices of a quantity, with their intervals."""
-    names = [str(name) for name in one.parameter.values]
-    places = np.arange(len(names))
-    for which, look in (
+def _draw_indices(axes, indices):
+    """Draw the total and first indices of a quantity by parameter, with their intervals."""
+    places = np.arange(indices.sizes["parameter"])
+    for name, look in (
         ("total_index", {"facecolor": "none", "edgecolor": "black", "linewidth": 0.6}),
         ("first_index", {"color": style.PALETTE[0], "alpha": 0.6}),
     ):
-        values = one[which].values
-        low, high = one[f"{which}_interval"].values.T
-        wide = np.abs(np.clip([values - low, high - values], 0.0, None))
-        error = {"lw": 0.6, "ecolor": "black"}
-        axes.barh(places, values, xerr=wide, error_kw=error, height=0.7, **look)
-    axes.set_yticks(places, [name.replace("_", " ") for name in names])
+        index, (low, high) = indices[name].values, indices[f"{name}_interval"].values.T
+        errors = np.clip([index - low, high - index], 0.0, None)
+        look |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
+        axes.barh(places, index, height=0.7, **look)
+    axes.set_yticks(places, [str(name).replace("_", " ") for name in indices.parameter.values])
     axes.invert_yaxis()
     axes.set_xlim(-0.05, 1.1)
-    if last:
-        axes.set_xlabel("share of the variance")

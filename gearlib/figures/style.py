@@ -127,6 +127,21 @@ def length_unit(length):
     return next(((unit, name) for unit, name in _PREFIXES if length >= unit), _PREFIXES[-1])
 
 
+def readable_unit(unit, *values):
+    """Return (size, name) of the unit in which values are best read, µm for lengths in m."""
+    if unit != "m":
+        return 1.0, unit
+    return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))
+
+
+def draw_rise_and_fall(axes, x, y, falls, **look):
+    """Draw a curve over the speed, dotted where a mask says that the speed falls."""
+    for mask, dashes in ((~falls, "-"), (falls, ":")):
+        if mask.any():
+            axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **look)
+            look["label"] = None
+
+
 def shade_areas(axes, backlash, direction):
     """Shade backlash and inverse mesh across an axes whose limits are set.
 
@@ -152,14 +167,27 @@ def shade_areas(axes, backlash, direction):
     return visible
 
 
-def add_scale(axes, values, others, label):
-    """Add a second scale above an axes, such as speed in rpm over tuning.
+def second_scale(axes, factor, label, side="top", position=None):
+    """Add a scale, on the "top" or "right" side, whose values are those of the axis times `factor`.
 
-    Where the axes has `values`, an ndarray, the second scale has `others`, in proportion.
+    position: how far out it lies, a share of the axes; by default on the frame.
     """
-    rate = float(others[-1] / values[-1])
-    above = axes.secondary_xaxis("top", functions=(lambda x: x * rate, lambda y: y / rate))
-    above.set_xlabel(label, fontsize=7)
+    scaled = (lambda value: value * factor), (lambda value: value / factor)
+    if side == "top":
+        axes.secondary_xaxis(position or side, functions=scaled).set_xlabel(label)
+    else:
+        axes.secondary_yaxis(position or side, functions=scaled).set_ylabel(label)
+
+
+def length_scale(axes, deflection, label, side="right"):
+    """Add a scale in a unit of length to an axis in static deflections, of this length (m)."""
+    size, unit = length_unit(deflection)
+    second_scale(axes, deflection / size, f"{label} ({unit})", side)
+
+
+def add_scale(axes, values, others, label):
+    """Add a second scale above an axes, such as speed in rpm over tuning."""
+    second_scale(axes, float(others[-1] / values[-1]), label)
 
 
 def page(height, share=1.0):
@@ -221,19 +249,15 @@ def limits(*values, margin=0.05):
     """Return limits (low, high) around the finite ones of arrays, of a span that means something.
 
     margin: room on either side, a share of the span, which is `LEAST_SPAN` of the largest magnitude
-    or more; without finite values 0 and 1, and -1 and 1 of zeros.
+    or more; without finite values, and of zeros, -1 and 1.
     """
-    every = np.concatenate([np.ravel(one) for one in values]) if values else np.empty(0)
-    finite = every[np.isfinite(every)]
-    if not finite.size:
-        return 0.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    size = max(abs(low), abs(high))
-    if not size:
+    finite = np.concatenate([np.ravel(array) for array in values])
+    finite = finite[np.isfinite(finite)]
+    if not finite.any():
         return -1.0, 1.0
-    middle, half = low / 2.0 + high / 2.0, max(high / 2.0 - low / 2.0, LEAST_SPAN * size / 2.0)
-    half *= 1.0 + 2.0 * margin
-    return middle - half, middle + half
+    low, high = float(finite.min()), float(finite.max())
+    half = max(high - low, LEAST_SPAN * max(abs(low), abs(high))) * (0.5 + margin)
+    return (low + high) / 2.0 - half, (low + high) / 2.0 + half
 
 
 def _widen(axes):

@@ -92,11 +92,11 @@ def test_run_ups_stand_at_their_speeds_those_that_fall_dotted():
     both = np.where(np.isnan(up.get_ydata()), down.get_ydata(), up.get_ydata())
     np.testing.assert_array_equal(both, forces)
     axes = plot.run_up(run, variable="displacement_max")
-    assert axes.get_ylabel() == "largest displacement (µm)"
+    assert axes.get_ylabel() == "largest displacement in the revolution (µm)"
     np.testing.assert_allclose(
         axes.lines[0].get_ydata()[rises], 1e6 * run.displacement_max[rises], rtol=1e-12
     )
-    with pytest.raises(ValueError, match="variable = 'phase' is not allowed"):
+    with pytest.raises(ValueError, match="phase over revolution is missing"):
         plot.run_up(run, variable="phase")
     with pytest.raises(ValueError, match="gearlib.plot.run_up draws datasets of gearlib.run_up"):
         plot.run_up(simulate(PAIR, 0.45, periods=2))
@@ -104,7 +104,7 @@ def test_run_ups_stand_at_their_speeds_those_that_fall_dotted():
 
 def test_axes_of_another_kind_are_refused():
     with pytest.raises(ValueError, match="^axes = 3 is not allowed: it must be axes"):
-        plot_curves.axes(3)
+        plot_curves.axes_or_new(3)
 
 
 def test_what_cannot_be_drawn():

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 import gearlib
 from gearlib import plot
-from gearlib.figures import schematic, train_sweep_figure
+from gearlib.figures import schematic, trains_figure
 from tests.golden import data as golden
 from tests.trains import random_trains
 
@@ -101,7 +101,7 @@ def test_gears_roll_on_each_other(name):
     before, after = (schematic.instant(layout, phase).marks for phase in (0.0, step))
     ways = [line[:, 1] - line[:, 0] for line in (before, after)]
     angles = [np.arctan2(way[:, 1], way[:, 0]) for way in ways]
-    there = [bool(radii) for radii in schematic._radii(layout).values()]
+    there = [bool(radii) for radii in schematic.circles_of(layout).values()]
     np.testing.assert_allclose(angles[1] - angles[0], step * layout.body_turns.values[there])
 
 
@@ -131,7 +131,7 @@ def test_places_that_do_not_agree_are_said():
     pins = train.by_name["carrier"].base_radius
     # A planet lies off by 1 % of the radius, and two of them by both ways around the loop.
     assert 0.01 * pins * (1 - 1e-9) <= float(layout.misfit) <= 0.02 * pins
-    assert "positions given differ by" in " ".join(schematic.words(layout))
+    assert "positions given differ by" in " ".join(schematic.description(layout, []))
 
 
 def test_meshes_show_their_contact():
@@ -183,7 +183,7 @@ def own(name, train):
 
 
 def test_a_mesh_has_the_colour_of_its_curve():
-    figure = train_sweep_figure.draw(own("train_sweep", TRAINS["reducer"]))
+    figure = trains_figure.draw_sweep(own("train_sweep", TRAINS["reducer"]))
     curves, train = figure.axes[1], figure.axes[0]
     assert len(dots(train)) == 6
     (legend,) = figure.legends
@@ -195,4 +195,4 @@ def test_a_mesh_has_the_colour_of_its_curve():
     assert {line.get_color() for line in curves.lines} == {*entries.values()}
     assert {text.get_text(): text.get_color() for text in train.texts} == entries
     without = golden.read("train_sweep.nc").drop_vars("pitch_radius", errors="ignore")
-    assert len(train_sweep_figure.draw(without).axes) == len(figure.axes) - 1
+    assert len(trains_figure.draw_sweep(without).axes) == len(figure.axes) - 1
