@@ -212,15 +212,26 @@ Amount = anything(
 )
 
 
+def _plain(value):
+    """Return a value with mappings in place of the sections in it."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value.model_dump() if isinstance(value, Section) else value
+
+
 class Section(BaseModel):
     """Base of all sections: no unknown keys, no silent conversions, immutable."""
 
     # Built with the whole configuration only, not each section by itself before: that takes longer.
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
-    def model_dump(self, **options):
-        """Return the keys with their values, without those that are left out."""
-        return super().model_dump(exclude_none=True, **options)
+    def model_dump(self, *, include=None, exclude=(), **_):
+        """Return key -> plain value, without keys that are left out; no serializer is built."""
+        skipped = {*exclude, *(key for key, x in type(self).model_fields.items() if x.exclude)}
+        values = {key: value for key, value in self if value is not None and key not in skipped}
+        return {key: _plain(values[key]) for key in values if include is None or key in include}
 
 
 @cache
