@@ -29,7 +29,7 @@ FOLDERS = {
     *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
     *("measured", "tolerances"),
 }
-_ProjectName = t.text("at most 40 letters, digits, _ and -", pattern="^[A-Za-z0-9_-]{0,40}$")
+_ProjectName = t.text("a text of up to 40 letters, digits, _, -", pattern="^[A-Za-z0-9_-]{0,40}$")
 _Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
 
 
@@ -91,18 +91,18 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        words = f"another name, the paper's results have a folder results/{self.project}/"
-        checks.require(self.project not in FOLDERS, "project", self.project, words)
+        allowed = f"another name, the paper's results have a folder results/{self.project}/"
+        checks.require(self.project not in FOLDERS, "project", self.project, allowed)
         for name, scene in self.scenes.items():
-            key, words = f"scenes.{name}.periods_shown", "recorded mesh periods"
-            words = f"an integer from 1 to the {self.record_periods} {words}"
-            fits = scene.periods_shown <= self.record_periods
-            checks.require(fits, key, scene.periods_shown, words)
+            key, shown = f"scenes.{name}.periods_shown", scene.periods_shown
+            allowed = f"an integer from 1 to the {self.record_periods} recorded mesh periods"
+            fits = shown <= self.record_periods
+            checks.require(fits, key, shown, allowed)
         # Two samples a period resolve a harmonic; its lag wants a few more.
         most = self.run.samples_per_period // 8
-        words = f"an integer from 1 to run.samples_per_period / 8 = {most}"
+        allowed = f"an integer from 1 to run.samples_per_period / 8 = {most}"
         harmonics = self.phase_lag.harmonics
-        checks.require(harmonics <= most, "phase_lag.harmonics", harmonics, words)
+        checks.require(harmonics <= most, "phase_lag.harmonics", harmonics, allowed)
         measured_description.sets(self.measured)
         # What a train cannot be in matters to the workflow only, not to commands.
         if self.gears and (refused := self.refused()):

@@ -68,7 +68,7 @@ class PhaseLag(grid(0.56, 0.79, 0.005)):
 
 
 class Jump(Seeded, grid(0.78, 0.86, 0.001)):
-    """Where the motion from rest jumps between two orbits, and what moves it (beside Fig. 6)."""
+    """Jump of the motion from rest between two orbits, and what moves it (beside Fig. 6)."""
 
     damping: t.DampingName = None
     resolution: t.number(gt=0, le=0.1) = entry("Width to which the jump is bisected.", 1e-08)
@@ -205,7 +205,7 @@ class Certificates(Section):
 
 
 class Figures(Section):
-    """How the figures are drawn; no computation depends on it."""
+    """Formats and colours of the figures; no computation depends on them."""
 
     formats: Distinct[Literal["png", "pdf", "svg"]] = entry("Formats of figures.", ["png", "pdf"])
     dpi: whole(50, 1200) = entry("Resolution of pixel formats, dots per inch.", 200)

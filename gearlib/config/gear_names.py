@@ -51,8 +51,8 @@ def of_reducer(c):
 
 
 def _of_reducer(c, teeth, pair):
-    own = teeth and list(teeth) != type(c.reducer).model_fields["teeth"].default
-    name = f"reducer z {_of_teeth(teeth)}" if own else "paper's reducer (Fig. 1 a)"
+    is_paper = not teeth or list(teeth) == type(c.reducer).model_fields["teeth"].default
+    name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {_of_teeth(teeth)}"
     return f"{name}, every mesh: {pair}"
 
 
@@ -64,8 +64,8 @@ def of_train(c, pair=""):
     """Return the name of the train of a configuration, and of its pairs where they are others."""
     kind, section = c.train.kind, getattr(c.train, c.train.kind)
     if kind == "planetary":
-        own = section.model_dump()
-        return "planetary set of own numbers" if own else "Lin and Parker's planetary set"
+        changed = section.model_dump()
+        return "planetary set of own numbers" if changed else "Lin and Parker's planetary set"
     if kind == "planetary_set":
         teeth = section.sun.teeth, section.planet.teeth, section.ring.teeth
         return f"planetary set z {_of_teeth(teeth)}, {_rack(section.sun)}"

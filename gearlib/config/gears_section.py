@@ -94,7 +94,7 @@ _Placed = like("_Placed", "Two drawn gears in their places.", Mesh)
 
 
 class MethodSection(Section):
-    """How the stiffness of drawn gears is found."""
+    """Method of the stiffness of drawn gears."""
 
     stiffness: Literal["iso", "energy"] = entry(
         "Stiffness by ISO 6336-1, method B, or by the energy method. Default: iso.", None

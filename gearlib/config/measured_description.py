@@ -103,8 +103,8 @@ class Channel(Section):
         """Raise ValueError where keys do not go together."""
         name, place = self.observableId or key, f"channels.{key}"
         known = measured_names.of(name)
-        words = f"one of {', '.join(measured_names.KNOWN)}, maybe with _ and which one it is"
-        require(known, f"{place}.observableId", name, words)
+        allowed = f"one of {', '.join(measured_names.KNOWN)}, maybe with _ and which one it is"
+        require(known, f"{place}.observableId", name, allowed)
         if self.unit is None:
             written = measured_names.dimensions(known[0])[0][1]
             raise ValueError(f"{place}.unit is missing: it must be one such as {written}")
@@ -115,8 +115,8 @@ class Channel(Section):
                 "counts_per_turn or count, or that the gain is unknown"
             )
         for other, value in counts.items():
-            words = f"left out: the unit is {self.unit!r}, not 'counts'"
-            require(self.unit == COUNTS, f"{place}.{other}", value, words)
+            allowed = f"left out: the unit is {self.unit!r}, not 'counts'"
+            require(self.unit == COUNTS, f"{place}.{other}", value, allowed)
             require(len(counts) == 1, f"{place}.{other}", value, f"one of {' and '.join(counts)}")
         if name not in ("condition", "direction"):
             self.noise_std(key)
@@ -124,7 +124,7 @@ class Channel(Section):
     def scale(self, key):
         """Return (factor from the unit of the file, CF units); ValueError for a wrong unit."""
         name, field, text = self.observableId or key, "unit", f"1 {self.unit}"
-        allowed = measured_names.dimensions(measured_names.of(name)[0])
+        dimensions = measured_names.dimensions(measured_names.of(name)[0])
         if self.unit == DATES and name == "time":
             return 1.0, "s"
         if self.unit == COUNTS and self.counts_per_turn is not None:
@@ -132,16 +132,16 @@ class Channel(Section):
         elif self.unit == COUNTS and self.count is not None:
             field, text = "count", self.count
         elif self.unit == COUNTS:
-            return 1.0, "1" if allowed[0][0] == "1" else "count"
-        for cf, written in allowed:
+            return 1.0, "1" if dimensions[0][0] == "1" else "count"
+        for cf, written in dimensions:
             if cf == "1" and self.unit in _RATIOS:
                 return _RATIOS[self.unit], cf
             with suppress(ValueError):
                 if cf != "1":
                     return units.read(text, written) / (self.counts_per_turn or 1), cf
-        dimensions = " or ".join(written for _, written in allowed)
-        words = f"a value in, or a unit of the dimension of {dimensions}, for {name}"
-        raise refusal(f"channels.{key}.{field}", getattr(self, field), words)
+        texts = " or ".join(written for _, written in dimensions)
+        allowed = f"a value in, or a unit of the dimension of {texts}, for {name}"
+        raise refusal(f"channels.{key}.{field}", getattr(self, field), allowed)
 
     def noise_std(self, key):
         """Return the standard deviation in CF units, 0 where it is not said."""
@@ -152,8 +152,8 @@ class Channel(Section):
                 noise = units.read(self.noise, dict(measured_names.dimensions(cf)).get(cf, cf))
         elif not isinstance(self.noise, bool):
             noise = (self.noise or 0.0) * abs(factor)
-        words = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
-        require(noise >= 0.0, f"channels.{key}.noise", self.noise, words)
+        allowed = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
+        require(noise >= 0.0, f"channels.{key}.noise", self.noise, allowed)
         return noise
 
 
@@ -210,11 +210,9 @@ class Description(Section):
         keys = {}
         for key, channel in self.channels.items():
             channel.check(key)
-            other = keys.setdefault(channel.observableId or key, key)
-            words = f"another one: channels.{other} has it"
-            require(
-                other == key, f"channels.{key}.observableId", channel.observableId or key, words
-            )
+            name, place = channel.observableId or key, f"channels.{key}.observableId"
+            other = keys.setdefault(name, key)
+            require(other == key, place, name, f"another one: channels.{other} has it")
         files = "a file beside this one in a format of csv, uff, unv"
         if self.data is None and not self.speeds:
             raise ValueError(f"data is missing: it must be {files}")
@@ -257,10 +255,10 @@ def sets(paths):
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"
-        words = "a path whose name has letters, digits, +, _ and - only, at most 60"
-        require(re.fullmatch("[A-Za-z0-9+_-]{1,60}", name), key, path, words)
-        words = f"another name than that of {descriptions.get(name, ('',))[0]}"
-        require(name not in descriptions, key, path, words)
+        allowed = "a path whose name has letters, digits, +, _ and - only, at most 60"
+        require(re.fullmatch("[A-Za-z0-9+_-]{1,60}", name), key, path, allowed)
+        allowed = f"another name than that of {descriptions.get(name, ('',))[0]}"
+        require(name not in descriptions, key, path, allowed)
         require(Path(path).is_file(), key, path, "a path of a YAML file")
         description = read(path)
         for table in description.files(path):

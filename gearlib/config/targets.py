@@ -54,9 +54,9 @@ def undamped(c):
     elif c.train.kind == "own":
         meshes = {f"own.meshes[{i}]": mesh for i, mesh in enumerate(c.train.own.meshes)}
     for key, mesh in meshes.items():
-        given = mesh.model_dump().keys()
-        if not given & {"damping_ratio", "logarithmic_decrement", "material_damping"}:
-            name = "material_damping" if "max_stiffness" in given else "damping_ratio"
+        keys = mesh.model_dump().keys()
+        if not keys & {"damping_ratio", "logarithmic_decrement", "material_damping"}:
+            name = "material_damping" if "max_stiffness" in keys else "damping_ratio"
             return f"train.{key}.{name} is missing: it must be given where gears move, 0 included"
     return ""
 

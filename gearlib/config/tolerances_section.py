@@ -67,7 +67,7 @@ class Correlation(Section):
 
 
 class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
-    """How jumps, contact loss and peaks scatter with the tolerances of the gears."""
+    """Scatter of jumps, contact loss and peaks with the tolerances of the gears."""
 
     damping: t.DampingName = None
     parameters: list[ToleratedParameter] = entry(

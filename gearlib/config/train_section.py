@@ -69,8 +69,8 @@ class PlanetarySet(_Set):
     def arguments(self):
         """Return the arguments of `planetary_set` as plain values, gears as dicts."""
         torque = rounded(torque_of(self.torque, self.power, self.speed))
-        given = self.model_dump(exclude={"power", "speed", "stiffness_options"})
-        return given | self.stiffness_arguments() | {"torque": torque}
+        arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
+        return arguments | self.stiffness_arguments() | {"torque": torque}
 
 
 Planetary = like(
@@ -205,10 +205,10 @@ class Train(Section):
 
     def arguments(self):
         """Return the arguments of the function or class of this kind as plain values."""
-        given = self.model_dump(include={self.kind, "reference", "reference_frequency"})
+        keys = self.model_dump(include={self.kind, "reference", "reference_frequency"})
         if self.kind == "planetary_set":
-            given[self.kind] = self.planetary_set.arguments()
-        return given.pop(self.kind) | given
+            keys[self.kind] = self.planetary_set.arguments()
+        return keys.pop(self.kind) | keys
 
 
 class TrainSweep(Started, grid(0.5, 1.4, 0.01, OwnGrid), Recorded):

@@ -62,8 +62,8 @@ def check_different(key, entries, name):
     """Refuse two entries of a list that have the same name or title."""
     names = [getattr(section, name) for section in entries]
     for i, value in enumerate(names):
-        words = f"another one: {name}s must be all different"
-        checks.require(names.count(value) == 1, f"{key}[{i}].{name}", value, words)
+        allowed = f"another one: {name}s must be all different"
+        checks.require(names.count(value) == 1, f"{key}[{i}].{name}", value, allowed)
 
 
 def _read_number(value):
@@ -275,8 +275,8 @@ def like(
         values = default if isinstance(default, tuple) else (default,)
         if not needed and not {parameters.MISSING, None, math.inf}.intersection(values):
             # Left out, it is not dumped; the schema says what the constructor makes of it.
-            shown = list(default) if isinstance(default, tuple) else default
-            extra = {"json_schema_extra": {"default": shown}} if name not in optional else {}
+            plain = list(default) if isinstance(default, tuple) else default
+            extra = {"json_schema_extra": {"default": plain}} if name not in optional else {}
         field = entry(parameter.description, ... if needed else None, **extra)
         fields[name] = type_of(parameter.kind), field
     return create_model(title, __base__=base, __doc__=words, **(fields | more))
