@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 
 from docs.hooks.speed_and_accuracy_data import FOLDER, MOST, take_over
-from gearlib.studies.model_comparison import DIFFERS
+from gearlib.studies.scenes import DIFFERS
 
 DOCS = Path(__file__).resolve().parents[1]
 PAGE = DOCS / "speed_and_accuracy.md"

@@ -43,10 +43,10 @@ def stiffness_figure(drawing):
 
     def draw(plot):
         from gearlib.figures import mesh_stiffness_figure
-        from gearlib.studies import mesh_stiffness
+        from gearlib.studies.drawn_gears import mesh_stiffness
 
         pair = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
-        found = mesh_stiffness.compute({"mesh stiffness": pair}, samples=257)
+        found = mesh_stiffness({"mesh stiffness": pair}, samples=257)
         return mesh_stiffness_figure.draw(found)
 
     return draw

@@ -23,7 +23,7 @@ SPECIAL_POINTS = {
 def draw(branches, loci):
     """Return a figure of branches, their special points marked, above the loci of these points.
 
-    They are those of `compute` and `compute_loci` of `gearlib.studies.resonance_branches`. The
+    They are those of `branches` and `loci` of `gearlib.studies.resonance`. The
     dotted line is the damping of the branches.
     """
     figure = style.page(_HEIGHT)

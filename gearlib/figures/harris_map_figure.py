@@ -14,7 +14,7 @@ ERROR = "static transmission error (µm)"
 def draw(data):
     """Draw the error at all loads for each relief, and below its range and the contact ratio.
 
-    `data` is that of `gearlib.studies.tip_relief.harris_map`. Thick: the design load.
+    `data` is that of `gearlib.studies.drawn_gears.harris_map`. Thick: the design load.
     """
     figure = style.page(5.2)
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))

@@ -15,7 +15,7 @@ _MEASURED = style.entry("measured", _POINT_COLOUR, "none", ".")
 def draw_curves(axes, curves, names):
     """Draw measured points of some observables over the tuning; return the legend's entries.
 
-    curves: datasets of `gearlib.studies.measured_comparison`. Jumps are dotted lines. What lies
+    curves: datasets of `gearlib.studies.measured`. Jumps are dotted lines. What lies
     beyond the limits of the axes is left out.
     """
     handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
@@ -43,7 +43,7 @@ def draw_curves(axes, curves, names):
 
 @style.styled()
 def draw_courses(courses, *, colours=None):
-    """Draw datasets of `gearlib.studies.measured_comparison.courses`, a panel for each course.
+    """Draw datasets of `gearlib.studies.measured.courses`, a panel for each course.
 
     courses: one or several; colours: those of the dampings by name.
     """
@@ -71,7 +71,7 @@ def draw_courses(courses, *, colours=None):
 
 @style.styled()
 def draw_orders(orders, *, colours=None):
-    """Draw datasets of `gearlib.studies.measured_comparison.orders`.
+    """Draw datasets of `gearlib.studies.measured.orders`.
 
     orders: one or several; colours: those of the dampings by name. A row for each observable, a
     column for each order; levels in dB of the largest measured one, so that an unknown gain moves

@@ -12,7 +12,7 @@ _UNCERTAIN = ("iso", "energy")
 def draw(stiffness):
     """Draw for each pair the courses over the mesh period, and the means beside them.
 
-    `stiffness` is that of `gearlib.studies.mesh_stiffness.compute`. Bands: the stated
+    `stiffness` is that of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands: the stated
     uncertainty; crosses: published means.
     """
     data = stiffness.copy()

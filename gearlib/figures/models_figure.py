@@ -22,7 +22,7 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 def draw(comparisons, scenes):
     """Draw the change of every model as a bar, a row of bars per scene.
 
-    `comparisons` are datasets of `gearlib.studies.model_comparison.compute`, of the scenes of
+    `comparisons` are datasets of `gearlib.studies.scenes.compare`, of the scenes of
     these names. The chosen model is filled; the number on a bar is its cost, components of the
     state advanced per mesh period. The largest model has no change of its own. Where rounding
     decides, bars are medians over the starts, with their range, and have no numbers.

@@ -18,8 +18,8 @@ _PAIR_LINE = {"line": (0, (4, 3)), "linewidth": 0.7}
 def draw(chart, facts):
     """Draw growth and tongues over the tuning and each of the other parameters.
 
-    `chart` is that of `gearlib.studies.tongue_chart.compute`, `facts` that of
-    `gearlib.studies.contact_loss.compute`, whose dampings go into the plane of damping. Shade:
+    `chart` is that of `gearlib.studies.stability.chart`, `facts` that of
+    `gearlib.studies.stability.contact_loss`, whose dampings go into the plane of damping. Shade:
     growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
     each damping. Circles: points of width zero. Dashed: the pair itself.
     """

@@ -9,7 +9,7 @@ _HATCHES = ("", "//", "..", "xx")
 
 @style.styled()
 def draw(lags):
-    """Draw the phase lag of `gearlib.studies.phase_lag.compute`."""
+    """Draw the phase lag of `gearlib.studies.paper.phase_lag`."""
     figure = style.page(6.4)
     places = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
     axes = figure.subplot_mosaic(places, height_ratios=(1.0, 1.6, 1.8))

@@ -46,12 +46,12 @@ def draw(
     colours : dict, optional
         By damping.
     labels, branches : sequence of xarray.Dataset
-        Of `gearlib.analysis.trust.scan` and `gearlib.studies.resonance_branches`, for dampings:
+        Of `gearlib.analysis.trust.scan` and `gearlib.studies.resonance`, for dampings:
         a strip on the lower rim, and thin lines, in their panels.
     tongues : xarray.Dataset, optional
         Tunings of parametric resonance over (damping, order).
     measured : sequence of xarray.Dataset
-        Of `gearlib.studies.measured_comparison`: points over the characteristics.
+        Of `gearlib.studies.measured`: points over the characteristics.
     forces : bool
         Whether a panel of the mesh forces follows; the far flank is not taken into the picture.
     """

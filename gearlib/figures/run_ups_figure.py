@@ -18,7 +18,7 @@ def draw(run_ups, *, resonance=None, branches=None):
     """Draw `gearlib.studies.run_ups.compute`.
 
     resonance: as gathered, its sweeps up and down stand behind; branches: those of the damping, as
-    of `gearlib.studies.resonance_branches`, whose folds are marked.
+    of `gearlib.studies.resonance`, whose folds are marked.
     """
     figure = style.page(_HEIGHT + _MAP_HEIGHT)
     above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])

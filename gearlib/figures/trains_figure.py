@@ -22,7 +22,7 @@ _SINGLE_BRANCH_MARKS = {
 def draw_sweep(curves):
     """Draw a colour for each mesh; meshes that move alike lie on top of each other.
 
-    `curves` are those of `gearlib.studies.trains.over_speed.compute`. Shades are ranges over
+    `curves` are those of `gearlib.studies.trains.over_speed`. Shades are ranges over
     all starts beside static equilibrium, dots their medians; lines carry one start, where it
     settles.
     """
@@ -53,7 +53,7 @@ def draw_sweep(curves):
 def draw_reducer(characteristics):
     """Draw a column for each case: the branches from rest, up and down where these differ.
 
-    `characteristics` are those of `gearlib.studies.trains.reducer.compute`. From rest, lines
+    `characteristics` are those of `gearlib.studies.trains.reducer`. From rest, lines
     are medians over all starts and shades their range; the lowest row has the share of the
     starts that settle, and of those that share one motion.
     """

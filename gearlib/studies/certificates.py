@@ -1,9 +1,9 @@
 """Proofs about the paper's orbits: a file of certificates that a second program can check.
 
-Of every damping: the orbits on the branches behind Fig. 3 at the tunings that the paper's
-statements name; the ranges of tunings with an orbit that never loses contact. Of all other points
-of the branches only how many are proven, unless all are asked for. Of the first damping that is one
-also `certificates_of_trains`.
+For each damping: the orbits on the branches behind Fig. 3 at the tunings that the paper's
+statements name, and the ranges of tunings with an orbit that never loses contact. Of the reducer
+made of the first damped pair, whose branches move alike with contact in all six meshes: at one
+tuning this motion is stable, at another one it breaks.
 """
 
 import json
@@ -19,79 +19,81 @@ from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify, certify_range
 from gearlib.data.files import replacing
 from gearlib.models.pair import GearPair
+from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.studies import certificates_of_trains
 
 #: Tunings of the paper's Fig. 6.
 TWO = (0.815, 0.8151)
-#: Ranges begin and end at multiples of this, not nearer to a special point.
-NEAR = 1e-4
-#: Above the tunings of the paper's bounces, 1.12, by more than the reading of its plot.
+#: Tuning above those of the paper's bounces, 1.12, by more than the reading of its plot.
 ABOVE = 1.14
+#: Teeth and tunings of the reducer: below the loss of symmetry, and in it.
+REDUCER, ALIKE = (24, 36, 24, 36), (0.5, 0.6)
+#: Step of tunings: ranges begin and end at multiples of it, not nearer to a special point.
+_STEP = 1e-4
 #: Digits of the states and tunings that are proven of: fewer than all processors agree on.
-CANDIDATE_DIGITS = 11
+_DIGITS = 11
+#: Difference of states below which orbits are one.
+_SAME_ORBIT = 1e-6
+#: Contact codes of a certificate -> letters of its table.
+_LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
 def compute(pairs, branches, tunings, whole=False):
-    """Return the certificates of all dampings.
+    """Return the certificates of all dampings, dicts as of `Certificate.as_dict`, and refusals.
 
-    pairs: keyword arguments of `GearPair`, by the name of the damping; branches: as of
-    `gearlib.studies.resonance_branches`, by the name of the damping; tunings: at which orbits are
-    asked for, beside `TWO` and `ABOVE`; whole: whether all points of the branches are asked for.
-
-    Claims as in `Certificate.as_dict` and the others, with the name of the damping, of trains also
-    that of the model; refusals with status and message; of each damping how many points of its
-    branches are proven.
-
-    ImportError: Without python-flint.
+    `pairs` are arguments of `GearPair` by damping, `branches` those of `gearlib.studies.resonance`;
+    orbits are asked for at `tunings`, `TWO` and `ABOVE`. A count for each damping says how many
+    points of its branches are proven; with `whole` their certificates are there too.
     """
     tunings = sorted({*map(float, tunings), *TWO, ABOVE})
-    found = []
-    for name, parameters in pairs.items():
-        pair, branch = GearPair(**parameters), _rounded_branch(branches[name])
-        rows = [{}, *_ranges(pair, branch)]
+    models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
+    rows = []
+    for name, pair in models.items():
+        branch = branches[name]
+        branch = branch.assign({key: _rounded(branch[key]) for key in ("state", "tuning")})
+        proven = [*_ranges(pair, branch)]
         for tuning in tunings:
-            rows += _at(pair, branch, tuning)
-        counts, orbits = _all_points(pair, branch)
-        rows[0] = {"claim": "count", "orbits": counts}
-        found += [{"damping": name} | row for row in rows + (orbits if whole else [])]
-    damped = (name for name, parameters in pairs.items() if GearPair(**parameters).damped())
-    for name in list(damped)[:1]:
-        proven = certificates_of_trains.compute(GearPair(**pairs[name]), _rounded_orbit)
-        for train, tuning, row in proven:
-            found.append({"damping": name, "model": train} | _row(row, tuning))
-    return found
-
-
-def _row(proven, tuning=None):
-    if proven:
-        return proven.as_dict()
-    row = {"claim": "refusal", "status": proven.status, "message": proven.message}
-    return row if tuning is None else row | {"tuning": float(tuning).hex()}
+            proven += _orbits_at(pair, branch, tuning)
+        counts, points = _all_points(pair, branch)
+        proven = [{"claim": "count", "orbits": counts}, *proven, *(points if whole else [])]
+        rows += [{"damping": name} | row for row in proven]
+    for name in [name for name, pair in models.items() if pair.damped()][:1]:
+        about = {"damping": name, "model": "reducer"}
+        rows += [about | row for row in _reducer_orbits(models[name])]
+    return rows
 
 
 def _rounded(values):
-    """Return candidates with fewer digits: of the last ones processors have different opinions.
-
-    What is enclosed does not depend on them, the box that is written does.
-    """
-    return np.array([float(f"{x:.{CANDIDATE_DIGITS - 1}e}") for x in np.ravel(values)]).reshape(
-        np.shape(values)
-    )
+    """Return values with fewer digits, as an array of xarray, of numpy or a number."""
+    # What is enclosed does not depend on the last digits, the box that is written does.
+    digits = np.vectorize(lambda x: float(f"{x:.{_DIGITS - 1}e}"), otypes=[float])
+    return values.copy(data=digits(values)) if hasattr(values, "dims") else digits(values)
 
 
-def _rounded_branch(branch):
-    return branch.assign(
-        {name: (branch[name].dims, _rounded(branch[name].values)) for name in ("state", "tuning")}
-    )
+def _certificate(orbit, tuning=None, to=None):
+    """Return the certificate of an orbit, or of the range up to a tuning, or the refusal."""
+    orbit = replace(orbit, state=_rounded(orbit.state))
+    proven = certify(orbit) if to is None else certify_range(orbit, to=to)
+    if proven:
+        return proven.as_dict()
+    about = {} if tuning is None else {"tuning": float(tuning).hex()}
+    return {"claim": "refusal", "status": proven.status, "message": proven.message} | about
 
 
-def _rounded_orbit(orbit):
-    return replace(orbit, state=_rounded(orbit.state))
+def _reducer_orbits(pair):
+    """Yield the certificates of the motion of the reducer whose branches move alike."""
+    reducer = split_power_reducer(pair, teeth=REDUCER)
+    start, period = reducer.start_state("static"), reducer.repeats
+    for tuning in ALIKE:
+        try:
+            orbit = periodic_orbit(reducer, tuning, guess=start, period=period)
+        except NoOrbit:
+            continue
+        yield _certificate(orbit, tuning)
 
 
 def _ranges(pair, branch):
-    """Yield ranges of tunings with an orbit without loss of contact: between special points."""
+    """Yield ranges of tunings with an orbit without loss of contact, between special points."""
     tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
     kept = (branch.contacts.values == "N") & (branch.period.values == 1) & (label == REGULAR)
     ends = np.flatnonzero((label != REGULAR) | (np.diff(number, append=-1) != 0))
@@ -100,10 +102,10 @@ def _ranges(pair, branch):
         first += number[first] != number[last]
         inside = np.flatnonzero(kept[first : last + 1]) + first
         low, high = sorted((first, last), key=lambda point: tuning[point])
-        counts = [round(tuning[point] / NEAR, 6) for point in (low, high)]
+        counts = [round(tuning[point] / _STEP, 6) for point in (low, high)]
         away = [label[point] != REGULAR for point in (low, high)]
-        low = round((math.ceil(counts[0]) + away[0]) * NEAR, 4)
-        high = round((math.floor(counts[1]) - away[1]) * NEAR, 4)
+        low = round((math.ceil(counts[0]) + away[0]) * _STEP, 4)
+        high = round((math.floor(counts[1]) - away[1]) * _STEP, 4)
         if not inside.size or low >= high:
             continue
         nearest = inside[np.abs(tuning[inside] - low).argmin()]
@@ -112,41 +114,40 @@ def _ranges(pair, branch):
         except NoOrbit:
             continue
         if orbit.pattern == (1,):
-            yield _row(certify_range(_rounded_orbit(orbit), to=high), low)
+            yield _certificate(orbit, low, to=high)
 
 
-def _at(pair, branch, tuning):
-    """Yield the orbits of one mesh period at a tuning."""
-    seen = []
+def _orbits_at(pair, branch, tuning):
+    """Yield the certificates of the orbits of one mesh period at a tuning."""
+    states = []
     for guess in _crossings(branch, tuning):
         try:
             orbit = periodic_orbit(pair, tuning, guess=guess)
         except NoOrbit:
             continue
-        if not any(np.abs(orbit.state - state).max() < 1e-6 for state in seen):
-            seen.append(orbit.state)
-            yield _row(certify(_rounded_orbit(orbit)), tuning)
+        if not any(np.abs(orbit.state - state).max() < _SAME_ORBIT for state in states):
+            states.append(orbit.state)
+            yield _certificate(orbit, tuning)
 
 
 def _crossings(branch, tuning):
-    """Yield the states of the points next to where the branches pass a tuning."""
-    at, single = branch.tuning.values, branch.period.values == 1
-    away, number = at - tuning, branch.branch.values
+    """Yield the states, between those of two points, where branches of period one pass a tuning."""
+    away, number = branch.tuning.values - tuning, branch.branch.values
+    states, single = branch.state.values, branch.period.values == 1
     for i in np.flatnonzero((away[:-1] <= 0.0) != (away[1:] <= 0.0)):
         if number[i] == number[i + 1] and single[i]:
             share = away[i] / (away[i] - away[i + 1])
-            yield tuple((1.0 - share) * branch.state.values[i] + share * branch.state.values[i + 1])
+            yield tuple((1.0 - share) * states[i] + share * states[i + 1])
 
 
 def _all_points(pair, branch):
-    """Return (how many points of the branches are what, the claims of all)."""
-    counts, rows = Counter(), []
+    """Return how many regular points of the branches are proven to be what, and all their rows."""
+    rows = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
-        proven = certify(_rounded_orbit(orbit))
-        counts[proven.stability if proven else f"refused: {proven.status}"] += 1
-        rows.append(_row(proven, orbit.tuning))
-    return dict(sorted(counts.items())), rows
+        rows.append(_certificate(orbit, orbit.tuning))
+    kinds = [row.get("stability") or f"refused: {row['status']}" for row in rows]
+    return dict(sorted(Counter(kinds).items())), rows
 
 
 def write_json(rows, path):
@@ -154,3 +155,30 @@ def write_json(rows, path):
     lines = ",\n".join(json.dumps(row) for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+def rows(certificates):
+    """Yield the table of the certificates, without refusals and counts: a head and their rows.
+
+    Of a range `tuning` is where it begins, `until` where it ends; lowest is the least displacement
+    of the orbit, static deflections. Enclosures are far narrower than the digits printed.
+    """
+    yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
+    for row in certificates:
+        if row["claim"] not in ("count", "refusal"):
+            numbers = (
+                row.get("tuning", row.get("start")),
+                row.get("stop"),
+                row.get("displacement_min"),
+            )
+            tuning, until, lowest = ("" if one is None else _decimal(one) for one in numbers)
+            contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
+            name = ", ".join(row[key] for key in ("damping", "model") if key in row)
+            about = [name, row["claim"], tuning, until, contacts, lowest]
+            yield [*about, row["stability"], row["reason"]]
+
+
+def _decimal(value):
+    """Return a float that is written as its bits, or an end of an enclosure, as a decimal."""
+    number = float.fromhex(value) if isinstance(value, str) else float(value[0])
+    return f"{number:.10g}"

@@ -6,10 +6,53 @@ from typing import NamedTuple
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
-#: Mesh orders of the duty point that are told.
-_ORDERS = (1, 2, 3)
 GEARS = ("pinion", "wheel")
 METHODS = ("iso", "energy")
+#: Mesh orders of the duty point in the table.
+_ORDERS = (1, 2, 3)
+_DEGREE = math.pi / 180.0
+#: Name, unit, meaning, and value of a gear with its clearance.
+_OF_GEARS = (
+    ("teeth", "1", "z", lambda gear, gap: gear.teeth),
+    ("shift", "1", "profile shift coefficient x", lambda gear, gap: gear.shift),
+    ("reference_diameter", "mm", "d", lambda gear, gap: 1e3 * gear.reference_diameter),
+    ("base_diameter", "mm", "d_b", lambda gear, gap: 1e3 * gear.base_diameter),
+    ("tip_diameter", "mm", "d_a", lambda gear, gap: 1e3 * gear.tip_diameter),
+    ("root_diameter", "mm", "d_f", lambda gear, gap: 1e3 * gear.root_diameter),
+    ("tooth_thickness", "mm", "s_t, reference circle", lambda g, gap: 1e3 * g.tooth_thickness),
+    ("tip_thickness", "mm", "s_at", lambda g, gap: 1e3 * g.thickness_at(g.tip_diameter)),
+    ("clearance", "mm", "c, between its tip and the root of the other", lambda g, gap: 1e3 * gap),
+    ("mass", "kg", "of the blank at the mean diameter", lambda gear, gap: gear.mass),
+    ("inertia", "kg m^2", "J about the axis", lambda gear, gap: gear.inertia),
+)
+#: Name, unit, meaning, and value of a mesh with its pair.
+_OF_MESH = (
+    ("centre_distance", "mm", "a", lambda m, p: 1e3 * m.centre_distance),
+    ("working_pressure_angle", "deg", "alpha_wt", lambda m, p: m.working_pressure_angle / _DEGREE),
+    ("base_pitch", "mm", "p_bt", lambda m, p: 1e3 * m.base_pitch),
+    ("transverse_contact_ratio", "1", "eps_alpha", lambda m, p: m.contact_ratio),
+    ("overlap_ratio", "1", "eps_beta", lambda m, p: m.overlap_ratio),
+    ("normal_backlash", "um", "j_bn", lambda m, p: 1e6 * m.backlash),
+    ("recommended_backlash", "um", "ISO/TR 10064-2", lambda m, p: 1e6 * m.recommended_backlash),
+    ("backlash", "um", "s_k, along the line of action", lambda m, p: 1e6 * m.line_backlash),
+    ("reduced_mass", "kg", "m_red", lambda m, p: p.reduced_mass),
+    ("torque", "N m", "of the pinion", lambda m, p: p.load * m.pinion.base_diameter / 2.0),
+    ("load", "N", "F, along the line of action", lambda m, p: p.load),
+)
+#: Name, unit, meaning, and value of a pair by one method of stiffness.
+_OF_STIFFNESS = (
+    ("max_stiffness", "N/m", "C_max", lambda p: p.max_stiffness),
+    ("mean_stiffness", "N/m", "C_s", lambda p: p.mean_stiffness),
+    ("stiffness_ratio", "1", "kappa = C_min / C_max", lambda p: p.stiffness_ratio),
+    ("contact_ratio", "1", "epsilon of the rectangle", lambda p: p.contact_ratio),
+    ("static_deflection", "um", "F / C_s", lambda p: 1e6 * p.static_deflection),
+    ("backlash_ratio", "1", "s_k in static deflections", lambda p: p.backlash_ratio),
+    ("eigenfrequency", "Hz", "Omega_s / 2 pi", lambda p: p.mean_eigenfrequency / math.tau),
+    ("resonance_speed", "rpm", "of the pinion at tuning 1, n_E1", lambda p: p.speed(1.0)),
+    ("material_damping", "N s/m", "k_1", lambda p: p.material_damping),
+    ("damping_ratio", "1", "beta", lambda p: p.damping_ratio),
+    ("backlash_damping_ratio", "1", "beta_m", lambda p: p.backlash_damping_ratio),
+)
 
 
 class Quantity(NamedTuple):
@@ -22,103 +65,56 @@ class Quantity(NamedTuple):
 
 
 def compute(mesh, *, damping=None, options=None, **load):
-    """Return the rows of the table.
+    """Return the rows of the table of a `Mesh`.
 
-    damping: material_damping and backlash_damping, N s/m; options: method of stiffness -> its
-    options; **load: torque, or power and speed, as in `GearPair.from_geometry`.
-
-    A method that does not hold for these gears is left out of the rows.
+    `damping` has material_damping and backlash_damping (N s/m), `options` those of each method of
+    stiffness, `load` torque, or power and speed. A method that does not hold for these gears is
+    left out.
     """
     pairs = {}
     for method in METHODS:
+        stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
-            more = {"stiffness": method, "options": (options or {}).get(method)}
-            pair = GearPair.from_geometry(mesh, **load, **more)
+            pair = GearPair.from_geometry(mesh, **load, **stiffness)
         except ValueError:
-            # Bores that the body of the energy method does not take.
+            # The body of the energy method does not take every bore.
             if method == "iso":
                 raise
             continue
         pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
-    return [*_of_gears(mesh), *_of_mesh(mesh, pairs["iso"]), *_of_stiffness(pairs)]
+    gaps = zip(GEARS, mesh.clearances, strict=True)
+    rows = [
+        *_rows(_OF_GEARS, {name: (getattr(mesh, name), gap) for name, gap in gaps}),
+        *_rows(_OF_MESH, {"mesh": (mesh, pairs["iso"])}),
+        *_rows(_OF_STIFFNESS, {method: (pair,) for method, pair in pairs.items()}),
+    ]
+    spread = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
+    sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
+    return [*rows, Quantity("uncertainty", "%", spread, f"of the stiffness; {sources}")]
+
+
+def _rows(table, objects):
+    """Return the quantities of a table above, of objects by their names."""
+    return [
+        Quantity(name, unit, {key: value(*one) for key, one in objects.items()}, meaning)
+        for name, unit, meaning, value in table
+    ]
 
 
 def duty_rows(mesh, speed, *, damping=None, stiffness=None, options=None, **load):
-    """Return the rows of the duty point at a speed in rpm.
-
-    stiffness, options: those of `gearlib.duty_point`; other arguments are those of `compute`.
-    """
+    """Yield the rows of the duty point at a speed in rpm, by one method of stiffness."""
     # Here: the table without it does not load the kernels.
     from gearlib.analysis.duty_point import duty_point
 
     known = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
     pair = GearPair.from_geometry(mesh, **known, **load).replace(**(damping or {}))
     load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
-    found = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
+    point = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
     lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0)}
-    for name, variable in found.data_vars.items():
+    for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = lengths.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
             values = {f"order {n}": scale * variable.values[n - 1] for n in _ORDERS}
         else:
             values = {"duty point": scale * variable.item()}
-        if name != "torque":
-            yield Quantity(name, unit, values, variable.long_name)
-
-
-def _of_gears(mesh):
-    def row(name, unit, scale, value, meaning):
-        values = {gear: scale * value(getattr(mesh, gear)) for gear in GEARS}
-        return Quantity(name, unit, values, meaning)
-
-    def diameter(name, symbol):
-        return row(f"{name}_diameter", "mm", 1e3, lambda g: getattr(g, f"{name}_diameter"), symbol)
-
-    yield row("teeth", "1", 1, lambda g: g.teeth, "z")
-    yield row("shift", "1", 1.0, lambda g: g.shift, "profile shift coefficient x")
-    for name, symbol in (("reference", "d"), ("base", "d_b"), ("tip", "d_a"), ("root", "d_f")):
-        yield diameter(name, symbol)
-    yield row("tooth_thickness", "mm", 1e3, lambda g: g.tooth_thickness, "s_t, reference circle")
-    yield row("tip_thickness", "mm", 1e3, lambda g: g.thickness_at(g.tip_diameter), "s_at")
-    gaps = {name: 1e3 * gap for name, gap in zip(GEARS, mesh.clearances, strict=True)}
-    yield Quantity("clearance", "mm", gaps, "c, between its tip and the root of the other")
-    yield row("mass", "kg", 1.0, lambda g: g.mass, "of the blank at the mean diameter")
-    yield row("inertia", "kg m^2", 1.0, lambda g: g.inertia, "J about the axis")
-
-
-def _of_mesh(mesh, pair):
-    angle = math.degrees(mesh.working_pressure_angle)
-    for name, unit, value, meaning in (
-        ("centre_distance", "mm", 1e3 * mesh.centre_distance, "a"),
-        ("working_pressure_angle", "deg", angle, "alpha_wt"),
-        ("base_pitch", "mm", 1e3 * mesh.base_pitch, "p_bt"),
-        ("transverse_contact_ratio", "1", mesh.contact_ratio, "eps_alpha"),
-        ("overlap_ratio", "1", mesh.overlap_ratio, "eps_beta"),
-        ("normal_backlash", "um", 1e6 * mesh.backlash, "j_bn"),
-        ("recommended_backlash", "um", 1e6 * mesh.recommended_backlash, "least, ISO/TR 10064-2"),
-        ("backlash", "um", 1e6 * mesh.line_backlash, "s_k, along the line of action"),
-        ("reduced_mass", "kg", pair.reduced_mass, "m_red"),
-        ("torque", "N m", pair.load * mesh.pinion.base_diameter / 2.0, "of the pinion"),
-        ("load", "N", pair.load, "F, along the line of action"),
-    ):
-        yield Quantity(name, unit, {"mesh": value}, meaning)
-
-
-def _of_stiffness(pairs):
-    for name, unit, value, meaning in (
-        ("max_stiffness", "N/m", lambda p: p.max_stiffness, "C_max"),
-        ("mean_stiffness", "N/m", lambda p: p.mean_stiffness, "C_s"),
-        ("stiffness_ratio", "1", lambda p: p.stiffness_ratio, "kappa = C_min / C_max"),
-        ("contact_ratio", "1", lambda p: p.contact_ratio, "epsilon of the rectangle"),
-        ("static_deflection", "um", lambda p: 1e6 * p.static_deflection, "F / C_s"),
-        ("backlash_ratio", "1", lambda p: p.backlash_ratio, "s_k in static deflections"),
-        ("eigenfrequency", "Hz", lambda p: p.mean_eigenfrequency / math.tau, "Omega_s / 2 pi"),
-        ("resonance_speed", "rpm", lambda p: p.speed(1.0), "of the pinion at tuning 1, n_E1"),
-        ("material_damping", "N s/m", lambda p: p.material_damping, "k_1"),
-        ("damping_ratio", "1", lambda p: p.damping_ratio, "beta"),
-        ("backlash_damping_ratio", "1", lambda p: p.backlash_damping_ratio, "beta_m"),
-    ):
-        yield Quantity(name, unit, {method: value(pair) for method, pair in pairs.items()}, meaning)
-    spread = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
-    sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
-    yield Quantity("uncertainty", "%", spread, f"of the stiffness; {sources}")
+        yield Quantity(name, unit, values, variable.long_name)

@@ -1,4 +1,4 @@
-"""The studies of the workflow: basins, bifurcation diagram with exponents and shares, sections."""
+"""Basins of attraction, bifurcation diagrams with exponents and shares, Poincare sections."""
 
 import math
 
@@ -9,13 +9,12 @@ from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics.attractors import UNDECIDED
 from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basin_stability, basins
 from gearlib.analysis.global_dynamics.poincare import bifurcation_diagram, poincare_section
-from gearlib.analysis.lyapunov import lyapunov_exponents
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED
 
-#: What fills the table of a case with fewer attractors than another.
+#: Values of the attractors that a case has fewer than another.
 _FILL = {
     "basin": -1,
     "attractor_kind": UNDECIDED,
@@ -25,88 +24,59 @@ _FILL = {
 }
 
 
+def _over_cases(parts, cases, **options):
+    """Return datasets of cases as one, with the attributes that they share."""
+    titles = xr.IndexVariable("case", [case["title"] for case in cases])
+    data = xr.concat(parts, titles, data_vars="all", combine_attrs="drop", **options)
+    return describe(data.assign_attrs(parts[0].attrs))
+
+
 def basin_cases(cases, settings, threads=None):
     """Return the basins of several cases, over ``case``.
 
-    A case is a dict of title, tuning and pair, keyword arguments of `GearPair`; settings are
-    displacement and velocity: (lowest, highest); count in each direction; periods.
+    A case has title, tuning and pair, arguments of `GearPair`; `settings` have displacement and
+    velocity, (lowest, highest), the count in each direction, and periods.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
-    found = [
-        basins(
-            GearPair(**case["pair"]),
-            case["tuning"],
-            grid,
-            periods=settings["periods"],
-            threads=threads,
-        )
-        for case in cases
-    ]
-    titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
-    dataset = xr.concat(
-        found, titles, join="outer", fill_value=_FILL, data_vars="all", combine_attrs="drop"
-    )
-    dataset = describe(dataset)
-    dataset["attractor_kind"].attrs |= KIND_FLAGS
-    # What was asked is the same in all cases; the pair and the tuning are not.
-    dataset.attrs = found[0].attrs
-    return dataset
+    options = {"periods": settings["periods"], "threads": threads}
+    parts = [basins(GearPair(**case["pair"]), case["tuning"], grid, **options) for case in cases]
+    data = _over_cases(parts, cases, join="outer", fill_value=_FILL)
+    data["attractor_kind"].attrs |= KIND_FLAGS
+    return data
 
 
 def bifurcation(pair, tunings, coarse, settings, threads=None):
-    """Return a diagram up and down with its exponents, and the shares of the attractors.
+    """Return a diagram with its exponents over tuning, and shares of the attractors over `coarse`.
 
-    pair: keyword arguments of `GearPair`; tunings, coarse: of the diagram, and of the shares;
-    settings: settle, strobes, exponent_periods, starts, displacement, velocity, samples, periods.
-
-    diagram: displacement, velocity (direction, tuning, strobe); exponent, uncertainty, period,
-    settled (direction, tuning), whether the motion is periodic and rounding does not decide on
-    which orbit; speed (rpm) over tuning. Directions: up, down, and "cold 1", "cold 2", ... from as
-    many random initial states as `starts`; shares: as in `gearlib.basin_stability`.
+    `settings` have settle, strobes, exponent_periods, starts, displacement, velocity, samples and
+    periods. Directions are up, down, and "cold 1", "cold 2", ... from random initial states.
+    ``settled`` says whether a motion is periodic and not on an orbit that rounding has chosen.
     """
-    pair = GearPair(**pair)
-    region = settings["displacement"], settings["velocity"]
+    pair, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
     names = [*CARRIED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
     starts = [(0.0, 0.0)] * len(CARRIED) + _random_states(region, settings["starts"]).tolist()
-    diagrams, found = [], []
     directions = [name.split()[0] for name in names]
+    record = {name: settings[name] for name in ("settle", "strobes")}
+    counted = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
+    diagrams, parts = [], []
     for direction, start in zip(directions, starts, strict=True):
-        diagram = bifurcation_diagram(
-            pair,
-            tunings,
-            direction=direction,
-            settle=settings["settle"],
-            strobes=settings["strobes"],
-            initial_state=start,
+        options = record | {"direction": direction, "initial_state": start}
+        diagram = bifurcation_diagram(pair, tunings, **options)
+        rates = lyapunov.lyapunov_exponents(
+            pair, tunings, states=diagram.final_state.values, **counted
         )
-        rates = lyapunov_exponents(
-            pair,
-            tunings,
-            states=diagram.final_state.values,
-            settle=0,
-            periods=settings["exponent_periods"],
-            threads=threads,
-        )
-        # What stopped the diagram stops the exponents too.
+        # Where the diagram could not go on, the exponents could not either.
         stopped = diagram.status.where(diagram.status != status.OK, rates.status)
         diagrams.append(diagram)
-        found.append(diagram.assign(rates.data_vars).assign(status=stopped))
-    names = xr.DataArray(names, dims="direction", name="direction")
-    both = xr.concat(found, names, combine_attrs="drop")
+        parts.append(diagram.assign(rates.data_vars).assign(status=stopped))
+    data = xr.concat(parts, xr.IndexVariable("direction", names), combine_attrs="drop")
     known = lyapunov.settled(pair, diagrams, directions, starts).astype(np.int8)
-    both = both.assign(settled=(("direction", "tuning"), known))
-    both = describe(both.assign(speed=("tuning", pair.speed(both.tuning.values))))
-    both["settled"].attrs |= lyapunov.SETTLED_FLAGS
-    both.attrs = found[0].attrs
-    shares = basin_stability(
-        pair,
-        coarse,
-        region,
-        samples=settings["samples"],
-        periods=settings["periods"],
-        threads=threads,
-    )
-    return both, shares
+    data = data.assign(settled=(("direction", "tuning"), known, {}))
+    data = describe(data.assign(speed=("tuning", pair.speed(data.tuning.values))))
+    data["settled"].attrs |= lyapunov.SETTLED_FLAGS
+    options = {name: settings[name] for name in ("samples", "periods")}
+    shares = basin_stability(pair, coarse, region, threads=threads, **options)
+    return data.assign_attrs(parts[0].attrs), shares
 
 
 def _random_states(region, count):
@@ -118,38 +88,26 @@ def _random_states(region, count):
 def sections(cases, settings):
     """Return Poincare sections of random initial states, over ``case``.
 
-    cases (title, tuning, phase (degrees), settle, and pair: keyword arguments of `GearPair`);
-    settings (displacement and velocity: (lowest, highest); orbits; periods).
-
-    displacement, velocity (case, orbit, strobe); chaotic, exponent (case, orbit): chaotic are
-    motions that rounding leads elsewhere, undecided those of which deviations have grown by less,
-    but by more than in regular ones, or before the record only.
+    A case has title, tuning, phase (degrees), settle and pair, arguments of `GearPair`; `settings`
+    have displacement and velocity, (lowest, highest), orbits and periods. Motions that rounding
+    leads elsewhere are chaotic; undecided are those of which deviations have grown by less, but by
+    more than in regular ones, or before the record only.
     """
-    # The same initial states in all cases.
-    states = _random_states((settings["displacement"], settings["velocity"]), settings["orbits"])
-    found = []
+    region, periods = (settings["displacement"], settings["velocity"]), settings["periods"]
+    states, parts = _random_states(region, settings["orbits"]), []
     for case in cases:
-        pair, tuning = GearPair(**case["pair"]), case["tuning"]
-        settle, periods = case["settle"], settings["periods"]
-        section = poincare_section(
-            pair, tuning, states, periods=periods, settle=settle, phase=math.radians(case["phase"])
+        pair, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
+        span = {"periods": periods, "settle": settle}
+        section = poincare_section(pair, tuning, states, phase=math.radians(case["phase"]), **span)
+        rates = [lyapunov.largest(pair, tuning, state=tuple(state), **span) for state in states]
+        lost = np.array(
+            [lyapunov.rounding_decides(pair, [tuning], z, settle + periods)[0] for z in states]
         )
-        rates = [
-            lyapunov.largest(pair, tuning, state=tuple(state), settle=settle, periods=periods)
-            for state in states
-        ]
-        lost = [
-            lyapunov.rounding_decides(pair, [tuning], state, settle + periods)[0]
-            for state in states
-        ]
         grown = np.array([rate.exceeds_linear for rate in rates])
         chaotic = np.where(lost & grown, 1, 2 * (lost | grown)).astype(np.int8)
-        section = section.assign(
-            chaotic=("orbit", chaotic), exponent=("orbit", np.array([rate.value for rate in rates]))
-        )
-        found.append(section.drop_vars("strobe"))
-    titles = xr.DataArray([case["title"] for case in cases], dims="case", name="case")
-    dataset = describe(xr.concat(found, titles, data_vars="all", combine_attrs="drop"))
-    dataset["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
-    dataset.attrs = found[0].attrs
-    return dataset
+        exponents = [rate.value for rate in rates]
+        section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", exponents))
+        parts.append(section.drop_vars("strobe"))
+    data = _over_cases(parts, cases)
+    data["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
+    return data

@@ -1,22 +1,17 @@
 """Where the motion from rest jumps between two orbits over the tuning, and what moves the jump.
 
-Two tunings a step apart may belong to different attractors (Fig. 6 of the paper: 0.815 and
-0.8151). The jump is looked for as what it is, the largest change of the orbit's height between
-neighbouring tunings of a cold scan, and bisected: of the middle tuning the height decides to which
-side it belongs. A continuous curve ends with two equal heights, and has no jump. Where rounding
-decides to which side a motion goes the bisection ends, since more is not known of the jump.
-
-Under step control rounding shows at every tuning. So the jump by such a method is asked from many
-seeded starts, each beside the exact jump from the same start: median and range of the differences.
+The jump is the largest change of the orbit's height between neighbouring tunings of a scan, then
+bisected. A continuous curve ends with two equal heights and has no jump. Bisection ends where
+rounding decides to which side a motion goes. Under step control rounding shows at every tuning: by
+such a method the jump is found from many seeded starts, each beside the exact jump from it.
 """
 
-from copy import copy
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from gearlib.analysis import lyapunov
+from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_decides
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
@@ -28,225 +23,145 @@ from gearlib.studies import many_starts
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import embedded_pair  # noqa: F401
 
-#: Heights closer than this, in static deflections, are those of one orbit.
+#: Difference of heights, static deflections, below which orbits count as one.
 SAME_HEIGHT = 0.1
-#: Steps of the scan to both sides of the exact jump in which another method is asked for its own.
-_BESIDE = 4
-#: Heights of one orbit agree to this, static deflections, where starts have settled.
-_ONE_ORBIT = 1e-6
-#: Starts beside a carried motion that rounding has led, and of a method.
-_STARTS = {"starts": 8, "seed": 1, "spread": 0.02}
-
-#: Kinds of variation, and what their value means.
-KINDS = {
-    "base": "the scene itself",
-    "harmonics": "stiffness harmonics",
-    "damping": "factor on the damping",
-    "backlash": "factor on the backlash",
-    "displacement": "initial displacement (static defl.)",
-    "velocity": "initial velocity (static defl./rad)",
-    "tolerance": "relative tolerance of a 4(5) pair",
-}
+#: Steps of the scan to both sides of the exact jump in which that by another method is sought.
+_STEPS_BESIDE = 4
 
 
 class Jump(NamedTuple):
     """A jump of the orbit from rest between two tunings."""
 
     tuning: float  #: middle of the last interval; NaN: there is no jump
-    #: Height of the orbit below, static deflections, where it jumps in the scan; NaN: not known.
-    below: float
+    below: float  #: height of the orbit below, static deflections, where it jumps in the scan
     above: float  #: and above
     switches: int  #: changes of height in the scan at least half as large as the largest
-    interval: float  #: width of the last interval; more than asked where rounding decides
+    interval: float  #: width of the last interval; wider than asked where rounding decides
 
 
 def find(pair, tunings, resolution, direction="cold", **run):
-    """Return the `Jump` of a pair within a scan.
+    """Return the largest `Jump` of the motions from one start within a scan of rising tunings.
 
-    tunings: shape (n,), the scan, rising, n >= 2; resolution: width of the last interval;
-    direction: {"cold", "up", "down"}, of the scan. When the state is carried along, the bisection
-    starts from the state on the side from which the jump is reached; **run: further arguments of
-    `gearlib.sweep`.
+    `resolution` is the width to which it is bisected, `run` holds arguments of `gearlib.sweep`.
+    Motions that are carried up or down reach the jump from one side, and so does the bisection.
     """
     tunings = np.asarray(tunings, float)
+    start, exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
     scan = sweep(pair, tunings, direction=direction, **run)
-    height = _heights(scan)
-    exact, lost = "method" not in run, np.zeros(0, bool)
-    steps, large = height_steps(height)
-    while exact and large.any():
+    heights = orbit_heights(scan)
+
+    def lost(places):
+        return exact * rounding_decides(pair, places, start, run["periods"])
+
+    steps, large = height_steps(heights)
+    while direction == "cold" and large.any():
         i = int(np.argmax(steps))
-        places, lost = _lost(pair, scan, height, i, direction, run)
-        if not places.size:
+        unknown = lost(tunings[i : i + 2])
+        if not unknown.any():
             break
-        height[places] = np.nan
-        steps, large = height_steps(height)
+        heights[i : i + 2][unknown] = np.nan
+        steps, large = height_steps(heights)
     i = int(np.argmax(steps))
-    low, high = tunings[i], tunings[i + 1]
-    below, above = beside = height[i], height[i + 1]
-    states, deviation = scan.final_state.values, lyapunov.Deviation(pair)
+    (low, high), (below, above) = tunings[i : i + 2], heights[i : i + 2]
     if direction != "cold":
-        run["initial_state"] = tuple(states[i if direction == "up" else i + 1])
-    while high - low > resolution and not lost.any():
-        middle = 0.5 * (low + high)
-        if exact:
-            start = run.get("initial_state", (0.0, 0.0))
-            carried = copy(deviation)
-            if carried.exceeds_limit(middle, start, run["periods"]):
-                break
-        one = sweep(pair, [middle], **run)
-        height = float(_heights(one)[0])
+        start = tuple(scan.final_state.values[i if direction == "up" else i + 1])
+    while high - low > resolution and not lost([middle := 0.5 * (low + high)]).any():
+        point = sweep(pair, [middle], **run | {"initial_state": start})
+        height = float(orbit_heights(point)[0])
         is_below = abs(height - below) <= abs(height - above)
         if is_below:
             low, below = middle, height
         else:
             high, above = middle, height
-        if (direction == "up" and is_below) or (direction == "down" and not is_below):
-            run["initial_state"] = tuple(one.final_state.values[0])
-            if exact:
-                deviation = carried
+        if direction == ("up" if is_below else "down"):
+            start = tuple(point.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
-        return Jump(np.nan, float(below), float(above), 0, high - low)
-    # The nearer to the jump, the less a run has settled: its heights are those of the scan.
-    below, above = (np.nan, np.nan) if lost.any() else beside
-    return Jump(0.5 * (low + high), float(below), float(above), int(large.sum()), high - low)
+        return Jump(np.nan, np.nan, np.nan, 0, high - low)
+    # The nearer to the jump, the less a run has settled: heights are those of the scan.
+    beside = map(float, heights[i : i + 2])
+    return Jump(0.5 * (low + high), *beside, int(large.sum()), high - low)
 
 
-def _lost(pair, scan, height, i, direction, run):
-    """Return which heights count no more beside step `i`, and whether rounding decides of others.
-
-    Where rounding has led a carried motion, starts beside it are asked: what all of them do counts.
-    """
-    tunings, start = scan.tuning.values, run.get("initial_state", (0.0, 0.0))
-    periods = run["periods"]
-    if direction == "cold":
-        lost = lyapunov.rounding_decides(pair, tunings[i : i + 2], start, periods)
-        return i + np.flatnonzero(lost), lost
-    order = np.arange(tunings.size)[:: 1 if direction == "up" else -1]
-    way = order[: max(np.argmax(order == i), np.argmax(order == i + 1)) + 1]
-    ends = scan.final_state.values[way]
-    lost = lyapunov.rounding_decides(pair, tunings[way], start, periods, ends)
-    if not lost.any():
-        return order[:0], lost
-    k = int(np.argmax(lost))
-    begin = ends[k - 1] if k and np.isfinite(ends[k - 1]).all() else start
-    rest, step, apart = way[k:], height[i + 1] - height[i], 0.0
-    for state in many_starts.starts(pair, begin, _STARTS):
-        other = run | {"initial_state": tuple(state), "direction": direction}
-        theirs = height.copy()
-        theirs[rest] = _heights(sweep(pair, tunings[rest], **other))
-        if not (theirs[i + 1] - theirs[i]) / step > 0.5:
-            return order[k:], lost
-        apart = max(apart, np.abs(theirs - height)[i : i + 2].max())
-    # All on one orbit again: nothing is left of where they have been.
-    return order[:0], lost & (apart > _ONE_ORBIT)
-
-
-def height_steps(height):
-    """Return the steps between neighbouring heights of a scan, and which count as switches.
-
-    height (shape (n,), n >= 2; NaN for a run that could not go on: no orbit is like it).
-
-    The steps; large: at least half as large as the largest, and no difference within one orbit.
-    """
-    steps = np.nan_to_num(np.abs(np.diff(height)), nan=0.0)
-    return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
-
-
-def _heights(curve):
+def orbit_heights(curve):
+    """Return the heights of the orbits of a sweep, static deflections."""
     return (curve.displacement_max - curve.displacement_min).values
 
 
-def variations(pair, settings):
-    """Yield (kind, value, model, changed arguments of `sweep`) of every variation.
+def height_steps(heights):
+    """Return the steps between neighbouring heights, and which of them count as switches.
 
-    settings (harmonics, factors, displacements, velocities, tolerances: lists of values).
+    A NaN is no orbit and makes no step. A switch is at least half as large as the largest step.
     """
-    yield "base", 0.0, pair, {}
-    for n in settings["harmonics"]:
-        yield "harmonics", n, OneDegreePair(pair=pair, profile=Fourier(n)), {}
+    steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
+    return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
+
+
+def variations(pair, settings):
+    """Yield (kind, value, model, arguments of `sweep`) of every variation of an exact run."""
+    for count in settings["harmonics"]:
+        yield "harmonics", count, OneDegreePair(pair=pair, profile=Fourier(count)), {}
     for factor in settings["factors"]:
-        damped = pair.replace(
-            material_damping=factor * pair.material_damping,
-            backlash_damping=factor * pair.backlash_damping,
-        )
-        yield "damping", factor, damped, {}
+        names = ("material_damping", "backlash_damping")
+        damping = {name: factor * getattr(pair, name) for name in names}
+        yield "damping", factor, pair.replace(**damping), {}
     for factor in settings["factors"]:
         yield "backlash", factor, pair.replace(backlash=factor * pair.backlash), {}
-    for x in settings["displacements"]:
-        yield "displacement", x, pair, {"initial_state": (x, 0.0)}
-    for v in settings["velocities"]:
-        yield "velocity", v, pair, {"initial_state": (0.0, v)}
-    for rtol in settings["tolerances"]:
-        # ode45's defaults keep this ratio of the two.
-        options = {"rtol": rtol, "atol": 1e-3 * rtol}
-        yield "tolerance", rtol, pair, {"method": "rk45", "options": options}
+    for displacement in settings["displacements"]:
+        yield "displacement", displacement, pair, {"initial_state": (displacement, 0.0)}
+    for velocity in settings["velocities"]:
+        yield "velocity", velocity, pair, {"initial_state": (0.0, velocity)}
 
 
 def compute(pair, tunings, settings, run):
-    """Return the jump of the motion from rest and of all its variations.
+    """Return the height of the motion from rest over tuning, its jump, and what moves that.
 
-    pair: keyword arguments of `GearPair`; tunings: shape (n,), the scan; settings (as of
-    `variations`, and resolution; starts, seed and spread for tolerances, as of
-    `gearlib.studies.many_starts.starts`); run: periods, record_periods, initial_state.
-
-    Of tolerances, which are asked from all starts, medians. NaN: no jump in the scan.
+    `settings` hold the values of `variations`, tolerances of a pair 4(5), the resolution, and
+    starts, seed and spread of the starts of each tolerance. NaN: no jump in the scan.
     """
-    pair = GearPair(**pair)
-    rows, others = [], None
+    pair, tunings = GearPair(**pair), np.asarray(tunings, float)
+
+    def jump_of(model, scan, **changed):
+        return find(model, scan, settings["resolution"], **run | changed)
+
+    base = jump_of(pair, tunings)
+    rows = [("base", 0.0, [0.0 * base.tuning], base.switches)]
     for kind, value, model, changed in variations(pair, settings):
-        if kind == "tolerance":
-            others = others or _from_starts(pair, tunings, settings, run)
-            found, shifts = _by_method(pair, tunings, settings, run | changed, others)
-            found = found._replace(tuning=rows[0][2].tuning + many_starts.spread_of(shifts)[1])
-        else:
-            found = find(model, tunings, settings["resolution"], **run | changed)
-            shifts = np.array([found.tuning - rows[0][2].tuning if rows else 0.0 * found.tuning])
-        rows.append((kind, float(value), found, shifts))
-    base = sweep(pair, tunings, **run)
+        jump = jump_of(model, tunings, **changed)
+        rows.append((kind, value, [jump.tuning - base.tuning], jump.switches))
+    rest = run.get("initial_state", (0.0, 0.0))
+    starts = (
+        [*map(tuple, many_starts.starts(pair, rest, settings))] if settings["tolerances"] else []
+    )
+    exact = [(start, jump_of(pair, tunings, initial_state=start).tuning) for start in starts]
+    reach = (_STEPS_BESIDE + 0.5) * float(tunings[1] - tunings[0])
+    for rtol in settings["tolerances"]:
+        # The ratio of both is that of the defaults of ode45.
+        method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
+        jumps = [
+            jump_of(pair, tunings[~(np.abs(tunings - at) > reach)], initial_state=start, **method)
+            for start, at in exact
+        ]
+        shifts = [jump.tuning - at for jump, (_, at) in zip(jumps, exact, strict=True)]
+        rows.append(("tolerance", rtol, shifts, np.median([jump.switches for jump in jumps])))
 
     def facts(row):
-        kind, value, found, shifts = row
-        low, _, high = many_starts.spread_of(shifts)
+        kind, value, shifts, switches = row
+        finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
         return {
             "kind": kind,
-            "value": value,
-            "jump": found.tuning,
-            "shift": found.tuning - rows[0][2].tuning,
-            "shift_low": low,
-            "shift_high": high,
-            "jump_interval": found.interval,
-            "jump_share": np.isfinite(shifts).mean(),
-            "height_below": found.below,
-            "height_above": found.above,
-            "switches": np.int32(found.switches),
+            "value": float(value),
+            "jump": base.tuning + np.median(finite),
+            "shift": np.median(finite),
+            "shift_low": min(finite),
+            "shift_high": max(finite),
+            "switches": np.int32(switches),
             "settled": np.int8(kind != "tolerance"),
         }
 
-    data = stacked({"variation": rows}, facts) | {"height": ("tuning", _heights(base))}
-    coords = {"tuning": base.tuning.values, "variation": np.arange(len(rows))}
-    dataset = describe(xr.Dataset(data, coords))
-    dataset["settled"].attrs |= lyapunov.SETTLED_FLAGS
-    title = "Jump of the motion from rest, and what moves it"
-    return dataset.assign_attrs(base.attrs | {"title": title})
-
-
-def _from_starts(pair, tunings, settings, run):
-    """Return (start, exact `Jump`) of all starts."""
-    states = many_starts.starts(pair, run.get("initial_state", (0.0, 0.0)), _STARTS | settings)
-    return [
-        (state, find(pair, tunings, settings["resolution"], **run | {"initial_state": state}))
-        for state in map(tuple, states)
-    ]
-
-
-def _by_method(pair, tunings, settings, run, others):
-    """Return the median `Jump` by a method, and its distances from the exact one of each start."""
-    found, step = [], float(tunings[1] - tunings[0])
-    for state, exact in others:
-        away = np.abs(np.asarray(tunings) - exact.tuning)
-        near = np.asarray(tunings)[~(away > (_BESIDE + 0.5) * step)]
-        found.append(find(pair, near, settings["resolution"], **run | {"initial_state": state}))
-    columns = (np.array(column) for column in zip(*found, strict=True))
-    pairs = zip(found, others, strict=True)
-    shifts = np.array([one.tuning - exact.tuning for one, (_, exact) in pairs])
-    return Jump(*(many_starts.spread_of(column)[1] for column in columns)), shifts
+    curve = sweep(pair, tunings, **run)
+    data = stacked({"variation": rows}, facts) | {"height": ("tuning", orbit_heights(curve))}
+    coords = {"tuning": tunings, "variation": np.arange(len(rows))}
+    attrs = curve.attrs | {"title": "Jump of the motion from rest, and what moves it"}
+    dataset = describe(xr.Dataset(data, coords, attrs))
+    dataset["settled"].attrs |= SETTLED_FLAGS
+    return dataset

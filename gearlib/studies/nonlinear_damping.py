@@ -28,18 +28,18 @@ PLACES = {
     "material": ("material_damping", "quadratic_damping", "cubic_damping"),
     "oil": ("backlash_damping", "backlash_quadratic_damping", "backlash_cubic_damping"),
 }
-POWERS = ("linear", "quadratic", "cubic")
-
-#: Contact counts as lost beyond this, in static deflections.
-_TOUCH = 1e-9
+#: Power of the velocity -> unit of its coefficient.
+POWERS = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}
 #: Width of the tuning interval to which jumps are bisected.
 _RESOLUTION = 1e-6
+#: Penetration of the flank line, static deflections, that is rounding.
+_ROUNDING = 1e-9
 
 
 def dissipation(coefficient, power, amplitude, frequency):
-    """Return the work per period of D |v|^(n-1) v in a harmonic motion.
+    """Return the work per period (N m) of D |v|^(n-1) v in a harmonic motion.
 
-    coefficient: D, N s^n/m^n; power: n >= 1; amplitude: A, m; frequency: w, rad/s; the work in N m.
+    coefficient D in N s^n/m^n, power n >= 1, amplitude in m, frequency in rad/s.
     """
     integral = 2.0 * math.sqrt(math.pi) * math.gamma(power / 2.0 + 1.0)
     integral /= math.gamma((power + 3.0) / 2.0)
@@ -47,106 +47,89 @@ def dissipation(coefficient, power, amplitude, frequency):
 
 
 def equivalent(coefficient, power, amplitude, frequency):
-    """Return the coefficient of a power that dissipates what a linear one does; see `dissipation`.
-
-    In N s^n/m^n.
-    """
+    """Return the coefficient of a power that dissipates as much as a linear one."""
     linear = dissipation(coefficient, 1, amplitude, frequency)
     return linear / dissipation(1.0, power, amplitude, frequency)
 
 
 def model(pair, place, power, settings):
-    """Return one model of the study.
+    """Return a model with damping at one of `PLACES` by one of `POWERS`, and its coefficient.
 
-    pair: keyword arguments of `GearPair`, without damping; place: {"material", "oil"}; power:
-    {"linear", "quadratic", "cubic"}; settings: damping (N s/m), amplitude (static deflections),
-    tuning.
-
-    Pair and coefficient, N s^n/m^n.
+    `pair` are arguments of `GearPair` without damping; `settings` hold the linear damping (N s/m),
+    the amplitude (static deflections) and tuning of the motion in which it does the same work.
     """
-    undamped = GearPair(**pair)
-    n = POWERS.index(power) + 1
-    coefficient = equivalent(
-        settings["damping"],
-        n,
-        settings["amplitude"] * undamped.static_deflection,
-        undamped.mesh_frequency(settings["tuning"]),
-    )
-    name = PLACES[place][n - 1]
+    undamped, n = GearPair(**pair), [*POWERS].index(power) + 1
+    amplitude = settings["amplitude"] * undamped.static_deflection
+    frequency = undamped.mesh_frequency(settings["tuning"])
+    coefficient = equivalent(settings["damping"], n, amplitude, frequency)
+    damping = {PLACES[place][n - 1]: coefficient}
     if n == 1:
-        return undamped.replace(**{name: coefficient}), coefficient
-    return OneDegreePair(pair=undamped, **{name: coefficient}), coefficient
+        return undamped.replace(**damping), coefficient
+    return OneDegreePair(pair=undamped, **damping), coefficient
 
 
 def compute(pair, place, power, tunings, settings, run, samples_per_period):
-    """Return characteristics and phase planes of one model of the study.
+    """Return characteristics over tuning and direction, and phase planes, of one model.
 
-    pair, place, power: as in `model`; tunings: shape (n,); settings (damping, amplitude, tuning
-    (see `model`), shown: tunings of the phase planes); run: periods, record_periods, initial_state.
-
-    NaN: there is no jump, no loss of contact.
+    pair, place, power and settings as in `model`; settings also hold shown, the tunings of the
+    phase planes. NaN: there is no jump, no loss of contact.
     """
     damped, coefficient = model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
-    def swept(direction):
-        curve, kept = curves[direction], ("displacement_max", "displacement_min", "period")
-        facts = _facts(damped, curve, direction, run)
-        return {name: curve[name].values for name in kept} | facts
+    def characteristic(direction):
+        names = ("displacement_max", "displacement_min", "period")
+        values = {name: curves[direction][name].values for name in names}
+        return values | _facts(damped, curves[direction], direction, run)
 
-    def plane(nu):
-        found = simulate(damped, nu, samples_per_period=samples_per_period, **run)
-        return {name: found[name].values for name in ("displacement", "velocity", "phase")}
+    def plane(tuning):
+        course = simulate(damped, tuning, samples_per_period=samples_per_period, **run)
+        return {name: course[name].values for name in ("displacement", "velocity", "phase")}
 
     directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
-    data = stacked(directions, swept, "tuning") | stacked(shown, plane, "phase")
-    some = curves[DIRECTIONS[0]]
+    data = stacked(directions, characteristic, "tuning") | stacked(shown, plane, "phase")
+    phase = data.pop("phase")[1][0]
+    curve = curves[DIRECTIONS[0]]
     data |= {
-        "speed": ("tuning", some.speed.values),
-        "coefficient": coefficient,
+        "speed": ("tuning", curve.speed.values),
+        "coefficient": (
+            (),
+            coefficient,
+            {"units": POWERS[power], "long_name": "damping coefficient"},
+        ),
         "backlash_ratio": damped.backlash_ratio,
     }
-    phase = data.pop("phase")[1][0]
-    coords = {
-        **directions,
-        **shown,
-        "tuning": np.asarray(tunings, float),
-        "phase": phase - phase[0],
-        "place": place,
-        "power": power,
-    }
-    dataset = describe(xr.Dataset(data, coords))
-    unit = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}[power]
-    dataset["coefficient"].attrs["units"] = unit
-    return dataset.assign_attrs(some.attrs | {"title": "Nonlinear damping of a gear mesh"})
+    coords = {"tuning": np.asarray(tunings, float), "phase": phase - phase[0]}
+    coords |= {**directions, **shown, "place": place, "power": power}
+    attrs = curve.attrs | {"title": "Nonlinear damping of a gear mesh"}
+    return describe(xr.Dataset(data, coords, attrs))
 
 
 def _facts(damped, curve, direction, run):
     """Return where a characteristic jumps, peaks and loses contact, as name -> number."""
     tuning = curve.tuning.values
     found = jump.find(damped, tuning, _RESOLUTION, direction, **run)
-    highest = np.nan_to_num(curve.displacement_max.values, nan=-np.inf)
-    top = int(np.argmax(highest))
-    lost = stretches(curve.displacement_min.values < -_TOUCH)
-    first, last = max(lost, key=lambda ends: ends[1] - ends[0], default=(None, None))
+    highest = curve.displacement_max.fillna(-np.inf)
+    lost = stretches(curve.displacement_min.values < -_ROUNDING)
+    widest = max(lost, key=lambda ends: ends[1] - ends[0], default=None)
+    lost_from, lost_to = (np.nan, np.nan) if widest is None else tuning[list(widest)]
     return {
         "jump": found.tuning,
         "jump_interval": found.interval,
         "jump_size": found.above - found.below,
-        "peak": highest[top] if np.isfinite(highest[top]) else np.nan,
-        "peak_tuning": tuning[top],
-        "lost_from": np.nan if first is None else tuning[first],
-        "lost_to": np.nan if first is None else tuning[last],
+        "peak": float(curve.displacement_max.max()),
+        "peak_tuning": float(highest.idxmax()),
+        "lost_from": lost_from,
+        "lost_to": lost_to,
     }
 
 
 def rows(studies):
-    """Yield coefficients, jumps, peaks and bounce windows of all models as one table."""
+    """Yield the table of all models: a head and a row for each of their characteristics."""
     facts = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     yield ["place", "power", "coefficient", "unit", "direction", *facts]
     for study in studies:
         coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]
         for direction in study.direction.values:
-            one = study.sel(direction=direction)
-            numbers = [f"{float(one[name]):.6g}" for name in facts]
+            numbers = [f"{float(study[name].sel(direction=direction)):.6g}" for name in facts]
             yield [study.place.item(), study.power.item(), *coefficient, direction, *numbers]

@@ -9,15 +9,12 @@ from gearlib.uncertainty.designs import DrawnPair
 from gearlib.uncertainty.indices import sobol_indices
 from gearlib.uncertainty.scatter import shard as shard_of
 
-#: Ends of the names of numbers of a quantity, and its percentiles.
+#: Ends of the names of a quantity's moments, and its percentiles.
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
 def model_of(pair, drawing=None):
-    """Return what scatters: a `GearPair` by its parameters, or its drawing.
-
-    `drawing`: what `Gears.described` returns; dampings are those of the pair.
-    """
+    """Return what scatters: a `GearPair` by its parameters, or its drawing with their dampings."""
     model = GearPair(**pair)
     if drawing is None:
         return model
@@ -33,25 +30,25 @@ def model_of(pair, drawing=None):
 
 
 def compute(*, pair, tolerances, samples, shard, threads, drawing=None, **settings):
-    """Return a shard, "first-last", of `gearlib.scatter`; other arguments are as there."""
+    """Return a shard "first-last" of `gearlib.scatter`, whose other arguments are `settings`."""
     first, last = map(int, shard.split("-"))
     model = model_of(pair, drawing)
     return shard_of(model, tolerances, samples, first, last, threads=threads, **settings)
 
 
 def indices(*, pair, tolerances, samples, drawing=None, **settings):
-    """Return Sobol' indices, see `gearlib.uncertainty.indices.sobol_indices`."""
+    """Return Sobol' indices by `gearlib.sobol_indices` from so many samples."""
     return sobol_indices(model_of(pair, drawing), tolerances, n=samples, **settings)
 
 
 def rows(scattered):
-    """Yield the names of the columns, and a row for each quantity of `gearlib.scatter`."""
+    """Yield the table of `gearlib.scatter`: a head and a row for each quantity."""
     quantiles = [f"quantile_{share}" for share in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]
     for name in filter(scattered.__contains__, QUANTITIES):
         found = scattered[f"{name}_status"].values == 0
-        values = scattered[name].values[found]
-        percentiles = np.percentile(values, _PERCENTILES) if values.size else [np.nan] * 3
+        values = scattered[name].values[found] if found.any() else np.nan
         moments = [scattered.get(f"{name}_{end}", np.nan) for end in _MOMENTS]
-        cells = [f"{float(number):.6g}" for number in (*moments, *percentiles)]
+        numbers = [*moments, *np.percentile(values, _PERCENTILES)]
+        cells = [f"{float(number):.6g}" for number in numbers]
         yield [name, scattered[name].attrs["units"], *cells, int(found.sum()), found.size]

@@ -8,7 +8,7 @@ import pytest
 from gearlib.config import load
 from gearlib.models.geometry import drawings
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
-from gearlib.studies import mesh_stiffness
+from gearlib.studies import drawn_gears
 from tests.geometry.drawings import fzg_c, twenty
 from tests.paper import CONFIG as PROJECT
 from tests.tables import read_back
@@ -19,7 +19,7 @@ PAIRS = CONFIG.mesh_stiffness.model_dump()["pairs"]
 
 @pytest.fixture(scope="module")
 def stiffness():
-    return mesh_stiffness.compute(PAIRS, 64)
+    return drawn_gears.mesh_stiffness(PAIRS, 64)
 
 
 def test_the_pairs_of_the_configuration_are_those_of_the_literature():
@@ -58,7 +58,7 @@ def test_courses_and_means_are_those_of_the_methods(stiffness):
 
 
 def test_the_table_of_the_means(stiffness, tmp_path):
-    table = read_back(mesh_stiffness.rows(stiffness), tmp_path)
+    table = read_back(drawn_gears.stiffness_rows(stiffness), tmp_path)
     rows = {(row["pair"], row["stiffness_method"]): row for row in table}
     assert rows["z20-20", "energy"]["from_reference"] == "+0.0000"
     # 4.743 and 4.9 over 5.461.

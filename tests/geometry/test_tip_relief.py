@@ -5,7 +5,7 @@ import pytest
 
 from gearlib.config import load
 from gearlib.models.geometry import drawings
-from gearlib.studies import tip_relief
+from gearlib.studies import drawn_gears
 from tests.geometry.drawings import fzg_c
 from tests.unit.test_defaults import GEARS
 
@@ -25,7 +25,7 @@ def test_the_default_gears_are_fzg_c():
 
 def test_harris_map_of_constant_stiffness():
     """c' of ISO 6336-1: long relief leaves nothing at the design load, short the half of F / c'."""
-    found = tip_relief.harris_map(DRAWING, [0.0, 0.5, 1.0, 1.5], "iso", 64)
+    found = drawn_gears.harris_map(DRAWING, [0.0, 0.5, 1.0, 1.5], "iso", 64)
     mesh = drawings.mesh(DRAWING)
     stiffness = mesh.stiffness("iso")
     lowest = stiffness.max_stiffness * stiffness.stiffness_ratio

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from gearlib import planetary, split_power_reducer
-from gearlib.studies.trains import campbell
+from gearlib.studies import trains
 from tests.paper import PAPER
 from tests.tables import read_back
 
@@ -62,7 +62,7 @@ def test_no_order_is_refused():
 @pytest.fixture(scope="module")
 def diagram():
     """The reducer's, with sweeps in which one mesh of the second stage parts at one speed."""
-    train = campbell.train_of(PAPER, SETTINGS)
+    train = trains.reducer_of(PAPER, SETTINGS)
     tunings = np.array([0.8, 1.0, 1.2])
     normal = np.ones((1, 3, tunings.size, len(train.meshes)))
     normal[0, 2, 1, 4] = 0.9
@@ -79,7 +79,7 @@ def diagram():
             "mesh": list(train.mesh_names),
         },
     )
-    return campbell.compute(characteristics, 2, PAPER.as_dict(), SETTINGS)
+    return trains.campbell(characteristics, 2, PAPER.as_dict(), SETTINGS)
 
 
 def test_the_diagram_of_the_reducer(diagram):
@@ -92,7 +92,7 @@ def test_the_diagram_of_the_reducer(diagram):
 
 
 def test_the_table_has_every_intersection_once(diagram, tmp_path):
-    rows = read_back(campbell.rows(diagram), tmp_path)
+    rows = read_back(trains.campbell_rows(diagram), tmp_path)
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     last = float(diagram.speed[-1])
     assert speeds == sorted(speeds) and max(speeds) <= last
@@ -117,5 +117,5 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
 def test_modes_of_one_frequency_are_excited_if_one_of_them_is(diagram, tmp_path, excites):
     twice = diagram.isel(mode=[0, 0]).assign_coords(mode=[1, 2])
     twice["excites"] = ("stiffness_order", "mode"), [excites] * twice.stiffness_order.size
-    found = [row["excited"] for row in read_back(campbell.rows(twice), tmp_path)]
+    found = [row["excited"] for row in read_back(trains.campbell_rows(twice), tmp_path)]
     assert found and {*found} == {"yes" if any(excites) else "no"}

@@ -8,7 +8,7 @@ import pytest
 
 from gearlib import GearPair, periodic_orbit, simulate, sweep
 from gearlib.config import load
-from gearlib.studies.trains import reducer
+from gearlib.studies import trains
 from tests.paper import CONFIG as PROJECT
 from tests.tables import read_back
 
@@ -16,14 +16,14 @@ CONFIG = load(PROJECT)
 PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
 FEW = {"starts": 4, "first_starts": 2}
 SETTINGS = CONFIG.reducer.model_dump() | {"periods": 84, "record_periods": 42} | FEW
-TRAIN = reducer.train_of(PAIR, SETTINGS)
+TRAIN = trains.reducer_of(PAIR, SETTINGS)
 #: Both stages bounce, the first alone, none.
 BOUNCING = [0.96, 1.4, 1.2]
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return reducer.compute(PAIR.as_dict(), [0.84, *BOUNCING], SETTINGS)
+    return trains.reducer(PAIR.as_dict(), [0.84, *BOUNCING], SETTINGS)
 
 
 def test_alike_branches_carry_a_third_each(scene):
@@ -39,8 +39,8 @@ def test_alike_branches_carry_a_third_each(scene):
 
 
 def test_a_displaced_axis_takes_load_off_its_branch(scene):
-    errors = reducer.displaced(SETTINGS)
-    at_rest = reducer.train_of(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
+    errors = trains.displaced(SETTINGS)
+    at_rest = trains.reducer_of(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
     # Where contact lasts, motion shares the load as rest does, but for the changing stiffness.
     moving = scene.load_sharing.sel(case="pin_error", direction="cold", tuning=1.2)
     assert at_rest[0] < 0.95 < 1.02 < at_rest[1]
@@ -50,25 +50,18 @@ def test_a_displaced_axis_takes_load_off_its_branch(scene):
 
 
 def test_contact_lost_in_one_branch_only_is_seen_in_the_events(scene):
-    train = reducer.train_of(PAIR, SETTINGS, pin_errors=reducer.displaced(SETTINGS))
+    train = trains.reducer_of(PAIR, SETTINGS, pin_errors=trains.displaced(SETTINGS))
     run = {"periods": 210, "record_periods": 21, "samples_per_period": 8}
     record = simulate(train, 0.84, initial_state="static", **run)
     names = {train.mesh_names[j] for j in np.unique(record.event_mesh.values)}
     assert names == {"first 1"}
 
 
-@pytest.mark.parametrize(
-    ("where", "expected"),
-    [
-        ([0, 0, 0, 0, 0, 0], 0),
-        ([0, 1, 0, 0, 0, 0], 2),
-        ([0, 0, 1, 0, 0, 1], 3),
-        ([1, 0, 0, 0, 1, 0], 0),
-        ([1, 1, 1, 1, 1, 1], 0),
-    ],
-)
-def test_alone_is_one_branch_in_any_of_its_meshes(where, expected):
-    assert reducer.alone(np.array(where, bool), np.array([1, 2, 3, 1, 2, 3])) == expected
+def test_alone_is_one_branch_in_any_of_its_meshes():
+    starts = [[0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 1], [1, 0, 0, 0, 1, 0]]
+    happens = np.array(starts, bool)[:, None]
+    shares = trains.alone_share(happens, np.array([1, 2, 3, 1, 2, 3]))
+    assert shares.tolist() == [[0.0, 0.25, 0.25]]
 
 
 def test_speed_is_that_of_the_input(scene):
@@ -87,8 +80,8 @@ def in_phase(train):
     central = {
         name: dataclasses.replace(
             train.by_name[name],
-            inertia=train.by_name[name].inertia / reducer.BRANCHES,
-            torque=train.by_name[name].torque / reducer.BRANCHES,
+            inertia=train.by_name[name].inertia / trains.BRANCHES,
+            torque=train.by_name[name].torque / trains.BRANCHES,
             support_stiffness=math.inf,
             support_damping=0.0,
         )
@@ -135,7 +128,7 @@ def test_motion_alike_is_unstable_where_the_reduced_train_calls_it_stable():
 
 
 def test_the_table_holds_a_row_for_each_mesh(scene, tmp_path):
-    branches = read_back(reducer.rows(scene), tmp_path)
+    branches = read_back(trains.reducer_rows(scene), tmp_path)
     assert len(branches) == 3 * 3 * 6
     alone = [row["mesh"] for row in branches if "0.84" in row[_LOST].split()]
     assert set(alone) == {"first 1", "second 1"}

@@ -1,12 +1,9 @@
 """The scenes of the frequency domain: datasets and figures, from small settings."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from gearlib import GearPair
-from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.studies import analytic_method
 from tests.paper import PARAMETERS
 
@@ -55,26 +52,3 @@ def test_harmonic_balance_lies_on_the_exact_curve(data):
 def test_without_loss():
     pair = analytic_method.without_loss(GearPair(**PARAMETERS, material_damping=100.0))
     assert pair.backlash == 0.0 and pair.backlash_damping == 100.0
-
-
-def test_events_multipliers_and_what_a_search_costs(data):
-    for name in ("balance", "schmidt"):
-        # At 0.7 contact is never lost: no events, and Liouville's formula, which Hill's method
-        # keeps to rounding.
-        events, multipliers = data[f"{name}_event_error"], data[f"{name}_multiplier_error"]
-        assert np.isnan(events.values[0]).all() and (multipliers.values[0] < 1e-12).all()
-        # Phases of crossings are as good as the displacement, 0.25 / 16^2.
-        assert (events.values[1, 1] < 1e-3) and events.values[1, 1] < events.values[1, 0]
-        # Without a guess all orbits are found here; twice the harmonics cost more.
-        assert (np.diff(data[f"{name}_evaluations"]) > 0.0).all()
-
-
-def test_a_search_that_fails_has_no_cost():
-    def fails(*_, harmonics):
-        raise NoOrbit("none")
-
-    def wanders(*_, harmonics):
-        return SimpleNamespace(converged=False, evaluations=7)
-
-    for solve in (fails, wanders):
-        assert np.isnan(analytic_method._searched(solve, None, 1.0, 8))

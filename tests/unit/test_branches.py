@@ -7,7 +7,7 @@ import xarray as xr
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.figures import branches_figure as picture
 from gearlib.models.one_degree import OneDegreePair
-from gearlib.studies import certificates, resonance_branches
+from gearlib.studies import certificates, resonance
 from tests.paper import PAPER
 
 RANGE = {"start": 0.79, "stop": 0.83}
@@ -17,7 +17,7 @@ SETTINGS = {**RANGE, "step": 0.05, "max_height": 3.0, "max_points": 500}
 
 @pytest.fixture(scope="module")
 def damped():
-    return resonance_branches.compute(PAPER.replace(material_damping=3953.7), **SETTINGS)
+    return resonance.branches_of(PAPER.replace(material_damping=3953.7), **SETTINGS)
 
 
 def test_both_ends_begin_branches(damped):
@@ -30,7 +30,7 @@ def test_both_ends_begin_branches(damped):
 
 def test_doubled_branches_follow():
     free = PAPER.replace(backlash_damping=3953.7)
-    found = resonance_branches.compute(free, **SETTINGS | {"start": 0.64, "stop": 0.68})
+    found = resonance.branches_of(free, **SETTINGS | {"start": 0.64, "stop": 0.68})
     assert set(found.period.values) == {1, 2}
     doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
     starts = [found.tuning.values[found.branch == k][0] for k in (1, 2)]
@@ -47,7 +47,7 @@ def test_doubled_branches_lead_to_the_side_to_which_the_stiffness_bends_them(
 ):
     pair = PAPER.replace(material_damping=500.0)
     model = OneDegreePair(pair=pair, **{stiffness: value})
-    found = resonance_branches.compute(model, **SETTINGS | RESONANCE)
+    found = resonance.branches_of(model, **SETTINGS | RESONANCE)
     doublings = found.tuning.values[(found.label == DOUBLING) & (found.period == 1)]
     # Both edges of the tongue at twice the natural frequency.
     assert len(doublings) == 2 and found.branch.max() == 2
@@ -75,13 +75,13 @@ def test_a_tuning_between_two_points_of_a_branch_is_guessed_between_their_states
 
 def test_loci_stay_between_the_dampings_asked_for(damped):
     pair = PAPER.replace(material_damping=3953.7)
-    loci = resonance_branches.compute_loci(pair, damped, **RANGE, lowest=0.06, highest=0.063)
+    loci = resonance.loci(pair.as_dict(), damped, **RANGE, lowest=0.06, highest=0.063)
     assert set(loci.label.values) == {FOLD, GRAZING}
     assert loci.damping_ratio.min() >= 0.06 - 1e-12 and loci.damping_ratio.max() <= 0.063 + 1e-12
 
 
 def test_a_branch_without_special_points_has_no_loci(damped):
     none = damped.isel(point=slice(0, 2))
-    loci = resonance_branches.compute_loci(PAPER, none, **RANGE, lowest=0.01, highest=0.1)
+    loci = resonance.loci(PAPER.as_dict(), none, **RANGE, lowest=0.01, highest=0.1)
     assert loci.sizes["point"] == 0
     picture.draw(none, loci)

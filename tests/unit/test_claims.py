@@ -12,15 +12,13 @@ from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.data.motions import LINE, spread, steadiness
 from gearlib.studies import (
-    certificate_table,
     certificates,
     claims,
     jump,
-    phase_lag,
-    recorded_planes,
-    resonance_branches,
+    resonance,
     scenes,
 )
+from gearlib.studies import paper as paper_studies
 from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift
 from gearlib.studies.claims.data import Data, NoData
@@ -48,7 +46,7 @@ def data(tunings, planes, dampings=DAMPINGS):
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         runs += [
-            recorded_planes.compute(pair.as_dict(), nu, RUN | {"samples_per_period": 32}, name)
+            paper_studies.phase_plane(pair.as_dict(), nu, RUN | {"samples_per_period": 32}, name)
             for nu in planes
         ]
     return gather_resonance(curves), gather_phase_planes(runs)
@@ -57,7 +55,7 @@ def data(tunings, planes, dampings=DAMPINGS):
 def lags(dampings=(4000.0, 40.0)):
     """Return the phase lag at one tuning."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return phase_lag.compute(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
+    return paper_studies.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
 def configured_scenes():
@@ -69,10 +67,10 @@ def configured_scenes():
             {"title": case.title, "tuning": case.tuning, "pair": settings.case_parameters(case)}
             for case in scene.cases
         ]
-        # Which model carries a scene is the matter of `model_comparison` and its tests.
+        # Which model carries a scene is the matter of `scenes.compare` and its tests.
         model = settings.candidates(scene)[0]
         six = settings.six_degrees.model_dump()
-        result[name] = scenes.compute(cases, model, six, RUN | {"samples_per_period": 16}, STARTS)
+        result[name] = scenes.scene(cases, model, six, RUN | {"samples_per_period": 16}, STARTS)
     return result
 
 
@@ -88,9 +86,7 @@ def branches(dampings=DAMPINGS):
     """Return the branches of periodic orbits."""
     pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
-    return {
-        name: resonance_branches.compute(pair, 0.5, 1.4, **step) for name, pair in pairs.items()
-    }
+    return {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
 
 
 def proofs(branches, dampings=DAMPINGS):
@@ -223,7 +219,7 @@ def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    rows = read_back(certificate_table.rows(known[1]), tmp_path)
+    rows = read_back(certificates.rows(known[1]), tmp_path)
     said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
     assert [row["claim"] for row in rows] == [row["claim"] for row in said]
 

@@ -76,7 +76,7 @@ def test_the_planetary_set_over_speed(gallery):
     tunings = grid(0.78, 0.9, 0.02)
     run = {"periods": 100, "record_periods": 12}
     starts = {"starts": 3, "first_starts": 2, "seed": 1, "spread": 1e-3}
-    found = over_speed.compute(case.train_parameters("damped"), tunings, run | starts)
+    found = over_speed(case.train_parameters("damped"), tunings, run | starts)
     train = described(**case.train_parameters("damped"))
     for direction in ("up", "down"):
         swept = sweep(train, tunings, direction=direction, initial_state="static", **run)

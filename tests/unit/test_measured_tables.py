@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gearlib.studies import measured_comparison
 from gearlib.uncertainty.measured_tables import in_order
 
 
@@ -22,12 +21,3 @@ from gearlib.uncertainty.measured_tables import in_order
 def test_conditions_become_blocks_in_which_time_rises(time, group, order):
     found = in_order("t", np.array(time), np.array(group))
     assert order == (None if found is None else found.tolist())
-
-
-def test_a_course_of_few_straight_lines_is_the_measured_speed():
-    time = np.linspace(0.0, 10.0, 5001)
-    speed = np.interp(time, [0.0, 4.0, 10.0], [1000.0, 3000.0, 500.0])
-    course = np.array(measured_comparison._knots(time, speed))
-    # A mean of samples is taken where the lines meet.
-    assert np.abs(np.interp(time, *course.T) - speed).max() < 15.0
-    assert 3 <= len(course) <= 6

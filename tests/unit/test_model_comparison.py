@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.studies import model_comparison as models
 from gearlib.studies import scenes
 from tests.paper import PARAMETERS
 from tests.tables import read_back
@@ -23,12 +22,12 @@ SIX = {
 CASES = [{"title": "one", "tuning": 0.82, "pair": PAIR}]
 RUN = {"periods": 40, "record_periods": 4, "samples_per_period": 16}
 STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
-NAMES = [*models.LADDER]
+NAMES = [*scenes.LADDER]
 
 
 def compare(six=SIX, tolerance=0.05, candidates=NAMES, observables=("displacement_max",)):
     asked = {"observables": list(observables), "tolerance": tolerance, "candidates": candidates}
-    return models.compute(CASES, asked, six, 10, RUN, STARTS)
+    return scenes.compare(CASES, asked, six, 10, RUN, STARTS)
 
 
 def test_rigid_bearings_without_run_out_change_nothing():
@@ -55,7 +54,7 @@ def test_the_choice_follows_tolerance_and_candidates():
 def test_units_of_a_change():
     found = compare(observables=("displacement_max", "dynamic_force_max", "bounces"))
     x, other = found.value.sel(model=["one_degree", "one_degree_harmonics"])
-    run = scenes.compute(CASES, "one_degree", SIX, RUN, STARTS).isel(case=0)
+    run = scenes.scene(CASES, "one_degree", SIX, RUN, STARTS).isel(case=0)
     height = float(run.displacement_max - run.displacement_min)
     force = float(run.dynamic_force_max - run.dynamic_force_min)
     shifts = np.abs(x - other).values[0] / [height, force, 1.0]
@@ -63,13 +62,13 @@ def test_units_of_a_change():
 
 
 def test_table(tmp_path):
-    rows = read_back(models.rows([compare()], ["mine"]), tmp_path)
-    assert [row["model"] for row in rows] == [*NAMES, models.TRUNCATED]
+    rows = read_back(scenes.rows([compare()], ["mine"]), tmp_path)
+    assert [row["model"] for row in rows] == [*NAMES, scenes.TRUNCATED]
     assert [row["chosen"] for row in rows].count("yes") == 1
 
 
 def test_a_scene_says_which_model_carries_it():
-    scene = scenes.compute(CASES, "six_degrees_plain", SIX, RUN, STARTS)
+    scene = scenes.scene(CASES, "six_degrees_plain", SIX, RUN, STARTS)
     assert scene.model.item() == "six_degrees_plain" and "friction_force" in scene
     assert float(abs(scene.friction_force).max()) == 0.0
 
@@ -79,7 +78,7 @@ def chaotic(observables=("displacement_max", "bounces"), **moved):
     cases = [{"title": "bounces", "tuning": 0.82, "pair": PARAMETERS}, CASES[0]]
     run = RUN | {"periods": 120, "record_periods": 24} | moved
     asked = {"observables": list(observables), "tolerance": 0.05, "candidates": NAMES}
-    return models.compute(cases, asked, SIX, 10, run, STARTS)
+    return scenes.compare(cases, asked, SIX, 10, run, STARTS)
 
 
 def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):
@@ -95,20 +94,20 @@ def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):
     # From start to start it differs by more than the tolerance: no smaller model suffices.
     assert one.chosen.item() == "six_degrees"
     assert (one.change_high > one.change_low)[[0, 1, 3]].all()
-    rows = read_back(models.rows([one], ["mine"]), tmp_path)
+    rows = read_back(scenes.rows([one], ["mine"]), tmp_path)
     assert [row["change"] for row in rows] == ["differs", "differs", "nan", "differs"]
     assert [row["cost"] == "differs" for row in rows] == [True, True, False, True]
 
 
 def test_a_scene_tells_chaos_by_the_share_of_its_starts():
     cases = [{"title": "bounces", "tuning": 0.82, "pair": PARAMETERS}, CASES[0]]
-    scene = scenes.compute(cases, "one_degree", SIX, RUN | {"periods": 120}, STARTS)
+    scene = scenes.scene(cases, "one_degree", SIX, RUN | {"periods": 120}, STARTS)
     assert scene.free_of_rounding.values.tolist() == [0, 1]
     assert scene.losing_share.values.tolist() == [1.0, 1.0]
 
 
 def test_costs_in_taylor_steps_do_not_hang_on_a_step():
     # From a start beside it took 2511 or 2512 in place of 2510.
-    one = compare().cost.sel(model=models.TRUNCATED).item()
+    one = compare().cost.sel(model=scenes.TRUNCATED).item()
     digit = one / 10.0 ** math.floor(math.log10(one))
     assert digit in (1.0, 2.0, 5.0)

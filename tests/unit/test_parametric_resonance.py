@@ -7,8 +7,7 @@ from gearlib import GearPair, sweep
 from gearlib.analysis.tongues import meissner
 from gearlib.data.storage import read, write
 from gearlib.figures import parametric_resonance_figure as picture
-from gearlib.studies import contact_loss
-from gearlib.studies import tongue_chart as chart
+from gearlib.studies import stability
 from tests.paper import PARAMETERS
 from tests.references import map_of_contact
 from tests.tables import read_back
@@ -20,12 +19,12 @@ SETTINGS = {"damping_ratios": [0.0, 0.03], "least_stiffness_ratio": 0.3, "values
 
 @pytest.fixture(scope="module")
 def facts():
-    return contact_loss.compute(PAIRS, 0.66, 0.6, 1.1, RUN)
+    return stability.contact_loss(PAIRS, 0.66, 0.6, 1.1, RUN)
 
 
 def test_the_singular_region_is_a_tongue(facts):
     free, damped = facts.sel(damping="conservative"), facts.sel(damping="k1")
-    assert free.cause == contact_loss.PARAMETRIC and damped.cause == contact_loss.NONE
+    assert free.cause == stability.PARAMETRIC and damped.cause == stability.NONE
     assert free.nearest_order == 3 and free.tuning_from.sel(order=3) < 0.66
     assert 0.66 < free.tuning_to.sel(order=3) < free.loss_to < 0.68
     # From the first to the last tuning from rest, and no further than a step of the scan.
@@ -37,15 +36,16 @@ def test_the_singular_region_is_a_tongue(facts):
     # Contact is lost although the orbit without loss keeps it.
     assert free.growth > 0.0 and free.orbit_min > 0.2 and free.lost
     assert not damped.lost and damped.damping_ratio > facts.closing_damping.sel(order=3)
-    assert contact_loss.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
+    assert stability.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
 
 
 def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
     touch = float(facts.forced_from.sel(damping="conservative"))
     pair = GearPair(**PARAMETERS)
-    assert abs(contact_loss.orbit_min(pair, touch)) < 1e-10
-    for tuning, cause in ((touch, contact_loss.NONE), (touch + 1e-5, contact_loss.FORCED)):
-        assert contact_loss._facts(pair, tuning, RUN)["cause"] == cause
+    assert abs(stability.orbit_min(pair, touch)) < 1e-10
+    for tuning, cause in ((touch, stability.NONE), (touch + 1e-5, stability.FORCED)):
+        found = stability.contact_loss({"conservative": PARAMETERS}, tuning, 0.6, 1.1, RUN)
+        assert found.cause == cause
 
 
 @pytest.mark.parametrize(
@@ -58,8 +58,8 @@ def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
 )
 def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, causes):
     if tuning != 0.66:
-        facts = contact_loss.compute(PAIRS, tuning, 0.6, 1.1, RUN)
-    damped, free = read_back(contact_loss.rows(facts), tmp_path)
+        facts = stability.contact_loss(PAIRS, tuning, 0.6, 1.1, RUN)
+    damped, free = read_back(stability.rows(facts), tmp_path)
     assert [row["damping"] for row in (damped, free)] == list(PAIRS)
     assert [row["cause"] for row in (damped, free)] == causes
     assert {float(row["tuning"]) for row in (damped, free)} == {tuning}
@@ -86,23 +86,19 @@ def growth_percent(pair, tuning):
     return 100.0 * (np.abs(found).max() - 1.0)
 
 
-def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):
-    pair = GearPair(**PARAMETERS)
-    planes, values, tunings = chart._points(pair, [2, 3, 5], 0.3)
-    expected = {"stiffness_ratio": [], "contact_ratio": []}
-    for order in (2, 3, 5):
-        own = meissner.coexistence(order, contact_ratio=pair.contact_ratio)
-        expected["stiffness_ratio"] += [tuple(point) for point in own if point[0] >= 0.3]
-        own = meissner.coexistence(order, stiffness_ratio=pair.stiffness_ratio)
-        expected["contact_ratio"] += map(tuple, own)
-    for plane, points in expected.items():
-        shown = zip(values[planes == plane], tunings[planes == plane], strict=True)
-        assert points and sorted(shown) == sorted(points)
-
-
 def test_damping_narrows_every_tongue_of_the_chart(facts):
-    data = chart.compute(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
+    data = stability.chart(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
     width = data.tuning_to - data.tuning_from
+    # Circles of the stiffness ratio at this contact ratio, as of the closed form.
+    circles = zip(data.point_value.values, data.point_tuning.values, strict=True)
+    shown = [
+        point
+        for point, plane in zip(circles, data.point_plane, strict=True)
+        if plane == "stiffness_ratio"
+    ]
+    pair, orders = GearPair(**PARAMETERS), data.order.values
+    every = [meissner.coexistence(n, contact_ratio=pair.contact_ratio) for n in orders]
+    assert shown == [tuple(point) for point in np.vstack(every) if point[0] >= 0.3] != []
     narrower = width.isel(damping=1) <= width.isel(damping=0)
     assert (narrower | np.isnan(width.isel(damping=1))).all()
     # Where damping closes them above the contact ratio 1 and below 2, outlines are closed.
@@ -113,5 +109,5 @@ def test_damping_narrows_every_tongue_of_the_chart(facts):
 
 def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
     settings = SETTINGS | {"damping_ratios": [0.3], "least_stiffness_ratio": 0.9, "values": 2}
-    write(chart.compute(PARAMETERS, [2.5, 2.6], settings), tmp_path / "chart.nc")
+    write(stability.chart(PARAMETERS, [2.5, 2.6], settings), tmp_path / "chart.nc")
     assert picture.draw(read(tmp_path / "chart.nc"), facts).axes

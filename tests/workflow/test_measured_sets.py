@@ -41,7 +41,7 @@ def test_a_measured_set_reruns_what_uses_it_and_is_refused_first(project):
         scores = {(row["damping"], row["quantity"]): row for row in csv.DictReader(file)}
     free = "misfit of displacement_max over its range, free gain and offset"
     assert float(scores["k1", free]["computed"]) < 1e-6 < float(scores["k1m", free]["computed"])
-    assert scores["k1", free]["words"] in (project / "results/tables/measured.html").read_text()
+    assert scores["k1", free]["quantity"] in (project / "results/tables/measured.html").read_text()
     # An edit of the table reruns what uses it; one that cannot be read stops all before.
     table.write_text(table.read_text() + f"{float(found.speed[-1]) - 1.0},up,11\n")
     assert project.planned("measured", "resonance") == uses | {"measured": 1, "resonance": 1}

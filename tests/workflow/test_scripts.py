@@ -72,7 +72,7 @@ def test_a_job_calls_its_function_and_stores_what_it_returns(job, tmp_path):
     settings = {"periods": 6, "record_periods": 2}
     params = {"pair": pair, "window": [0.7, 0.9], "step": 0.1, "run": settings}
     params |= {"damping": "k1", "direction": "up"}
-    params["function"] = "gearlib.studies.resonance_windows:compute"
+    params["function"] = "gearlib.studies.resonance:window"
     given = SimpleNamespace(**params, items=params.items)
     # Of inputs that are no datasets nothing is read.
     job("compute", params=given, input={"kernels": "kernels.sha256"}, threads=1, output=paths)

@@ -5,11 +5,11 @@ use rule _compute as compute_mesh_stiffness with:
     pathvars:
         job="mesh_stiffness",
     input:
-        sources=sources_of("compute", "studies.mesh_stiffness"),
+        sources=sources_of("compute", "studies.drawn_gears"),
     output:
         "results/mesh_stiffness.nc",
     params:
-        function="gearlib.studies.mesh_stiffness:compute",
+        function="gearlib.studies.drawn_gears:mesh_stiffness",
         pairs=drawings("mesh_stiffness"),
         samples=config["mesh_stiffness"]["samples"],
 
@@ -19,12 +19,12 @@ use rule _table as mesh_stiffness_table with:
         job="mesh_stiffness_table",
     input:
         stiffness="results/mesh_stiffness.nc",
-        sources=sources_of("table", "studies.mesh_stiffness"),
+        sources=sources_of("table", "studies.drawn_gears"),
     output:
         csv="results/mesh_stiffness.csv",
         page=page_of("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
     params:
-        function="gearlib.studies.mesh_stiffness:rows",
+        function="gearlib.studies.drawn_gears:stiffness_rows",
         gears=names_of_drawings("mesh_stiffness"),
 
 
@@ -54,12 +54,12 @@ use rule _compute as compute_harris_map with:
     pathvars:
         job="harris_map",
     input:
-        sources=sources_of("compute", "studies.tip_relief"),
+        sources=sources_of("compute", "studies.drawn_gears"),
     output:
         "results/harris_map.nc",
     params:
         **only(config["harris_map"], "loads", "stiffness", "phases"),
-        function="gearlib.studies.tip_relief:harris_map",
+        function="gearlib.studies.drawn_gears:harris_map",
         gears=without(*drawings("harris_map").values(), "published"),
 
 

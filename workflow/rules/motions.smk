@@ -82,11 +82,11 @@ use rule _compute as label with:
         job="labels/{damping}",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.trust_labels"),
+        sources=sources_of("compute", "studies.paper"),
     output:
         "results/labels/{damping}.nc",
     params:
-        function="gearlib.studies.trust_labels:compute",
+        function="gearlib.studies.paper:labels",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tunings=grid(config["labels"]),
         settings=without(config["labels"], *GRID),
@@ -106,11 +106,11 @@ use rule _compute as compute_branches with:
         job="branches/{damping}",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.resonance_branches"),
+        sources=sources_of("compute", "studies.resonance"),
     output:
         "results/branches/{damping}.nc",
     params:
-        function="gearlib.studies.resonance_branches:of_damping",
+        function="gearlib.studies.resonance:branches",
         damping="{damping}",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         settings=without(config["branches"], "loci"),
@@ -121,13 +121,13 @@ use rule _compute as loci with:
         job="loci",
     input:
         branches=f"results/branches/{CONFIG.branches.loci.damping}.nc",
-        sources=sources_of("compute", "studies.resonance_branches"),
+        sources=sources_of("compute", "studies.resonance"),
     output:
         "results/loci.nc",
     params:
         **only(config["branches"], "start", "stop"),
         **only(config["branches"]["loci"], "lowest", "highest"),
-        function="gearlib.studies.resonance_branches:loci_of",
+        function="gearlib.studies.resonance:loci",
         pair=PAIRS[CONFIG.branches.loci.damping],
 
 
@@ -261,11 +261,11 @@ use rule _compute as compare_models with:
     input:
         kernels=KERNELS,
         larger_kernels=LARGER_KERNELS,
-        sources=sources_of("compute", "studies.model_comparison"),
+        sources=sources_of("compute", "studies.scenes"),
     output:
         "results/models/{scene}.nc",
     params:
-        function="gearlib.studies.model_comparison:compute",
+        function="gearlib.studies.scenes:compare",
         cases=cases_of_scene,
         question=question_of_scene,
         six_degrees=SIX_DEGREES,
@@ -279,12 +279,12 @@ use rule _table as model_table with:
         job="model_table",
     input:
         comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
-        sources=sources_of("table", "studies.model_comparison"),
+        sources=sources_of("table", "studies.scenes"),
     output:
         csv="results/models.csv",
         page=page_of("models", "Models: table", EXPLANATIONS),
     params:
-        function="gearlib.studies.model_comparison:rows",
+        function="gearlib.studies.scenes:rows",
         settings={"scenes": list(CONFIG.scenes)},
 
 
@@ -318,11 +318,11 @@ use rule _compute as compute_parametric_resonance with:
         job="parametric_resonance",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.tongue_chart"),
+        sources=sources_of("compute", "studies.stability"),
     output:
         "results/parametric_resonance.nc",
     params:
-        function="gearlib.studies.tongue_chart:compute",
+        function="gearlib.studies.stability:chart",
         pair=config["gear_pair"],
         settings=without(config["parametric_resonance"], "asked", *GRID),
         tunings=grid(config["parametric_resonance"]),
@@ -333,12 +333,12 @@ use rule _compute as tongues with:
         job="tongues",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.contact_loss"),
+        sources=sources_of("compute", "studies.stability"),
     output:
         "results/tongues.nc",
     params:
         **only(config["parametric_resonance"], "start", "stop"),
-        function="gearlib.studies.contact_loss:compute",
+        function="gearlib.studies.stability:contact_loss",
         pairs=PAIRS,
         tuning=config["parametric_resonance"]["asked"],
         run=only(RUN, "periods", "initial_state"),
@@ -349,14 +349,14 @@ use rule _table as parametric_resonance_table with:
         job="parametric_resonance_table",
     input:
         tongues="results/tongues.nc",
-        sources=sources_of("table", "studies.contact_loss"),
+        sources=sources_of("table", "studies.stability"),
     output:
         csv="results/parametric_resonance.csv",
         page=page_of(
             "parametric_resonance", "Parametric resonance: the tuning in question", EXPLANATIONS
         ),
     params:
-        function="gearlib.studies.contact_loss:rows",
+        function="gearlib.studies.stability:rows",
 
 
 use rule _draw as draw_parametric_resonance with:
@@ -442,11 +442,11 @@ use rule _compute as bifurcation_branches with:
         job="bifurcation_branches",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.resonance_branches"),
+        sources=sources_of("compute", "studies.resonance"),
     output:
         "results/bifurcation_branches.nc",
     params:
-        function="gearlib.studies.resonance_branches:of_damping",
+        function="gearlib.studies.resonance:branches",
         damping="of the bifurcation diagram",
         pair=BIFURCATION_PAIR,
         settings=without(config["branches"], "loci") | only(config["bifurcation"], "start", "stop"),

@@ -8,12 +8,12 @@ use rule _compute as compute_phase_lag with:
         job="phase_lag",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.phase_lag"),
+        sources=sources_of("compute", "studies.paper"),
     output:
         "results/phase_lag.nc",
     params:
         **only(config["phase_lag"], "tuning", "harmonics", "periods"),
-        function="gearlib.studies.phase_lag:compute",
+        function="gearlib.studies.paper:phase_lag",
         pair=config["gear_pair"],
         dampings=config["phase_lag"]["material_dampings"],
         tunings=grid(config["phase_lag"]),
@@ -45,12 +45,12 @@ use rule _compute as sweep_window with:
         job="resonance/{damping}/{direction}/{window}",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.resonance_windows"),
+        sources=sources_of("compute", "studies.resonance"),
     output:
         "results/resonance/{damping}/{direction}/{window}.nc",
     params:
         **only(config["resonance"], "step", "lowest"),
-        function="gearlib.studies.resonance_windows:compute",
+        function="gearlib.studies.resonance:window",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
         run=RUN,
@@ -106,11 +106,11 @@ use rule _compute as phase_plane with:
         job="phase_planes/{damping}/{tuning}",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.recorded_planes"),
+        sources=sources_of("compute", "studies.paper"),
     output:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
-        function="gearlib.studies.recorded_planes:compute",
+        function="gearlib.studies.paper:phase_plane",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
         run=SAMPLED_RUN,

@@ -10,11 +10,11 @@ use rule _compute as compute_reducer with:
         job="reducer",
     input:
         train_kernels=TRAIN_KERNELS,
-        sources=sources_of("compute", "studies.trains.reducer"),
+        sources=sources_of("compute", "studies.trains"),
     output:
         "results/reducer.nc",
     params:
-        function="gearlib.studies.trains.reducer:compute",
+        function="gearlib.studies.trains:reducer",
         pair=PAIRS[config["reducer"]["damping"]],
         tunings=grid(config["reducer"]),
         settings=without(config["reducer"], "damping", *GRID),
@@ -25,12 +25,12 @@ use rule _table as reducer_table with:
         job="reducer_table",
     input:
         characteristics="results/reducer.nc",
-        sources=sources_of("table", "studies.trains.reducer"),
+        sources=sources_of("table", "studies.trains"),
     output:
         csv="results/reducer.csv",
         page=page_of("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
     params:
-        function="gearlib.studies.trains.reducer:rows",
+        function="gearlib.studies.trains:reducer_rows",
         gears=REDUCER,
 
 
@@ -63,11 +63,11 @@ use rule _compute as compute_train_sweep with:
         job="train_sweep",
     input:
         train_kernels=TRAIN_KERNELS,
-        sources=sources_of("compute", "studies.trains.over_speed"),
+        sources=sources_of("compute", "studies.trains"),
     output:
         "results/train_sweep.nc",
     params:
-        function="gearlib.studies.trains.over_speed:compute",
+        function="gearlib.studies.trains:over_speed",
         train=TRAIN_PARAMETERS,
         tunings=grid(config["train_sweep"]),
         settings=without(config["train_sweep"], "damping", *GRID),
@@ -101,7 +101,7 @@ use rule _compute as compute_campbell with:
         job="campbell",
     input:
         characteristics=f"results/{'train_sweep' if HAS_OWN_TRAIN else 'reducer'}.nc",
-        sources=sources_of("compute", "studies.trains.campbell"),
+        sources=sources_of("compute", "studies.trains"),
     output:
         "results/campbell.nc",
     params:
@@ -113,7 +113,7 @@ use rule _compute as compute_campbell with:
                 "settings": without(config["reducer"], "damping", *GRID, *STARTS),
             }
         ),
-        function="gearlib.studies.trains.campbell:compute",
+        function="gearlib.studies.trains:campbell",
         orders=config["campbell"]["orders"],
 
 
@@ -122,12 +122,12 @@ use rule _table as campbell_table with:
         job="campbell_table",
     input:
         diagram="results/campbell.nc",
-        sources=sources_of("table", "studies.trains.campbell"),
+        sources=sources_of("table", "studies.trains"),
     output:
         csv="results/campbell.csv",
         page=page_of("campbell", "Campbell diagram, table", EXPLANATIONS),
     params:
-        function="gearlib.studies.trains.campbell:rows",
+        function="gearlib.studies.trains:campbell_rows",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
 
 

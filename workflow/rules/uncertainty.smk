@@ -7,11 +7,11 @@ use rule _compute as measured_curve with:
     input:
         measured=files_of_set,
         resonance="results/resonance.nc",
-        sources=sources_of("compute", "studies.measured_comparison"),
+        sources=sources_of("compute", "studies.measured"),
     output:
         "results/measured/{measured}.nc",
     params:
-        function="gearlib.studies.measured_comparison:curve",
+        function="gearlib.studies.measured:curve",
         path=path_of_set,
 
 
@@ -21,11 +21,11 @@ use rule _compute as measured_course with:
     input:
         measured=files_of_set,
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.measured_comparison"),
+        sources=sources_of("compute", "studies.measured"),
     output:
         "results/measured/courses/{measured}.nc",
     params:
-        function="gearlib.studies.measured_comparison:courses",
+        function="gearlib.studies.measured:courses",
         path=path_of_set,
         pairs=PAIRS,
         run=SAMPLED_RUN,
@@ -37,11 +37,11 @@ use rule _compute as measured_orders with:
     input:
         measured=files_of_set,
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.measured_comparison"),
+        sources=sources_of("compute", "studies.measured"),
     output:
         "results/measured/orders/{measured}.nc",
     params:
-        function="gearlib.studies.measured_comparison:orders",
+        function="gearlib.studies.measured:orders",
         path=path_of_set,
         pairs=PAIRS,
 
@@ -58,12 +58,12 @@ use rule _table as measured_table with:
         courses=expand(rules.measured_course.output, measured=MEASURED_COURSES),
         orders=expand(rules.measured_orders.output, measured=MEASURED_RUN_UPS),
         resonance="results/resonance.nc",
-        sources=sources_of("table", "studies.measured_scores"),
+        sources=sources_of("table", "studies.measured"),
     output:
         csv="results/measured.csv",
         page=page_of("measured", "Measured and computed, in numbers", MEASURED),
     params:
-        function="gearlib.studies.measured_scores:rows",
+        function="gearlib.studies.measured:rows",
 
 
 use rule _draw as draw_measured_courses with:

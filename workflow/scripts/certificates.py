@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gearlib.data import storage
 from gearlib.data.files import write_table, write_table_page
-from gearlib.studies import certificate_table, certificates
+from gearlib.studies import certificates
 from joblog import redirect_output
 
 if __name__ == "__main__":
@@ -17,5 +17,5 @@ if __name__ == "__main__":
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)
-    write_table(certificate_table.rows(rows), snakemake.output.csv)
+    write_table(certificates.rows(rows), snakemake.output.csv)
     write_table_page(snakemake.output.csv, snakemake.output.page, given.gears)
