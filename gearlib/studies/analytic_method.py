@@ -18,6 +18,7 @@ from gearlib.analysis.harmonics.schmidt import (
 )
 from gearlib.analysis.harmonics.solution import errors, exact_course
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.analysis.tongues.meissner import linear_pair
 from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED, sweep
@@ -59,11 +60,6 @@ def compute(pair, tunings, settings, run):
     title = "The analytic method and harmonic balance against exact orbits"
     ways, harmonics = "schmidt, harmonic balance", settings["harmonics"]
     return result(title, pair, dataset, method=ways, harmonics=harmonics)
-
-
-def without_loss(pair):
-    """Return the pair as a mesh that never loses contact: no backlash, one damping."""
-    return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)
 
 
 def _iterations(pair, tuning, settings):
@@ -117,7 +113,7 @@ def _convergence(pair, tunings, settings):
         values = {"contraction": factor, "converged": converged}
         return values | {"automatic": np.int32(kept.size)}
 
-    models = {"contact_loss": [without_loss(pair), pair], "tuning": tunings}
+    models = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
     data = xr.Dataset(stacked(models, facts, "degenerate_count"))
     return dict(data.transpose("contact_loss", "degenerate_count", "tuning").data_vars)
 

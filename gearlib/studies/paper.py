@@ -69,11 +69,7 @@ def phase_lag(pair, dampings, tuning, tunings, *, harmonics, periods, samples_pe
     coords = {
         "damping": ("damping", dampings, {"units": "N s m-1", "long_name": "material damping"}),
         "phase": ("phase", phase - phase[0], {"units": "rad", "long_name": "mesh phase"}),
-        "harmonic": (
-            "harmonic",
-            number,
-            {"units": "1", "long_name": "harmonic of the mesh period"},
-        ),
+        "harmonic": ("harmonic", number, {"units": "1", "long_name": of_period}),
         "tuning": tunings,
     }
     attrs = shown[0].attrs | {"title": "Phase lag of a gear mesh"}

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gearlib import GearPair
 from gearlib.studies import analytic_method
 from tests.paper import PARAMETERS
 
@@ -47,8 +46,3 @@ def test_harmonic_balance_lies_on_the_exact_curve(data):
         np.testing.assert_allclose(data[name], data[exact], rtol=0, atol=4e-3)
     assert data.stable.values.all()
     assert (np.diff(data.balance_displacement_error.values) < 0.0).all()
-
-
-def test_without_loss():
-    pair = analytic_method.without_loss(GearPair(**PARAMETERS, material_damping=100.0))
-    assert pair.backlash == 0.0 and pair.backlash_damping == 100.0
