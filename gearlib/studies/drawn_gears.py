@@ -39,12 +39,12 @@ def mesh_stiffness(pairs, samples):
     def facts(pair, method):
         kind, options = METHODS[method]
         options = options | ({"samples": samples} if kind == "energy" else {})
-        found = meshes[pair].stiffness(kind, torque=pairs[pair]["torque"], **options)
+        stiffness = meshes[pair].stiffness(kind, torque=pairs[pair]["torque"], **options)
         return {
-            "mesh_stiffness": _course(found, phases[pair]),
-            "mean_mesh_stiffness": found.mean_stiffness,
-            "own_stiffness_ratio": found.stiffness_ratio,
-            "method_uncertainty": found.uncertainty,
+            "mesh_stiffness": _course(stiffness, phases[pair]),
+            "mean_mesh_stiffness": stiffness.mean_stiffness,
+            "own_stiffness_ratio": stiffness.stiffness_ratio,
+            "method_uncertainty": stiffness.uncertainty,
         }
 
     published = [
@@ -91,7 +91,7 @@ def stiffness_rows(stiffness):
         names = stiffness.stiffness_method.values
         rows = [(name, float(means[i]), f"{float(ratios[i]):.4g}") for i, name in enumerate(names)]
         published = stiffness.published_stiffness[stiffness.published_pair.values == pair]
-        rows += [(f"published: {one.published.item()}", float(one), "") for one in published]
+        rows += [(f"published: {x.published.item()}", float(x), "") for x in published]
         for name, mean, ratio in rows:
             yield [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]
 
@@ -106,7 +106,7 @@ def harris_map(gears, loads, stiffness, phases):
     options = {"stiffness": stiffness, "phases": phases}
     long = optimum_relief(bare, torque, length="long", **options)
     reliefs = [gear.tip_relief for gear in (long.pinion, long.wheel)]
-    short = long.with_reliefs(*(replace(one, length=one.length / 2.0) for one in reliefs))
+    short = long.with_reliefs(*(replace(relief, length=relief.length / 2.0) for relief in reliefs))
     errors, amounts = [], []
     for mesh in (bare, short, long):
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))

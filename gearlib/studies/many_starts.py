@@ -192,25 +192,25 @@ def carried(model, tunings, settings, direction):
     first = starts(model, "static", settings | {"starts": 1})
     displacement = first - model.start_state("static")
     order, begin = np.argsort(tunings), first
-    found = [None] * len(order)
+    motion_ends = [None] * len(order)
     for i in order if direction == "up" else order[::-1]:
-        found[i] = ends(model, float(tunings[i]), begin, settings)
-        begin = found[i].states + displacement if found[i].settled else first
-    return found
+        motion_ends[i] = ends(model, float(tunings[i]), begin, settings)
+        begin = motion_ends[i].states + displacement if motion_ends[i].settled else first
+    return motion_ends
 
 
-def summarise(model, found, settings, names):
+def summarise(model, motion_ends, settings, names):
     """Return summaries over start, tuning and mesh, and the `SHARES` of the starts over tuning.
 
-    `found` are the `Ends` at each tuning, `names` summaries of `gearlib.sweep`.
+    `motion_ends` are the `Ends` at each tuning, `names` summaries of `gearlib.sweep`.
     """
-    columns = (np.stack(column, axis=1) for column in zip(*found, strict=True))
+    columns = (np.stack(column, axis=1) for column in zip(*motion_ends, strict=True))
     tables, orbits, periods, states, codes = columns
     facts = np.stack([periods, codes], axis=-1)
     dims, recorded = ("start", "tuning"), settings["record_periods"]
     variables = summary.variables(model, dims, tables, states, facts, recorded)
     counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
-    settled = np.array([end.settled for end in found])
+    settled = np.array([end.settled for end in motion_ends])
     shares = {
         "settled": settled.astype(np.int8),
         "settled_share": (orbits >= 0).mean(axis=0),
@@ -232,19 +232,19 @@ def over_directions(model, tunings, settings, names):
     Cold motions begin at all starts, those up and down carry the first one and are NaN where it
     does not settle. Return also the summaries of the single starts for each direction.
     """
-    every, parts = [], []
+    single_starts, parts = [], []
     for direction in DIRECTIONS:
         cold = direction == "cold"
-        found = (
+        motion_ends = (
             from_equilibrium(model, tunings, settings)
             if cold
             else carried(model, tunings, settings, direction)
         )
-        single = summarise(model, found, settings, (*names, "fraction_inverse"))
+        single = summarise(model, motion_ends, settings, (*names, "fraction_inverse"))
         ranges = over_starts(single, names)
         if not cold:
             ranges = {name: values.where(single.settled == 1) for name, values in ranges.items()}
-        every.append(single)
+        single_starts.append(single)
         parts.append(single[SHARES].assign(ranges))
     directions = xr.DataArray(list(DIRECTIONS), dims="direction", name="direction")
-    return xr.concat(parts, directions, combine_attrs="override"), every
+    return xr.concat(parts, directions, combine_attrs="override"), single_starts

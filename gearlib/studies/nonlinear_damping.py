@@ -108,15 +108,15 @@ def compute(pair, place, power, tunings, settings, run, samples_per_period):
 def _facts(damped, curve, direction, run):
     """Return where a characteristic jumps, peaks and loses contact, as name -> number."""
     tuning = curve.tuning.values
-    found = jump.find(damped, tuning, _RESOLUTION, direction, **run)
+    located = jump.find(damped, tuning, _RESOLUTION, direction, **run)
     highest = curve.displacement_max.fillna(-np.inf)
     lost = stretches(curve.displacement_min.values < -_ROUNDING)
     widest = max(lost, key=lambda ends: ends[1] - ends[0], default=None)
     lost_from, lost_to = (np.nan, np.nan) if widest is None else tuning[list(widest)]
     return {
-        "jump": found.tuning,
-        "jump_interval": found.interval,
-        "jump_size": found.above - found.below,
+        "jump": located.tuning,
+        "jump_interval": located.interval,
+        "jump_size": located.above - located.below,
         "peak": float(curve.displacement_max.max()),
         "peak_tuning": float(highest.idxmax()),
         "lost_from": lost_from,

@@ -45,17 +45,17 @@ def branches_of(model, start, stop, **settings):
     `settings` are step, max_height and max_points of `gearlib.continue_orbit`. NoOrbit if neither
     end has an orbit of one mesh period.
     """
-    found = []
+    followed = []
     for here, there in ((start, stop), (stop, start)):
-        if not found or float(found[0].tuning[-1]) != here:
+        if not followed or float(followed[0].tuning[-1]) != here:
             orbit = _orbit_at(model, here)
-            found += [continue_orbit(orbit, to=there, **settings)] if orbit else []
-    if not found:
+            followed += [continue_orbit(orbit, to=there, **settings)] if orbit else []
+    if not followed:
         raise NoOrbit(f"no orbit of one mesh period was found at tuning = {start!r} or {stop!r}")
-    for branch in list(found):
+    for branch in list(followed):
         for point in np.flatnonzero(branch.label == DOUBLING):
             try:
-                found.append(_doubled(model, branch, int(point), start, stop, settings))
+                followed.append(_doubled(model, branch, int(point), start, stop, settings))
             except NoOrbit:
                 continue
     parts = [
@@ -63,9 +63,9 @@ def branches_of(model, start, stop, **settings):
             branch=("point", np.full(branch.sizes["point"], number, np.int32)),
             period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
         )
-        for number, branch in enumerate(found)
+        for number, branch in enumerate(followed)
     ]
-    return _together(parts, found[0].attrs, "Branches of periodic orbits of a gear mesh")
+    return _together(parts, followed[0].attrs, "Branches of periodic orbits of a gear mesh")
 
 
 def _orbit_at(model, tuning):
@@ -86,7 +86,7 @@ def _doubled(model, branch, point, start, stop, settings):
         return continue_orbit(orbit, to=stop if away > 0.0 else start, **settings)
     limits = (start, stop)
     both = [continue_orbit(orbit, to=to, limits=limits, **settings) for to in limits]
-    return max(both, key=lambda one: one.sizes["point"])
+    return max(both, key=lambda branch: branch.sizes["point"])
 
 
 def _together(parts, attrs, title):
@@ -109,13 +109,15 @@ def loci(pair, branches, start, stop, lowest, highest):
     and stop and the damping ratios lowest and highest. ``locus`` numbers their special points.
     """
     model = GearPair(**pair)
-    own, labels = value_of(model, 1.0, "damping"), branches.label.values
+    own_damping, labels = value_of(model, 1.0, "damping"), branches.label.values
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
     nothing = branches.isel(point=slice(0))[names].reset_coords(drop=True)
     parts = [nothing.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
     special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(special):
-        for to in {lowest, highest} - {own}:
+        for to in (lowest, highest):
+            if to == own_damping:
+                continue
             try:
                 curve = locus(model, branches, int(point), "damping", to=to, limits=(start, stop))
             except NoOrbit:
@@ -128,4 +130,4 @@ def loci(pair, branches, start, stop, lowest, highest):
                 )
             )
     title = "Loci of special points over tuning and damping"
-    return _together(parts, branches.attrs, title).assign(own_damping=own)
+    return _together(parts, branches.attrs, title).assign(own_damping=own_damping)

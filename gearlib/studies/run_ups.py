@@ -51,5 +51,5 @@ def compute(pair, start, stop, revolutions, *, mesh_orders, damping):
     # CF knows times of day only: a block is at seconds since the start of the run.
     shown = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(blocks[shown].rename(time="block"))
-    found = result("Run-ups of a gear mesh", model, dataset, method="closed forms")
-    return found.assign_attrs({name: blocks.attrs[name] for name in ("variable", "amplitude")})
+    dataset = result("Run-ups of a gear mesh", model, dataset, method="closed forms")
+    return dataset.assign_attrs({name: blocks.attrs[name] for name in ("variable", "amplitude")})

@@ -70,13 +70,13 @@ def runs(model, tuning, run, settings):
         return simulate(model, tuning, **run | other | {"initial_state": state})
 
     state = np.asarray(run["initial_state"], float)
-    asked = from_state(state, until_settled=True)
+    first = from_state(state, until_settled=True)
     near = from_state(many_starts.beside(state), samples_per_period=1)
     extrema = (*_DISPLACEMENTS, *_FORCES)
-    if max(abs(float(asked[name] - near[name])) for name in extrema) < _ROUNDING_CHANGE:
-        return asked, [asked]
+    if max(abs(float(first[name] - near[name])) for name in extrema) < _ROUNDING_CHANGE:
+        return first, [first]
     starts = many_starts.starts(model, state, settings)
-    return asked, [from_state(start, samples_per_period=1) for start in starts]
+    return first, [from_state(start, samples_per_period=1) for start in starts]
 
 
 def of_comparison(comparison, cases, six_degrees, run, starts):
@@ -94,10 +94,10 @@ def scene(cases, model, six_degrees, run, starts):
     courses = []
     for case in cases:
         built = build(model, case["pair"], six_degrees)
-        asked, standing = runs(built, case["tuning"], run, starts)
-        course = asked.drop_dims("event")
-        course["free_of_rounding"] = (), np.int8(standing[0] is asked), _FLAGS
-        course["losing_share"] = (), np.mean([float(one.bounces) > 0.0 for one in standing])
+        first, standing = runs(built, case["tuning"], run, starts)
+        course = first.drop_dims("event")
+        course["free_of_rounding"] = (), np.int8(standing[0] is first), _FLAGS
+        course["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in standing])
         phase = (course.phase - course.phase[0]).assign_attrs(course.phase.attrs)
         courses.append(describe(course.assign_coords(phase=phase), built))
     together = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
@@ -121,12 +121,12 @@ def compare(cases, question, six_degrees, harmonics, run, starts):
     for i, j in np.ndindex(alone.shape):
         pair, tuning = cases[j]["pair"], cases[j]["tuning"]
         model = build(names[i], pair, six_degrees, harmonics)
-        asked, standing = runs(model, tuning, run, starts)
-        alone[i, j] = standing[0] is asked
+        first, standing = runs(model, tuning, run, starts)
+        alone[i, j] = standing[0] is first
         # A run that is free of rounding stands for all starts.
-        values[:, i, j] = [[float(one[name]) for name in observables] for one in standing]
-        units[:, i, j] = [[_unit(one, name) for name in observables] for one in standing]
-        costs[:, i, j] = [_cost(model, tuning, one, run) for one in standing]
+        values[:, i, j] = [[float(record[name]) for name in observables] for record in standing]
+        units[:, i, j] = [[_unit(record, name) for name in observables] for record in standing]
+        costs[:, i, j] = [_cost(model, tuning, record, run) for record in standing]
     change, free = _changes(values, units, alone)
     lowest, highest = change.min(axis=0), change.max(axis=0)
     # A range from some starts is widened by itself: all of it has to be within the tolerance.
@@ -150,7 +150,7 @@ def compare(cases, question, six_degrees, harmonics, run, starts):
     }
     titles = [case["title"] for case in cases]
     coords = {"model": names, "case": titles, "observable": list(observables)}
-    attrs = {k: v for k, v in asked.attrs.items() if k not in ("gear_pair", "parameters")}
+    attrs = {k: v for k, v in first.attrs.items() if k not in ("gear_pair", "parameters")}
     return describe(
         xr.Dataset(data, coords, attrs | {"title": "Comparison of models for one scene"})
     )
