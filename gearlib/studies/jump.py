@@ -78,8 +78,8 @@ def find(pair, tunings, resolution, direction="cold", **run):
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, np.nan, np.nan, 0, high - low)
     # The nearer to the jump, the less a run has settled: heights are those of the scan.
-    beside = map(float, heights[i : i + 2])
-    return Jump(0.5 * (low + high), *beside, int(large.sum()), high - low)
+    below, above, count = float(heights[i]), float(heights[i + 1]), int(large.sum())
+    return Jump(0.5 * (low + high), below, above, count, high - low)
 
 
 def orbit_heights(curve):
