@@ -81,7 +81,7 @@ def range_of(name, ends):
     try:
         return TypeAdapter(several(t.type_of(kind), 2)).validate_python([*ends])
     except ValidationError:
-        unit = "" if kind.unit == "1" else f" in {kind.unit} or a text with a unit of it"
+        unit = " in SI" if kind.unit == "1" else f" in {kind.unit} or a text with a unit of it"
         allowed = f"two values, each {kind.words}{unit}"
         raise refusal(f"free.{name}", list(ends), allowed) from None
 

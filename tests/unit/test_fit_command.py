@@ -162,7 +162,7 @@ def test_the_command_says_how_many_revolutions_are_left_out(run):
             None,
             {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}},
             [],
-            "two numbers in SI; texts have max_stiffness, reduced_mass, load, backlash",
+            "two values, each a finite number in SI",
         ),
         (
             None,
