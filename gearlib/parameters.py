@@ -190,6 +190,10 @@ def named(thing):
     return {name: (cf_units(x.unit), x.long_name) for name, x in numbers(thing).items()}
 
 
+#: CF units that engineers write in another way.
+WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
+
+
 def cf_units(unit):
     """Return a unit as CF has it: "N s^2/m^2" is "N s2 m-2", "" is "1"."""
     above, _, below = unit.partition("/")

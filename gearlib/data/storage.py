@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.files import replacing, source_hash, write_table
+from gearlib.parameters import WRITTEN_UNITS
 from gearlib.version import __version__
 
 
@@ -37,14 +38,16 @@ def write_rows(dataset, dim, path):
     """Write the variables of a dataset over one dimension as CSV, in one step.
 
     Each variable has a column for each of its entries over other dimensions. The first line has
-    names and units, as in ``displacement_max sun 1 [1]``. OSError if it cannot be written.
+    names and units, as in ``mesh_force sun 1 [N]``. OSError if it cannot be written.
     """
     columns = {}
     for name in [dim] * (dim in dataset.coords) + [*dataset.data_vars]:
         if dim not in dataset[name].dims:
             continue
         variable = dataset[name].transpose(dim, ...)
-        unit = f" [{variable.units}]" if "units" in variable.attrs else ""
+        unit = variable.attrs.get("units", "1")
+        unit = WRITTEN_UNITS.get(unit, unit)
+        unit = f" [{unit}]" if unit else ""
         labels = [variable[other].values for other in variable.dims[1:]]
         for index in np.ndindex(*variable.shape[1:]):
             entry = [str(label[i]) for label, i in zip(labels, index, strict=True)]

@@ -10,14 +10,12 @@ from bokeh.plotting import figure
 from gearlib.explorer.view import LOADS, SAMPLES, SHOWN, View
 from gearlib.figures.style import PALETTE
 
-#: Share of the window's height and least height (px) of the characteristic, of other figures.
+#: Share of the window's height and least height, px, of the characteristic and of other figures.
 _LARGE, _SMALL = (0.55, 300), (0.45, 250)
-#: Width from which a row of figures is filled, and of ticks and words of an ordinate, px.
-_BASIS, _ORDINATE = 260, 65
-#: Of the window: heading and note, px.
-_HEAD = 200
-#: Of the mean force: amplitudes below are not drawn.
-_FLOOR = 1e-6
+#: Least width of a figure, width of its ordinate, height of heading and note, px.
+_MIN_WIDTH, _ORDINATE, _HEAD = 260, 65, 200
+#: Smallest amplitude that is drawn, over the mean force.
+_MIN_AMPLITUDE = 1e-6
 _SWEEPS = ("up", "up_min", "down", "down_min")
 
 
@@ -81,23 +79,17 @@ class Figures:
 
     def _plot(self, title: str, x: str, y: str, *lines, **options):
         """Return a figure of lines, each a name, a number of a colour and options of the line."""
-        # Room for ticks and words of the ordinate, which are not known when it is laid out.
-        look = {
-            "sizing_mode": "stretch_both",
-            "min_border_left": _ORDINATE,
-            "toolbar_location": None,
-        }
-        plot = figure(title=title, x_axis_label=x, y_axis_label=y, **look | options)
+        settings = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
+        settings |= {"toolbar_location": None, "title": title} | options
+        plot = figure(x_axis_label=x, y_axis_label=y, **settings)
         for name, number, more in lines:
             plot.line("x", "y", source=self.sources[name], color=PALETTE[number], **more)
         return plot
 
     def _characteristic(self):
         """Return the figure of the resonance characteristic and the marker of the setting."""
-        lines = [
-            (name, 0 if "up" in name else 4, {"legend_label": f"sweep {name.split('_')[0]}"})
-            for name in _SWEEPS
-        ]
+        labels = {name: {"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS}
+        lines = [(name, 0 if "up" in name else 4, label) for name, label in labels.items()]
         x = "speed of the pinion, rpm" if self.drawn else "tuning ν"
         title, y = "Resonance characteristic: extrema", "displacement, static deflections"
         plot = self._plot(title, x, y, *lines, toolbar_location="right")
@@ -109,13 +101,9 @@ class Figures:
     def _motion(self) -> list:
         """Return phase plane, time course, multipliers and order spectrum."""
         plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", ("plane", 0, {}))
-        course = self._plot(
-            f"Time course, {SHOWN} mesh periods",
-            "mesh phase τ, rad",
-            "",
-            ("course", 0, {"legend_label": "displacement"}),
-            ("force", 4, {"legend_label": "dynamic force / load"}),
-        )
+        displacement = ("course", 0, {"legend_label": "displacement"})
+        force, title = ("force", 4, {"legend_label": "dynamic force / load"}), "Time course"
+        course = self._plot(title, "mesh phase τ, rad", "", displacement, force)
         course.add_layout(course.legend[0], "below")
         course.legend.orientation = "horizontal"
         roots = self._plot("Floquet multipliers", "real part", "imaginary part")
@@ -141,10 +129,10 @@ class Figures:
 def _stems(spectrum):
     """Return the force amplitudes of an order spectrum as stems over the mesh order."""
     amplitude = spectrum.force_amplitude.values
-    seen = amplitude > _FLOOR * amplitude[0]
+    seen = amplitude > _MIN_AMPLITUDE * amplitude[0]
     # Order 0 is the mean.
     seen[0] = False
-    ground = np.full(seen.sum(), _FLOOR * amplitude[0])
+    ground = np.full(seen.sum(), _MIN_AMPLITUDE * amplitude[0])
     ends = np.column_stack([ground, amplitude[seen], np.full(seen.sum(), np.nan)])
     return np.repeat(spectrum.mesh_order.values[seen], 3), ends.ravel()
 
@@ -167,10 +155,8 @@ def derived(seen: View) -> list[tuple[str, str]]:
     ]
     if seen.error is not None:
         static = seen.error.isel(torque=-1)
-        found += [
-            ("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm"),
-            ("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}"),
-        ]
+        found.append(("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm"))
+        found.append(("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}"))
     return found
 
 
@@ -180,7 +166,7 @@ def pane(plot, room=_SMALL):
     styles = {
         "height": f"calc({share} * (100vh - {_HEAD}px))",
         "min-height": f"{least}px",
-        "flex": f"1 1 {_BASIS}px",
+        "flex": f"1 1 {_MIN_WIDTH}px",
         "min-width": "0",
     }
     return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)

@@ -49,19 +49,13 @@ class Page:
 
     def update(self, *_) -> None:
         """Compute and draw what the sliders say, or say why it cannot be."""
-        start = time.perf_counter()
+        start, visible = time.perf_counter(), True
         try:
-            words = self.figures.draw(look(self.configuration(), self.gears.damping))
+            note = self.figures.draw(look(self.configuration(), self.gears.damping))
+            note += f" *Computed in {1e3 * (time.perf_counter() - start):.0f} ms.*"
         except ValueError as error:
-            self._show(str(error), visible=False)
-            return
-        elapsed = 1e3 * (time.perf_counter() - start)
-        self._show(f"{words} *Computed in {elapsed:.0f} ms.*", visible=True)
-
-    def _show(self, words: str, visible: bool) -> None:
-        self.note.object = words
-        self.shown.visible = visible
-        self.button.disabled = not visible
+            note, visible = str(error), False
+        self.note.object, self.shown.visible, self.button.disabled = note, visible, not visible
 
     def file(self) -> io.BytesIO:
         """Return the config.yaml of what is seen, as a file object."""
@@ -78,20 +72,16 @@ class Page:
         return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")
 
 
-def _shown(one: Slider) -> float:
+def _shown(slider: Slider) -> float:
     """Return the value of a slider at the start, in its unit."""
-    return float(f"{one.start / one.unit:.12g}")
+    return float(f"{slider.start / slider.unit:.12g}")
 
 
-def _widget(one: Slider):
+def _widget(slider: Slider):
     """Return the widget of a slider."""
+    range_of_values = {"start": slider.low, "end": slider.high, "step": slider.step}
     return pn.widgets.FloatSlider(
-        label=one.label,
-        value=_shown(one),
-        start=one.low,
-        end=one.high,
-        step=one.step,
-        format="0[.][00000]",
+        label=slider.label, value=_shown(slider), format="0[.][00000]", **range_of_values
     )
 
 
@@ -103,11 +93,6 @@ def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None
     pn.extension()
     # The first view loads the compiled kernels, which is nothing to wait for while dragging.
     Page(mapping, damping)
+    settings = {"title": "gearlib explorer", "address": "127.0.0.1", "port": port, "show": show}
     # Every visitor has sliders of his own.
-    pn.serve(
-        lambda: Page(mapping, damping).layout(),
-        port=port,
-        show=show,
-        title="gearlib explorer",
-        address="127.0.0.1",
-    )
+    pn.serve(lambda: Page(mapping, damping).layout(), **settings)

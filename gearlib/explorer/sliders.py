@@ -1,8 +1,4 @@
-"""Sliders of the gears of a configuration, and the configuration that they make.
-
-A slider sets keys of the configuration. Its words and unit are those that the field of the key
-declares. So the page shows what the workflow computes from the file that it saves.
-"""
+"""Sliders of the gears of a configuration, and the configuration that they make."""
 
 import copy
 import math
@@ -17,10 +13,8 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair import GearPair
 from gearlib.parameters import declared, named
 
-#: Steps of a slider, at least.
-_STEPS = 200
-#: What rounding leaves of a whole number of steps.
-_EXACT = 1e-9
+#: Least number of steps of a slider, and the rounding error of a number of steps.
+_MIN_STEPS, _ROUNDING = 200, 1e-9
 _SYMBOLS = {"um": "µm", "deg": "°"}
 _GREEK = {"kappa": "κ", "epsilon": "ε", "beta": "β"}
 #: Sliders that change the centre distance.
@@ -41,11 +35,11 @@ class Slider(NamedTuple):
 def slider(label: str, start: float, low: float, high: float, unit: float = 1.0) -> Slider:
     """Return a slider in round steps whose ends, in SI, hold the value at the start."""
     low, high, first = low / unit, high / unit, start / unit
-    rough = (high - low) / _STEPS
-    power = 10.0 ** math.floor(math.log10(rough) + _EXACT)
-    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1.0 + _EXACT))
-    low = min(math.floor(low / step + _EXACT) * step, first)
-    high = max(math.ceil(high / step - _EXACT) * step, first)
+    rough = (high - low) / _MIN_STEPS
+    power = 10.0 ** math.floor(math.log10(rough) + _ROUNDING)
+    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1.0 + _ROUNDING))
+    low = min(math.floor(low / step + _ROUNDING) * step, first)
+    high = max(math.ceil(high / step - _ROUNDING) * step, first)
     low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
     return Slider(label, start, low, high, step, unit)
 
@@ -86,62 +80,55 @@ class Sliders:
         self.abscissa = "speed" if self.drawn else "tuning"
 
     def _of_pair(self, settings) -> dict[str, Slider]:
+        """Return the sliders of a gear pair that is given by its numbers."""
         pair, grid = self.pair, settings.resonance
         # Without a far flank: four static deflections.
         gap = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
         self.heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
-        first = settings.phase_planes.tunings[0]
-        return {
-            "tuning": slider("tuning ν", first, grid.start, grid.stop),
-            "stiffness_ratio": of_field(
-                GearPair, "stiffness_ratio", pair.stiffness_ratio, 0.05, 1.0
-            ),
-            "contact_ratio": of_field(GearPair, "contact_ratio", pair.contact_ratio, 1.0, 2.0),
-            "backlash": of_field(GearPair, "backlash", gap, 0.0, max(200e-6, 3.0 * gap)),
-            "load": of_field(GearPair, "load", pair.load, 0.05 * pair.load, 5.0 * pair.load),
+        fields = {
+            "stiffness_ratio": (pair.stiffness_ratio, 0.05, 1.0),
+            "contact_ratio": (pair.contact_ratio, 1.0, 2.0),
+            "backlash": (gap, 0.0, max(200e-6, 3.0 * gap)),
+            "load": (pair.load, 0.05 * pair.load, 5.0 * pair.load),
         }
+        tuning = slider("tuning ν", settings.phase_planes.tunings[0], grid.start, grid.stop)
+        sliders = {name: of_field(GearPair, name, *range) for name, range in fields.items()}
+        return {"tuning": tuning} | sliders
 
     def _of_drawing(self, settings) -> dict[str, Slider]:
-        #: The gears at the start.
+        """Return the sliders of drawn gears."""
         self.mesh = mesh = settings.gears.mesh()
-        torque = settings.gears.driving_torque()
-        pinion, wheel = mesh.pinion, mesh.wheel
+        torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         self.heading = (
             f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
             f"width {1e3 * pinion.width:g} mm, {torque:g} N m. The motion at the speed is that of "
             "pairs of teeth, the characteristic that of the rectangular stiffness."
         )
-        resonance = float(self.pair.speed(1.0))
+        resonance, amount = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
         speed = settings.gears.speed or float(round(0.9 * resonance))
-        amount, module, angle = max(reliefs, default=0.0), pinion.module, math.radians(35.0)
-        return {
-            **{
-                f"{whose}_teeth": Slider(f"teeth of the {whose}", z, max(5, z // 2), 2 * z, 1)
-                for whose, z in (("pinion", pinion.teeth), ("wheel", wheel.teeth))
-            },
-            "module": of_field(SpurGear, "module", module, 0.5 * module, 2.0 * module),
-            "width": of_field(
-                SpurGear, "width", pinion.width, 0.5 * pinion.width, 2.0 * pinion.width
-            ),
-            "helix_angle": of_field(SpurGear, "helix_angle", pinion.helix_angle, 0.0, angle),
-            "pinion_shift": slider("profile shift of the pinion", pinion.shift, -1.0, 1.5),
-            "wheel_shift": slider("profile shift of the wheel", wheel.shift, -1.0, 1.5),
-            "tip_relief": slider(
-                "largest tip relief, µm" if reliefs else "tip relief of both gears, µm",
-                *(amount, 0.0, max(50e-6, 2.0 * amount), 1e-6),
-            ),
-            "backlash": of_field(
-                Mesh, "backlash", mesh.backlash, 0.0, max(400e-6, 3.0 * mesh.backlash)
-            ),
-            "torque": slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque),
-            "speed": slider(
-                "speed of the pinion, rpm",
-                speed,
-                min(LOWEST * resonance, speed),
-                max(HIGHEST * resonance, speed),
-            ),
+        sliders = {
+            f"{whose}_teeth": Slider(f"teeth of the {whose}", z, max(5, z // 2), 2 * z, 1)
+            for whose, z in (("pinion", pinion.teeth), ("wheel", wheel.teeth))
         }
+        for name in ("module", "width"):
+            size = getattr(pinion, name)
+            sliders[name] = of_field(SpurGear, name, size, 0.5 * size, 2.0 * size)
+        steepest = math.radians(35.0)
+        sliders["helix_angle"] = of_field(
+            SpurGear, "helix_angle", pinion.helix_angle, 0.0, steepest
+        )
+        for whose, gear in (("pinion", pinion), ("wheel", wheel)):
+            label = f"profile shift of the {whose}"
+            sliders[f"{whose}_shift"] = slider(label, gear.shift, -1.0, 1.5)
+        label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
+        sliders["tip_relief"] = slider(label, amount, 0.0, max(50e-6, 2.0 * amount), 1e-6)
+        gap, label = max(400e-6, 3.0 * mesh.backlash), "speed of the pinion, rpm"
+        sliders["backlash"] = of_field(Mesh, "backlash", mesh.backlash, 0.0, gap)
+        sliders["torque"] = slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque)
+        ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)
+        sliders["speed"] = slider(label, speed, *ends)
+        return sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
         """Return the configuration of the sliders' values, SI.

@@ -57,14 +57,9 @@ def look(mapping: dict, damping: str) -> View:
         return _motion(pair, pair, grid, tuning)
     gears = settings.gears
     mesh, torque = gears.mesh(), gears.driving_torque()
-    teeth = tooth_pairs_of(
-        mesh,
-        torque=torque,
-        damping_ratio=pair.damping_ratio,
-        backlash_damping_ratio=pair.backlash_damping_ratio,
-        stiffness=gears.stiffness,
-        options=gears.stiffness_options,
-    )
+    ratios = {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
+    method = {"stiffness": gears.stiffness, "options": gears.stiffness_options}
+    teeth = tooth_pairs_of(mesh, torque=torque, **ratios, **method)
     resonance = pair.speed(1.0)
     speed = float(pair.speed(tuning))
     ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)
@@ -96,18 +91,12 @@ def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> 
         (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
     # A revolution, which has a spectrum; of gears with errors until the same teeth meet again.
     recorded = max(round(moving.periods_per_revolution), min(repeats, _LONGEST))
-    run = simulate(
-        moving,
-        tuning,
-        periods=_SETTLE + recorded,
-        record_periods=recorded,
-        samples_per_period=SAMPLES,
-        until_settled=True,
-    )
+    periods = {"periods": _SETTLE + recorded, "record_periods": recorded}
+    run = simulate(moving, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
     words = (
-        f"{motions.description(run)} Followed for {_SETTLE + recorded} mesh periods, at each "
-        f"speed of the characteristic for {_PERIODS}."
+        f"{motions.description(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed"
     )
+    words += f" of the characteristic for {_PERIODS}."
     if not jumped:
         words += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
     roots = _multipliers(moving, run)

@@ -13,8 +13,8 @@ _ORDERS = (1, 2, 3)
 _DEGREE = math.pi / 180.0
 #: Name, unit, meaning, and value of a gear with its clearance.
 _OF_GEARS = (
-    ("teeth", "1", "z", lambda gear, gap: gear.teeth),
-    ("shift", "1", "profile shift coefficient x", lambda gear, gap: gear.shift),
+    ("teeth", "", "z", lambda gear, gap: gear.teeth),
+    ("shift", "", "profile shift coefficient x", lambda gear, gap: gear.shift),
     ("reference_diameter", "mm", "d", lambda gear, gap: 1e3 * gear.reference_diameter),
     ("base_diameter", "mm", "d_b", lambda gear, gap: 1e3 * gear.base_diameter),
     ("tip_diameter", "mm", "d_a", lambda gear, gap: 1e3 * gear.tip_diameter),
@@ -30,8 +30,8 @@ _OF_MESH = (
     ("centre_distance", "mm", "a", lambda m, p: 1e3 * m.centre_distance),
     ("working_pressure_angle", "deg", "alpha_wt", lambda m, p: m.working_pressure_angle / _DEGREE),
     ("base_pitch", "mm", "p_bt", lambda m, p: 1e3 * m.base_pitch),
-    ("transverse_contact_ratio", "1", "eps_alpha", lambda m, p: m.contact_ratio),
-    ("overlap_ratio", "1", "eps_beta", lambda m, p: m.overlap_ratio),
+    ("transverse_contact_ratio", "", "eps_alpha", lambda m, p: m.contact_ratio),
+    ("overlap_ratio", "", "eps_beta", lambda m, p: m.overlap_ratio),
     ("normal_backlash", "um", "j_bn", lambda m, p: 1e6 * m.backlash),
     ("recommended_backlash", "um", "ISO/TR 10064-2", lambda m, p: 1e6 * m.recommended_backlash),
     ("backlash", "um", "s_k, along the line of action", lambda m, p: 1e6 * m.line_backlash),
@@ -43,15 +43,15 @@ _OF_MESH = (
 _OF_STIFFNESS = (
     ("max_stiffness", "N/m", "C_max", lambda p: p.max_stiffness),
     ("mean_stiffness", "N/m", "C_s", lambda p: p.mean_stiffness),
-    ("stiffness_ratio", "1", "kappa = C_min / C_max", lambda p: p.stiffness_ratio),
-    ("contact_ratio", "1", "epsilon of the rectangle", lambda p: p.contact_ratio),
+    ("stiffness_ratio", "", "kappa = C_min / C_max", lambda p: p.stiffness_ratio),
+    ("contact_ratio", "", "epsilon of the rectangle", lambda p: p.contact_ratio),
     ("static_deflection", "um", "F / C_s", lambda p: 1e6 * p.static_deflection),
-    ("backlash_ratio", "1", "s_k in static deflections", lambda p: p.backlash_ratio),
+    ("backlash_ratio", "", "s_k in static deflections", lambda p: p.backlash_ratio),
     ("eigenfrequency", "Hz", "Omega_s / 2 pi", lambda p: p.mean_eigenfrequency / math.tau),
     ("resonance_speed", "rpm", "of the pinion at tuning 1, n_E1", lambda p: p.speed(1.0)),
     ("material_damping", "N s/m", "k_1", lambda p: p.material_damping),
-    ("damping_ratio", "1", "beta", lambda p: p.damping_ratio),
-    ("backlash_damping_ratio", "1", "beta_m", lambda p: p.backlash_damping_ratio),
+    ("damping_ratio", "", "beta", lambda p: p.damping_ratio),
+    ("backlash_damping_ratio", "", "beta_m", lambda p: p.backlash_damping_ratio),
 )
 
 
@@ -110,7 +110,7 @@ def duty_rows(mesh, speed, *, damping=None, stiffness=None, options=None, **load
     pair = GearPair.from_geometry(mesh, **known, **load).replace(**(damping or {}))
     load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     point = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
-    lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0)}
+    lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = lengths.get(variable.units, (variable.units, 1.0))
         if variable.ndim:

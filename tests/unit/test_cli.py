@@ -3,8 +3,6 @@
 import csv
 import dataclasses
 import json
-import shutil
-import socket
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,7 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main
 from gearlib.data import storage
+from gearlib.parameters import WRITTEN_UNITS
 from gearlib.uncertainty.designs import DrawnPair
 from gearlib.uncertainty.quality_classes import by_class
 from tests.geometry import drawings
@@ -95,12 +94,8 @@ def test_orbit_and_trust_say_what_they_found(run):
     assert done.exit_code == 0 and "stable orbit of period 1" in done.output
     assert xr.load_dataset("orbit.nc").residual < 1e-12
     orbit = gearlib.periodic_orbit(pair(), 0.7)
-    for words, numbers, digits in (
-        ("state at tau = 0     ", orbit.state, 15),
-        ("Floquet multipliers  ", orbit.multipliers, 12),
-    ):
-        printed = f"{words.strip()} {' '.join(f'{x:.{digits}g}' for x in numbers)} "
-        assert printed in " ".join(done.output.split()) and words in done.output
+    assert all(f"{x:.6g}" in done.output for x in orbit.state)
+    assert all(f"{x.real:.6g} " in done.output for x in orbit.multipliers)
     done = run("trust", *PAIR, "--tuning", "0.7", "--periods", "500")
     assert done.exit_code == 0 and done.output.startswith("paper's pair\nperiodic: ")
 
@@ -129,11 +124,12 @@ def test_the_ending_decides_what_is_written(run):
         columns = dict(zip(heads, zip(*rows, strict=True), strict=True))
         for variable in data.data_vars.values():
             if variable.dims == (over,) and "units" in variable.attrs:
-                found = columns[f"{variable.name} [{variable.units}]"]
+                unit = WRITTEN_UNITS.get(variable.units, variable.units)
+                found = columns[f"{variable.name} [{unit}]" if unit else variable.name]
                 assert [*map(float, found)] == variable.values.tolist()
         assert Path(files[2]).read_bytes().startswith(b"\x89PNG")
     several = next(csv.reader(Path("modes.csv").read_text(encoding="utf-8").splitlines()))
-    assert "mode_shape input rotation [1]" in several
+    assert "mode_shape input rotation" in several
 
 
 def test_tolerances_are_read_with_their_units(run):
@@ -141,7 +137,7 @@ def test_tolerances_are_read_with_their_units(run):
     given = [word for one in given for word in ("-t", one)]
     asked = ["--samples", "8", "--quantity", "jump_down", "--points", "2", "-o", "found.nc"]
     done = run("scatter", *PAIR, *given, *asked)
-    assert done.exit_code == 0 and "8 of 8" in done.output, done.output
+    assert done.exit_code == 0 and "jump_down  rpm" in done.output, done.output
     tolerances = {
         "backlash": {"upper": 1e-5, "lower": -4e-6},
         "load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0},
@@ -150,15 +146,15 @@ def test_tolerances_are_read_with_their_units(run):
     expected = gearlib.scatter(pair(), tolerances, ("jump_down",), n=8, **ways)
     xr.testing.assert_equal(xr.load_dataset("found.nc"), expected)
     for wrong, words in (
-        ("load", "is no tolerance such as 'load std=5%'"),
-        ("", "'' is no tolerance such as 'load std=5%'"),
+        ("load", "must have keys, each once, as 'load std=5%'"),
+        ("", "must have keys"),
+        ("load std=1% std=2%", "must have keys"),
         ("load std=3um", "must be a finite number in N or a text with its unit"),
-        ("torque std=5%", "where no drawing describes the gears"),
+        ("torque std=5%", "need drawn gears"),
         ("load std=nan", "tolerances.load.std = 'nan' is not allowed: it must be a finite"),
-        ("load std=1% std=2%", "says the same twice"),
-        ("backlash std=2%", "--tolerance backlash is there twice"),
+        ("mass std=2%", "tolerances = 'mass' is not allowed: it must be one of"),
     ):
-        done = run("scatter", *PAIR, "-t", "backlash std=1%", "-t", wrong)
+        done = run("scatter", *PAIR, "-t", wrong)
         assert done.exit_code == 2 and words in " ".join(done.output.split()), done.output
 
 
@@ -203,9 +199,9 @@ def test_drawings_and_their_classes_scatter(run):
         found = xr.load_dataset("a.nc")
         np.testing.assert_allclose(found.jump_up, expected.jump_up, rtol=1e-6)
         assert {*found.data_vars} == {*expected.data_vars}
-    for gears, words in ((PAIR, "where no drawing describes the gears"), (DRAWN, "js7'")):
+    for gears, words in ((PAIR, "need drawn gears"), (DRAWN, "js7'")):
         done = run("scatter", *gears, "--distance-class", "js77", *asked)
-        assert done.exit_code in (1, 2) and words in " ".join(done.output.split()), done.output
+        assert done.exit_code == 2 and words in " ".join(done.output.split()), done.output
     # Without options what the section of the configuration says.
     section = {"parameters": [{"parameter": "load", "std": "5 %"}]}
     Path("own.yaml").write_text(json.dumps(CONFIG | {"tolerances": section}), encoding="utf-8")
@@ -274,12 +270,12 @@ def test_trains_and_settled_motions_are_asked_for(run):
 
 def test_sentences_show_what_was_typed(run):
     for given, words in (
-        (["simulate", *DRAWN, "--speed", "1e9rpm"], "speed = '1e9rpm' is not allowed"),
-        (["sweep", *DRAWN, "--stop", "1e9rpm"], "stop = '1e9rpm' is not allowed"),
+        (["simulate", *DRAWN, "--speed", "1e9rpm"], "speed = 1000000000.0 is not allowed"),
+        (["sweep", *DRAWN, "--stop", "1e9rpm"], "stop = 1000000000.0 is not allowed"),
         (["gears", *DRAWN, "--pressure-angle", "70deg"], "pressure_angle = '70deg' is not allowed"),
         (["gears", *DRAWN, "--torque", "99 kNm"], "torque = '99 kNm' is not allowed"),
         (["gears", *DRAWN, "--teeth", "40", "30", "--internal"], "teeth = 30 is not allowed"),
-        (["gears", *DRAWN[:7], "--power", "9 kW"], "--speed is missing"),
+        (["gears", *DRAWN[:7], "--power", "9 kW"], "speed is missing"),
         (["gears", *DRAWN[:-2], "--damping-ratio", "5"], "damping_ratio = 5 is not allowed"),
     ):
         done = run(*given)
@@ -292,7 +288,7 @@ def test_the_default_sweep_of_drawn_gears_holds_their_speed_and_goes_on_until_it
     assert run("gears", *light).exit_code == 0
     asked = ["sweep", "--config", "light.yaml", "--points", "201", "-o", "a.nc", "--force"]
     done = run(*asked, "--direction", "down")
-    assert done.exit_code == 0 and "behind all jumps down" in done.output, done.output
+    assert done.exit_code == 0 and "has jumped down above" in done.output, done.output
     down = xr.load_dataset("a.nc")
     assert down.speed[0] < 9000.0 and down.tuning.size > 201
     # In one step throughout, and at its end the motion from rest.
@@ -322,14 +318,20 @@ def test_wrong_input_is_refused_with_code_2(run, tmp_path):
     (tmp_path / "four.yaml").write_text(four, encoding="utf-8")
     for arguments, fault in [
         (["simulate", *PAIR, "--tuning", "1", "--backlash", "4 kg"], "backlash = '4 kg'"),
-        (["simulate", *PAIR], "--tuning is missing: give it, or --speed"),
-        (["orbit", *PAIR, "--tuning", "1", "--speed", "1"], "tuning = 1.0 with speed = 1.0 is not"),
-        (["trust", *PAIR, "--speed", "50 Hz"], "'50 Hz' is no speed in rpm"),
-        (["sweep", *PAIR, "--start", "1/min"], "'1/min' is no tuning, nor a speed"),
+        (["simulate", *PAIR], "tuning = None with speed = None is not allowed"),
+        (["orbit", *PAIR, "--tuning", "1", "--speed", "1"], "tuning = 1.0 with speed = 1 is not"),
+        (["trust", *PAIR, "--speed", "50 Hz"], "speed = '50 Hz' is not allowed: it must be"),
+        (["sweep", *PAIR, "--start", "1/min"], "or a speed in rpm such as 1500rpm"),
         (["simulate", "--tuning", "1"], "max_stiffness is missing"),
         (["simulate", *PAIR, "--tuning", "1", "--method", "ode45"], "method = 'ode45'"),
-        (["simulate", *PAIR, "--tuning", "1", "-o", "no/run.nc"], "there is no folder no"),
-        (["trust", *PAIR, "--tuning", "1", "--periods", "3"], "3 is not in the range x>=32"),
+        (
+            ["simulate", *PAIR, "--tuning", "1", "-o", "no/run.nc"],
+            "run.nc cannot be written: No such file",
+        ),
+        (
+            ["trust", *PAIR, "--tuning", "1", "--periods", "3"],
+            "periods = 3",
+        ),
         (["explore", "--port", "65536"], "65536 is not in the range"),
         (["orbit", "--config", "binary.yaml", "--tuning", "1"], "binary.yaml is not YAML"),
         (["orbit", "--config", "twice.yaml", "--tuning", "1"], "a is given twice, again in line 3"),
@@ -340,10 +342,11 @@ def test_wrong_input_is_refused_with_code_2(run, tmp_path):
         (["simulate", *PAIR, "--tuning", "1", "-o", "run.h5"], "it must end with one of .nc, .csv"),
         (["sweep", *PAIR, "--plot", "curve.jpg"], "it must end with one of .png, .svg, .pdf"),
         (["gears", "--teeth", "23", "--module", "2 mm"], "--teeth = 23 is not allowed: it must be"),
+        (["gears", "--shift", "0.2", "--module", "2 mm"], "--module is not allowed as a value"),
         (["simulate", *PAIR, "--tuning", "1e-300"], "tuning = 1e-300 is not allowed: it must be"),
         (["simulate", *PAIR, "--speed", "3e9"], "speed = 3000000000.0 is not allowed: it must be"),
         (["simulate", *PAIR, "--tuning", "1", "--samples", "1000000000"], "within 2 GB of memory"),
-        (["sweep", *PAIR, "--points", "1000000000"], "16,666,666 tunings to stay within 2 GB"),
+        (["sweep", *PAIR, "--points", "1000000000"], "is not in the range 2<=x<=10000000"),
         (["modes", "--config", "four.yaml"], "planets = 4 is not allowed: (z_s + z_r) / N"),
     ]:
         done = run(*arguments)
@@ -360,29 +363,13 @@ def test_no_file_is_replaced_unasked(run, tmp_path):
     assert xr.load_dataset("run.nc").tuning == 0.7
 
 
-def test_a_file_that_cannot_be_written_ends_with_code_1_and_is_kept(run, monkeypatch):
-    write, tried = storage.write, []
-
+def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
     def refuse(dataset, path):
-        tried.append(path)
-        if len(tried) <= refusals:
-            raise OSError("run.nc cannot be written")
-        write(dataset, path)
+        raise OSError(f"{path} cannot be written: the disk is full")
 
     monkeypatch.setattr(storage, "write", refuse)
-    for refusals, end in ((1, "; the result is kept as {}\n"), (4, "\n")):
-        done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
-        assert done.exit_code == 1, done.output
-        assert f"Error: run.nc cannot be written{end.format(tried[-1])}" in done.output
-        if refusals == 1:
-            assert xr.load_dataset(tried[-1]).tuning == 0.7
-            shutil.rmtree(tried[-1].parent)
-
-
-def test_a_port_in_use_is_refused_before_anything_is_computed(run):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        done = run("explore", "--port", str(server.getsockname()[1]))
-    assert done.exit_code == 2 and "it must be a free port from 0 to 65535" in done.output
+    done = run("simulate", *PAIR, "--tuning", "0.7", "-o", "run.nc")
+    assert done.exit_code == 1 and "Error: run.nc cannot be written: the disk" in done.output
 
 
 def test_a_configuration_gives_pair_damping_and_model(run, request):
@@ -418,10 +405,10 @@ def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
     done = run("simulate", "--config", config, "--teeth", "1", "--tuning", "0.8")
     assert done.exit_code == 0, done.output
     done = run("explore", "--config", config, "--teeth", "1")
-    assert done.exit_code == 2 and "is refused" in done.output
+    assert done.exit_code == 2 and "scenes" in done.output
     for arguments, fault in (
-        (["--config", config, "--case", "a"], "config.yaml has no cases"),
-        (["--case", "a"], "case = 'a' needs a configuration"),
+        (["--config", config, "--case", "a"], "case = 'a' is not allowed"),
+        (["--case", "a"], "--case and --damping need a configuration"),
     ):
         done = run("simulate", *PAIR, *arguments, "--tuning", "0.8")
         assert done.exit_code == 2 and fault in done.output
@@ -432,7 +419,9 @@ def test_one_of_several_cases(run, tmp_path):
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(light, sort_keys=False), encoding="utf-8")
     given = ["--config", "mine.yaml", "--tuning", "0.8"]
     done = run("simulate", *given)
-    assert done.exit_code == 2 and "several cases: give --case, one of light, heavy" in done.output
+    assert (
+        done.exit_code == 2 and "--case is missing: it must be one of light, heavy" in done.output
+    )
     done = run("simulate", *given, "--case", "dark")
     assert done.exit_code == 2 and "case = 'dark' is not allowed: it must be one of" in done.output
     done = run("simulate", *given, "--case", "light", "-o", "run.nc")
@@ -449,7 +438,7 @@ def cells(text, first):
 
     A wide table is printed in parts, one below the other.
     """
-    lines = [line for line in text.splitlines() if line.startswith(f"{first}  ")]
+    lines = [line for line in text.splitlines() if line.startswith(f"{first} ")]
     return [float(word) for line in lines for word in line.removeprefix(first).split()]
 
 
@@ -506,9 +495,7 @@ def test_an_orbit_of_a_train_is_found(run, tmp_path):
     done = run("orbit", "--config", "train.yaml", "--model", "train", "--tuning", "1.5")
     assert done.exit_code == 0, done.output
     size = gearlib.planetary().size
-    # Where lines break hangs on the digits of what is rounding.
-    words = " ".join(done.output.split())
-    assert "orbit of period 1" in words and f" ... {size} in all" in words
+    assert "orbit of period 1" in done.output and f"\n{size - 1} " in done.output
 
 
 def test_what_a_train_is_without_a_run(run, reducer):
@@ -524,8 +511,9 @@ def test_what_a_train_is_without_a_run(run, reducer):
     assert done.exit_code == 0, done.output
     still = reducer.static(1.0)
     for name in reducer.mesh_names:
-        row = [still[key].sel(mesh=name).item() for key in ("mesh_force", "contact")]
-        np.testing.assert_allclose(cells(done.output, name)[:2], row, rtol=1e-5)
+        keys = ("load_sharing", "mesh_force", "contact")
+        row = [still[key].sel(mesh=name).item() for key in keys]
+        np.testing.assert_allclose(cells(done.output, name), row, rtol=1e-5)
     assert xr.load_dataset("static.nc").load_sharing.equals(still.load_sharing)
 
     done = run("phasing", "--config", "train.yaml", "--count", "3", "-o", "phasing.nc")

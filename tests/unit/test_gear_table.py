@@ -70,7 +70,7 @@ def test_the_command_prints_the_table_of_a_configuration(run):
     assert found["damping_ratio"]["iso"] == pytest.approx(0.06, rel=1e-10)
     assert found["torque"]["mesh"] == pytest.approx(302.0, rel=1e-12)
     text = run("--config", "fzg.yaml").output
-    assert "working_pressure_angle    22.4388   deg   alpha_wt" in text
+    assert "working_pressure_angle 22.4388 deg alpha_wt" in " ".join(text.split())
     # Options come first.
     done = run(
         "--config", "fzg.yaml", "--torque", "100 N m", "--damping-ratio", "0.1", "--format", "json"
@@ -113,9 +113,9 @@ def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
         (["--config", "fzg.yaml", "--shift", "-1", "0"], "gears.pinion.shift = -1"),
         (["--config", "fzg.yaml", "--damping", "k9"], "damping = 'k9' is not allowed"),
         (["--teeth", "20", "20", "--width", "1 cm"], "gears.pinion.module is missing"),
-        (["--config", "pair.yaml"], "pair.yaml has no gears by their drawing"),
+        (["--config", "pair.yaml"], "gears is missing"),
         (["--config", "empty.yaml"], "empty.yaml is empty: it must be a mapping"),
-        ([*ISO_EXAMPLE, "--damping", "k1"], "damping = 'k1' needs a configuration"),
+        ([*ISO_EXAMPLE, "--damping", "k1"], "--damping need a configuration"),
     ],
 )
 def test_wrong_input_ends_with_code_2(run, tmp_path, arguments, fault):

@@ -1,0 +1,165 @@
+"""From options and a configuration to the gears that a command is about."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from gearlib import config
+from gearlib.checks import refusal
+from gearlib.cli import options
+from gearlib.config import gear_names, laid_over, units, yaml_keys
+from gearlib.config.gear_pair_section import BEARINGS, DAMPINGS
+from gearlib.config.targets import NO_TRAIN, undamped
+from gearlib.config.train_section import OF_PAIRS
+
+DEFAULT_CONFIG = Path("config.yaml")
+_BEARINGS = ("bearing_stiffness", "bearing_damping")
+#: Sections that commands need.
+_NEEDED = ("gears", "gear_pair", "dampings", "six_degrees", "train", "tolerances")
+#: Stand-ins for a damping of gears that do not move, and for the gear pair beside a train.
+NO_DAMPING = "not-given"
+_UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
+_STAND_IN = {"gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
+
+
+class Gears(NamedTuple):
+    """Gears that options and a configuration describe."""
+
+    mapping: dict  #: the configuration with the options laid over it
+    settings: Any  #: its sections that commands need, checked
+    damping: str  #: name of the damping
+    kind: str  #: of the model: one_degree, six_degrees or train
+    name: str  #: of the gears
+    drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
+
+    def model(self, tooth_pairs: bool = False):
+        """Return the model, of drawn gears with tip relief or errors that of `tooth_pairs`."""
+        from gearlib import GearPair, SixDegreePair
+
+        settings, gears = self.settings, self.drawn
+        if self.kind == "train":
+            from gearlib.models.trains.described_train import described
+
+            return described(**settings.train_parameters(self.damping))
+        pair = GearPair(**settings.pair_parameters(self.damping))
+        if self.kind == "six_degrees":
+            if settings.six_degrees.bearing_stiffness is None:
+                raise click.UsageError(f"{BEARINGS}; --bearing-stiffness sets all four")
+            return SixDegreePair(pair=pair, **settings.six_degree_parameters())
+        if not (tooth_pairs and gears and gears.relief()):
+            return pair
+        from gearlib.models.load_sharing_pair import tooth_pairs_of
+
+        method = {"stiffness": gears.stiffness or "iso", "options": gears.stiffness_options}
+        teeth = tooth_pairs_of(gears.mesh(), torque=gears.driving_torque(), **method)
+        return teeth.replace(**{name: getattr(pair, name) for name in DAMPINGS})
+
+
+def in_rpm(name, value):
+    """Return a speed, a number or a text such as 1500rpm, as a number; None stays."""
+    if not isinstance(value, str):
+        return value
+    if match := units.RPM.fullmatch(value.strip()):
+        return float(match[1])
+    raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
+
+
+def described(values: dict, moves: bool = True, draws: bool = False) -> Gears:
+    """Take the options that describe gears out of `values`; return the gears.
+
+    Options precede the configuration. Gears that move need a damping; `draws` asks for a drawing.
+    """
+    damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
+    mapping = _read(values.pop("config"), values.pop("case"), damping)
+    sections = _sections(values, draws)
+    drawing, numbers, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
+    if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
+        coefficients["backlash_damping_ratio"] = 0.0
+    bearings = {name: values.pop(name, None) for name in _BEARINGS}
+    bearings = {name: [value] * 4 for name, value in bearings.items() if value is not None}
+    if bearings and kind != "six_degrees":
+        raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
+    if kind == "train" and "train" not in mapping:
+        raise click.UsageError(NO_TRAIN)
+    if "backlash" in numbers and ("gears" in mapping or drawing):
+        drawing["backlash"] = numbers.pop("backlash")
+    if drawing and "gears" not in mapping:
+        # Dampings and bearings suit the gears for which they were made.
+        mapping = _only(mapping, "train", *(["dampings"] if damping else []))
+    mapping = laid_over(mapping, {"gears": drawing} if drawing else {})
+    train = mapping.get("train")
+    of_pairs = not isinstance(train, dict) or train.get("kind", OF_PAIRS[0]) in OF_PAIRS
+    if "gears" in mapping:
+        if "dampings" not in mapping and not coefficients:
+            if moves:
+                raise click.UsageError("damping_ratio is missing: give --damping-ratio, >= 0, < 1")
+            mapping |= _UNDAMPED
+        if numbers:
+            drawn = config.load(_UNDAMPED | {"gears": mapping["gears"]})
+            numbers = drawn.gear_pair.model_dump() | numbers
+    elif draws:
+        raise click.UsageError("gears is missing: give --teeth, --module ..., or a configuration")
+    elif "gear_pair" not in mapping and not numbers and not of_pairs:
+        if kind != "train":
+            raise click.UsageError("gears is missing: the configuration describes a train only")
+        mapping = _UNDAMPED | _STAND_IN | mapping
+    damping = damping or next(iter(mapping.get("dampings") or ()), "options")
+    dampings = {damping: coefficients} if coefficients or not mapping else {}
+    changes = {"gear_pair": numbers, "dampings": dampings, "six_degrees": bearings}
+    changes = {key: section for key, section in changes.items() if section or not mapping}
+    whole = laid_over(mapping, changes)
+    settings = config.load(_only(whole, *_NEEDED) if drawing or changes else whole)
+    if damping not in settings.dampings:
+        raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
+    if moves and kind == "train" and (sentence := undamped(settings)):
+        raise click.UsageError(sentence)
+    name = gear_names.of_train(settings) if kind == "train" else gear_names.of_pair(settings)
+    drawn = settings.gears if kind == "one_degree" else None
+    return Gears(whole, settings, damping, kind, name, drawn)
+
+
+def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
+    """Return a configuration, or a case of it, by default that of config.yaml in this folder."""
+    if path is None and not DEFAULT_CONFIG.exists():
+        if case or damping:
+            raise click.UsageError("--case and --damping need a configuration: give --config")
+        return {}
+    mapping, repeated = yaml_keys.read(path or DEFAULT_CONFIG)
+    if repeated:
+        raise click.UsageError("\n".join(repeated))
+    if not isinstance(mapping, dict):
+        config.load(mapping)
+    cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
+    if (case or "") not in cases:
+        raise refusal("--case", case, f"one of {', '.join(cases)}")
+    return cases[case or ""]
+
+
+def _sections(values: dict, draws: bool) -> dict:
+    """Take the options of fields out of `values`; return the sections that they make."""
+    sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
+    teeth = values.pop("teeth")
+    if isinstance(teeth, str):
+        for gear, count in zip(("pinion", "wheel"), teeth.split(), strict=True):
+            sections["gears"][gear] = {"teeth": options.value(count)}
+    elif draws and teeth is not None:
+        raise refusal("--teeth", teeth, "two values, PINION WHEEL")
+    elif teeth is not None:
+        sections["gear_pair"]["teeth"] = teeth
+    for _, names, places in options.DRAWING + (options.MESH if draws else options.NUMBERS):
+        for name in names:
+            value = values.pop(name)
+            if value is None or value is False:
+                continue
+            for place, part in zip(places, value if len(places) > 1 else [value], strict=True):
+                section = sections
+                for key in place.split("."):
+                    section = section.setdefault(key, {})
+                section[name] = part
+    return sections
+
+
+def _only(mapping: dict, *keys: str) -> dict:
+    """Return the given keys of a mapping."""
+    return {key: mapping[key] for key in keys if key in mapping}
