@@ -229,7 +229,7 @@ def _tolerance(text):
     # Other keys are parameters of a distribution.
     section = tolerances_section.ToleratedParameter
     shape = {key: law.pop(key) for key in law.keys() - section.model_fields.keys()}
-    return section.unchecked(parameter=name, shape=shape or None, **law)
+    return section.model_construct(parameter=name, shape=shape or None, **law)
 
 
 @command("scatter", _SCATTER + "points seed", over="sample")
