@@ -275,7 +275,7 @@ def _scattering(gears, model, tolerance, thickness_class, distance_class, qualit
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
     laws, known = {}, tolerances_section.known_parameters()
     for one in section.parameters if is_section else parameters:
-        kind = getattr(known.get(one.parameter), "kind", None)
+        kind = known[one.parameter].kind if one.parameter in known else None
         laws[one.parameter] = one.law(f"tolerances.{one.parameter}", kind)
     of_drawing = laws.keys() & tolerated.of_drawing().keys() - tolerated.of_pair().keys()
     if is_section and section.correlations:
@@ -296,7 +296,7 @@ def _scattering(gears, model, tolerance, thickness_class, distance_class, qualit
 
 
 def _read_measured(values):
-    """Read the measured set of `fit`; options precede what the set knows of the gears."""
+    """Read the measured set of `fit`; options precede what is known, and middles of free ranges."""
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
     section = measured_description.read(path).fit or measured_description.FitSection()
@@ -309,10 +309,9 @@ def _read_measured(values):
     values["free"] = {name: measured_description.range_of(name, x) for name, x in ranges.items()}
     known = json.loads(data.attrs["known"])
     if values["config"] is None and not DEFAULT_CONFIG.exists():
-        # A free parameter of which nothing is known starts in the middle of its range.
         known = {name: sum(ends) / 2.0 for name, ends in values["free"].items()} | known
     for name in (*GearPairSection.model_fields, *DAMPINGS):
-        if values[name] is None and type(known.get(name)) in (int, float):
+        if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
     values["model"] = values["model"] or section.model
 

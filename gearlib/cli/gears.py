@@ -132,7 +132,7 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
         config.load(mapping)
     cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
     if (case or "") not in cases:
-        raise refusal("--case", case, f"one of {', '.join(cases)}")
+        raise click.UsageError(f"--case {case or 'is missing'}: it must be one of {[*cases]}")
     return cases[case or ""]
 
 

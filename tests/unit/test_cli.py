@@ -407,7 +407,7 @@ def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
     done = run("explore", "--config", config, "--teeth", "1")
     assert done.exit_code == 2 and "scenes" in done.output
     for arguments, fault in (
-        (["--config", config, "--case", "a"], "case = 'a' is not allowed"),
+        (["--config", config, "--case", "a"], "--case a: it must be one of"),
         (["--case", "a"], "--case and --damping need a configuration"),
     ):
         done = run("simulate", *PAIR, *arguments, "--tuning", "0.8")
@@ -420,10 +420,11 @@ def test_one_of_several_cases(run, tmp_path):
     given = ["--config", "mine.yaml", "--tuning", "0.8"]
     done = run("simulate", *given)
     assert (
-        done.exit_code == 2 and "--case is missing: it must be one of light, heavy" in done.output
+        done.exit_code == 2
+        and "--case is missing: it must be one of ['light', 'heavy']" in done.output
     )
     done = run("simulate", *given, "--case", "dark")
-    assert done.exit_code == 2 and "case = 'dark' is not allowed: it must be one of" in done.output
+    assert done.exit_code == 2 and "--case dark: it must be one of" in done.output
     done = run("simulate", *given, "--case", "light", "-o", "run.nc")
     assert done.exit_code == 0, done.output
     assert xr.load_dataset("run.nc").force_scale == 1000.0

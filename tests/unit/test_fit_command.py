@@ -186,7 +186,7 @@ def test_the_command_says_how_many_revolutions_are_left_out(run):
             [],
             "--free is missing: give NAME=LOW,HIGH, or fit.free in rig.yaml",
         ),
-        (None, {}, ["--free", "load"], "free.load = [] is not allowed: it must be two numbers"),
+        (None, {}, ["--free", "load"], "free.load = [] is not allowed: it must be two values"),
         (
             None,
             {},
