@@ -23,7 +23,7 @@ rule compare:
             sources(
                 Path(workflow.basedir, "workflow/scripts/draw.py"),
                 Path(gearlib.__file__).parents[1],
-                ["gearlib.figures.comparison_figure"],
+                ["gearlib.figures.resonance_figure"],
             ),
         ),
     output:
@@ -31,7 +31,7 @@ rule compare:
     log:
         f"{RESULTS}/logs/compare.log",
     params:
-        draw="comparison_figure.draw",
+        draw="resonance_figure.draw_cases",
         gears=lambda wildcards: projects.names_of(COMPARED | OTHERS, MACHINES),
         settings={"labels": [*(COMPARED | OTHERS)]},
         absent=[],

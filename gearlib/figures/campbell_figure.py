@@ -57,8 +57,7 @@ def draw_orders(axes, diagram, stop):
         axes.axhline(value, color=kinds[str(kind)], linewidth=0.7, zorder=1)
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
     for order in diagram.stiffness_order.values:
-        end = np.array([min(stop, top / (per_speed * order)), per_speed * order * stop])
-        end[1] = min(end[1], per_speed * order * end[0])
+        end = min(stop, top / (per_speed * order)) * np.array([1.0, per_speed * order])
         dashes = "-" if order in mesh_orders else "--"
         axes.plot([0.0, end[0]], [0.0, end[1]], dashes, color="0.3", linewidth=0.8)
         style.note(axes, f"{order:.3g}", 0.97 * end, side="center center", white=(0.15,))
@@ -69,9 +68,9 @@ def draw_orders(axes, diagram, stop):
         style.dots(axes, x, y, "o", "black", size, **look)
     axes.set(xlim=(0.0, stop), ylim=(0.0, top))
     axes.set(xlabel="speed of the reference pinion (rpm)", ylabel="frequency (kHz)")
-    found = dict.fromkeys(map(str, diagram.mode_kind.values))
+    drawn = dict.fromkeys(map(str, diagram.mode_kind.values))
     return [
-        *(style.entry(f"{kind} mode", kinds[kind]) for kind in found),
+        *(style.entry(f"{kind} mode", kinds[kind]) for kind in drawn),
         style.entry("mesh frequency", "0.3", linewidth=0.8),
         style.entry("its multiple", "0.3", "--", linewidth=0.8),
         *(

@@ -126,7 +126,7 @@ def draw_bifurcation(diagram, shares, branches=None):
     _draw_family_shares(bottom, shares)
     bottom.set_xlabel(panels.axis_label(diagram.tuning))
     bottom.set_xlim(diagram.tuning[0], diagram.tuning[-1])
-    style.add_scale(top, diagram.tuning.values, diagram.speed.values, "speed (rpm)")
+    style.second_scale(top, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
     return figure
 
 

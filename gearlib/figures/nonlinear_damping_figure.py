@@ -60,7 +60,7 @@ def _draw_characteristics(axes, powers, styles):
             panels.draw_curves(axes, sweep, "tuning", name, colour="power", styles=styles, **look)
     axes.set(title=f"damping of the {powers.place.item()} only", ylabel="")
     axes.set_xlim(powers.tuning[0], powers.tuning[-1])
-    style.add_scale(axes, powers.tuning.values, powers.speed.values[0], "speed (rpm)")
+    style.second_scale(axes, float(powers.speed[0, -1] / powers.tuning[-1]), "speed (rpm)")
 
 
 def _draw_phase_planes(axes, powers, styles):

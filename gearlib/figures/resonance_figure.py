@@ -34,26 +34,13 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.8, 1.6, 0.4, 2
 def draw(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
 ):
-    """Return a figure of resonance characteristics.
+    """Return a figure of resonance characteristics over (damping, direction, tuning), as gathered.
 
-    Lines are motions that have settled on a periodic orbit, symbols are the others; a caret on the
-    rim stands for what lies beyond the picture.
-
-    Parameters
-    ----------
-    resonance : xarray.Dataset
-        Extrema over (damping, direction, tuning), as gathered.
-    colours : dict, optional
-        By damping.
-    labels, branches : sequence of xarray.Dataset
-        Of `gearlib.analysis.trust.scan` and `gearlib.studies.resonance`, for dampings:
-        a strip on the lower rim, and thin lines, in their panels.
-    tongues : xarray.Dataset, optional
-        Tunings of parametric resonance over (damping, order).
-    measured : sequence of xarray.Dataset
-        Of `gearlib.studies.measured`: points over the characteristics.
-    forces : bool
-        Whether a panel of the mesh forces follows; the far flank is not taken into the picture.
+    `labels` of `gearlib.analysis.trust.scan` are a strip on the lower rim of the panel of their
+    damping, `branches` of `gearlib.studies.resonance` thin lines, `tongues` shades;
+    `measured` curves are points over the characteristics. With `forces` these follow in a panel,
+    and the far flank is not taken into the picture. Lines are motions that have settled, symbols
+    the others; a caret on the rim stands for what lies beyond it.
     """
     resonance = resonance.sortby("tuning")
     main = sweeps_from_rest(resonance)
@@ -71,14 +58,17 @@ def draw(
     if forces:
         _draw_forces(grid[1, 0], main, looks, measured)
     if with_panels:
-        grid = below.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        grid[0, 0].set_ylim(_limits(resonance, far_flank=not forces, beyond=0.0))
-        for axes, (name, look) in zip(grid.flat, looks.items(), strict=False):
-            known = [_of_damping(datasets, name) for datasets in (labels, branches)]
+        limits = _limits(resonance, far_flank=not forces, beyond=0.0)
+        for number, (name, look) in enumerate(looks.items()):
+            axes = below.add_subplot(rows, columns, 1 + number, ylim=limits)
             if tongues is not None and name in tongues.damping:
                 _shade_tongues(axes, tongues.sel(damping=name))
+            known = [_of_damping(datasets, name) for datasets in (labels, branches)]
             _draw_panel(axes, resonance.sel(damping=name), look, *known)
-        _label_panels(grid, len(looks))
+            if number >= len(looks) - columns:
+                axes.set_xlabel(style.TUNING)
+            if number % columns == 0:
+                axes.set_ylabel(style.SHORT_DISPLACEMENT)
         handles = _entries(main, others, labels, branches, tongues)
         style.legend(figure, handles, 5, fontsize=6.5, columnspacing=1.2)
     return figure
@@ -191,17 +181,6 @@ def _shade_tongues(axes, tongues):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _label_panels(grid, count):
-    """Remove the panels beyond `count`, and label the outer ones."""
-    for axes in grid.flat[count:]:
-        axes.remove()
-    for axes in grid.flat[:count][-grid.shape[1] :]:
-        axes.set_xlabel(style.TUNING)
-        axes.tick_params(labelbottom=True)
-    for axes in grid[:, 0]:
-        axes.set_ylabel(style.SHORT_DISPLACEMENT)
-
-
 def _entries(main, others, labels, branches, tongues):
     """Return the entries of the legend of the panels."""
     handles = [style.entry(DIRECTIONS[main.direction.item()], COLD_COLOUR, linewidth=3.0)]
@@ -250,3 +229,36 @@ def draw_sweep(axes, sweep, look, shift=0.0, names=EXTREMA, width=1.0, label=Non
         for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
             rims = np.full(beyond.sum(), rim)
             style.dots(axes, tuning[beyond], rims, caret, look.colour, 2.5, markeredgewidth=0)
+
+
+@style.styled()
+def draw_cases(curves, labels):
+    """Return a figure of the characteristics of several gears over each other.
+
+    Displacements are in micrometres, mesh forces over the loads. A case has a colour and a label, a
+    damping of it a line.
+    """
+    figure = style.page(6.0)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
+    mains = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
+    above.set_ylim(style.limits(*(shown_range(main, EXTREMA) for main in mains)))
+    below.set_ylim(0.0, 1.05 * max(shown_range(main, FORCE)[1] for main in mains))
+    for number, (main, case) in enumerate(zip(mains, labels, strict=True)):
+        colour = style.PALETTE[number % len(style.PALETTE)]
+        for name, look in style.looks([str(name) for name in main.damping.values]).items():
+            sweep, shift = main.sel(damping=name), number / len(mains)
+            look = style.Look(colour, look.line, look.marker)
+            label = f"{case}, {style.damping_label(name)}" if main.damping.size > 1 else case
+            draw_sweep(above, sweep, look, shift, label=label)
+            draw_sweep(below, sweep, look, shift, FORCE)
+    above.set_ylabel("displacement (µm)")
+    below.set_ylabel(panels.axis_label(mains[0][FORCE[0]], 24))
+    below.set_xlabel(style.TUNING)
+    style.legend(figure, above, 3)
+    return figure
+
+
+def _in_micrometres(sweeps):
+    """Return sweeps with displacements in micrometres: static deflections differ between cases."""
+    unit = 1e6 * sweeps.static_deflection
+    return sweeps.assign({name: unit * sweeps[name] for name in EXTREMA})

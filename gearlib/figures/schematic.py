@@ -77,16 +77,6 @@ def circles_of(layout):
     return {name: [*radii.items()] for name, radii in circles.items()}
 
 
-def extent(layout):
-    """Return (left, right, low, high) of the room that a train takes at any phase."""
-    *circles, kinds = zip(*instant(layout).circles, strict=True)
-    x, y, r = np.array(circles) * np.where(np.array(kinds) == "ring", [[1], [1], [RING_MARK]], 1.0)
-    if layout.frame_turns:
-        reach = float((np.hypot(x, y) + r).max())
-        return -reach, reach, -reach, reach
-    return tuple(map(float, [(x - r).min(), (x + r).max(), (y - r).min(), (y + r).max()]))
-
-
 def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
     """Draw a train in axes; their title says what the marks of its meshes mean.
 
@@ -94,8 +84,7 @@ def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
     curves of meshes, by name; `phase` is that of the reference mesh, rad; `contact` has the code of
     each mesh, if it is known.
     """
-    now, (left, right, low, high) = instant(layout, phase), extent(layout)
-    size = max(right - left, high - low)
+    now = instant(layout, phase)
     for ends in now.arms:
         axes.plot(*ends.T, color=CARRIER, linewidth=3.0, solid_capstyle="round", zorder=1)
     for x, y, radius, kind in now.circles:
@@ -104,18 +93,20 @@ def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
     for ends in now.marks:
         axes.plot(*ends.T, color=GREY, linewidth=0.5, zorder=2)
+    axes.set_aspect("equal")
+    axes.margins(_ROOM)
+    axes.autoscale_view()
+    radius = _SHAFT * max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
     for place in now.shafts:
-        axes.add_patch(Circle(place, _SHAFT * size, facecolor=GREY, linewidth=0, zorder=3))
+        axes.add_patch(Circle(place, radius, facecolor=GREY, linewidth=0, zorder=3))
     names = [str(name) for name in layout.mesh.values]
-    colours = style.mesh_colours(names) if colours is None else colours
-    colours = [colours.get(name, NO_CURVE) for name in names]
+    curves = {name: look.colour for name, look in style.looks(names).items()}
+    colours = [(curves if colours is None else colours).get(name, NO_CURVE) for name in names]
     codes = [1] * len(names) if contact is None else [int(code) for code in contact]
     for colour, (x, y), code in zip(colours, now.meshes, codes, strict=True):
         marker, filled, _ = CONTACTS[code]
         face = {"markerfacecolor": colour if filled else "white", "markeredgewidth": 0.9}
         style.dots(axes, [x], [y], marker, colour, 4.0, zorder=5, **face)
-    room = _ROOM * size
-    axes.set(xlim=(left - room, right + room), ylim=(low - room, high + room), aspect="equal")
     _draw_names(axes, names, now.meshes, colours)
     axes.set_axis_off()
     axes.set_title("\n".join([*title, *description(layout, codes)]), fontsize=6 if title else None)
@@ -124,6 +115,7 @@ def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
 def _draw_names(axes, names, points, colours):
     """Write the names of meshes left and right of a train, with lines to their points."""
     (left, right), limits = axes.get_xlim(), axes.get_ylim()
+    axes.autoscale(enable=False)
     on_left = points[:, 0] < (left + right) / 2.0 - SAME_LENGTH * (right - left)
     columns = (left, (-2, 0), "right center", on_left), (right, (2, 0), "left center", ~on_left)
     for x, away, side, mask in columns:

@@ -41,7 +41,6 @@ _MARKERS = ("s", "o", "x", "o", "^", "D")
 _LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 _RC = {
-    "axes.labelsize": 8,
     "axes.linewidth": 0.6,
     "axes.titlesize": 8,
     "figure.dpi": 200,
@@ -112,11 +111,6 @@ def looks(names, colours=None):
     }
 
 
-def mesh_colours(names):
-    """Return name -> colour of the meshes of a train, in their order."""
-    return dict(zip(names, cycle(PALETTE), strict=False))
-
-
 def damping_label(name):
     """Return the name of a damping as it is printed: k1 and k1m as symbols with an index."""
     return re.sub(r"\bk1(m?)\b", lambda found: f"$k_{{1{found[1]}}}$", name).replace("+", " + ")
@@ -143,27 +137,18 @@ def draw_rise_and_fall(axes, x, y, falls, **look):
 
 
 def shade_areas(axes, backlash, direction):
-    """Shade backlash and inverse mesh across an axes whose limits are set.
+    """Shade backlash and inverse mesh along the axis of the displacement, "x" or "y".
 
-    The backlash, in static deflections, may be infinite; `direction`, "x" or "y", is the axis
-    of the displacement. Return the visible range (low, high) of every area in the picture by
-    its name.
+    The limits of the axes are set; the backlash, in static deflections, may be infinite. Return the
+    visible range (low, high) of every area in the picture by its name.
     """
     low, high = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
-    ranges = {
-        "normal mesh": (0.0, high),
-        "backlash": (max(-backlash, low), 0.0),
-        "inverse mesh": (low, -backlash),
-    }
-    visible = {
-        name: (max(first, low), min(last, high))
-        for name, (first, last) in ranges.items()
-        if max(first, low) < min(last, high)
-    }
+    ends = np.clip([high, 0.0, -backlash, low], low, high)
+    areas = zip(("normal mesh", "backlash", "inverse mesh"), ends[1:], ends, strict=False)
+    visible = {name: (first, last) for name, first, last in areas if first < last}
     span = axes.axhspan if direction == "y" else axes.axvspan
-    for name, colour in AREA_COLOURS.items():
-        if name in visible:
-            span(*visible[name], color=colour, linewidth=0, zorder=0)
+    for name in [name for name in AREA_COLOURS if name in visible]:
+        span(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
     return visible
 
 
@@ -183,11 +168,6 @@ def length_scale(axes, deflection, label, side="right"):
     """Add a scale in a unit of length to an axis in static deflections, of this length (m)."""
     size, unit = length_unit(deflection)
     second_scale(axes, deflection / size, f"{label} ({unit})", side)
-
-
-def add_scale(axes, values, others, label):
-    """Add a second scale above an axes, such as speed in rpm over tuning."""
-    second_scale(axes, float(others[-1] / values[-1]), label)
 
 
 def page(height, share=1.0):

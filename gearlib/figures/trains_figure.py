@@ -1,9 +1,9 @@
 """All meshes of a gear train over speed: dynamic factors, load sharing, time in contact."""
 
 import numpy as np
+from matplotlib.patches import Patch
 
 from gearlib.figures import panels, schematic, style
-from gearlib.figures.starts import draw_range, draw_shares, entries
 
 #: Rows of panels of the reducer: variable, stage of its meshes.
 _REDUCER_ROWS = (("dynamic_factor", 1), ("dynamic_factor", 2), ("load_sharing", 1))
@@ -11,6 +11,8 @@ _SWEEP_ROWS = ("dynamic_factor", "fraction_normal")
 _DIRECTION_MARKERS = {"up": "^", "down": "v"}
 #: Motions whose values differ by a smaller share look the same.
 SAME_MOTION_TOLERANCE = 0.01
+#: Ranges that are narrower, shares of the value, are drawn as a line.
+NARROW_RANGE = 1e-3
 #: Share of the starts -> height of its marks in a panel, marker, words.
 _SINGLE_BRANCH_MARKS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
@@ -42,10 +44,10 @@ def draw_sweep(curves):
     grid[-1].set_xlabel("speed of the reference pinion (rpm)")
     for axes in grid:
         axes.label_outer()
-    speed, tuning = curves.speed.values, curves.tuning.values
-    style.add_scale(grid[0], speed, tuning, style.OWN_TUNING)
+    speed = curves.speed.values
+    style.second_scale(grid[0], float(curves.tuning[-1]) / speed[-1], style.OWN_TUNING)
     grid[0].set_xlim(speed[0], speed[-1])
-    style.legend(figure, [*handles, *entries("on one orbit")], 4)
+    style.legend(figure, [*handles, *_start_entries("on one orbit")], 4)
     return figure
 
 
@@ -77,8 +79,8 @@ def draw_reducer(characteristics):
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
         for axes in column:
             axes.label_outer()
-        speeds = data.tuning.values, data.speed.values
-        style.add_scale(column[0], *speeds, "speed of the input (rpm)")
+        rate = float(data.speed[-1] / data.tuning[-1])
+        style.second_scale(column[0], rate, "speed of the input (rpm)")
     grid[0, 0].set_xlim(data.tuning.values[0], data.tuning.values[-1])
     point = {"line": "none", "markersize": 3}
     handles += [
@@ -90,7 +92,7 @@ def draw_reducer(characteristics):
     for _, marker, words in _SINGLE_BRANCH_MARKS.values():
         handles.append(style.entry(words, marker=marker, **point))
     same = data.largest_share.equals(data.settled_share)
-    handles += entries("that share one motion" if same else "that share the most common one")
+    handles += _start_entries("that share one motion" if same else "that share the most common one")
     style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
@@ -124,15 +126,31 @@ def _draw_branches(axes, data, name, colours):
 
 
 def _draw_ranges(axes, rest, x, name, styles):
-    """Shade the range of a variable of each mesh over all starts, on a grid."""
+    """Shade the range of a variable of each mesh over all starts, where it has one, on a grid."""
     for mesh, look in styles.items():
-        draw_range(axes, rest[x].values, rest.sel(mesh=mesh), name, look["color"])
+        low, high = (rest[f"{name}_{end}"].sel(mesh=mesh).values for end in ("low", "high"))
+        wide = high - low > NARROW_RANGE * np.abs(high)
+        # To the neighbours, so that a range at one tuning is seen too.
+        shown = wide | np.roll(wide, 1) | np.roll(wide, -1)
+        shade = {"color": look["color"], "alpha": 0.25, "linewidth": 0.0}
+        axes.fill_between(rest[x].values, low, high, where=shown, **shade)
     axes.grid(linewidth=0.3, color="0.85")
 
 
 def _draw_start_shares(axes, rest, x):
-    draw_shares(axes, rest[x].values, rest)
-    axes.set_ylabel("share of\nthe starts")
+    """Draw the shares of the starts that settle and that come to the most common orbit."""
+    axes.fill_between(rest[x], 0.0, rest.settled_share, step="mid", color="0.8", linewidth=0.0)
+    axes.step(rest[x], rest.largest_share, where="mid", color=style.PALETTE[0], linewidth=0.9)
+    axes.set(ylim=(-0.05, 1.05), yticks=[0.0, 1.0], ylabel="share of\nthe starts")
+
+
+def _start_entries(share):
+    """Return the entries of the legend for ranges and shares of starts."""
+    return [
+        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
+        Patch(color="0.8", label="share of the starts that settle"),
+        style.entry(share, style.PALETTE[0], linewidth=0.9),
+    ]
 
 
 def _mark_single_branches(axes, data):

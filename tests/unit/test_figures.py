@@ -12,7 +12,6 @@ import xarray as xr
 
 from gearlib.config.experiments import PEERS
 from gearlib.figures import (
-    comparison_figure,
     failures_figure,
     jump_figure,
     models_figure,
@@ -277,7 +276,7 @@ def test_motions_that_have_settled_decide_on_the_limits_of_own_gears():
 def test_cases_lie_over_each_other_in_micrometres():
     cold = curves(dynamic_force_max=curves().displacement_max).isel(damping=[0])
     twice = cold.assign(static_deflection=2.0 * cold.static_deflection)
-    above, _ = comparison_figure.draw([cold, twice], ["light", "heavy"]).axes
+    above, _ = resonance_figure.draw_cases([cold, twice], ["light", "heavy"]).axes
     first, second = (above.lines[number].get_ydata() for number in (0, len(above.lines) // 2))
     np.testing.assert_allclose(second, 2.0 * first)
     (legend,) = above.figure.legends
