@@ -122,11 +122,11 @@ def _draw_characteristics(axes, sweeps, looks, measured, far_flank):
         handles.append(style.entry("not settled", "0.3", "none", ".", markersize=3))
     axes.legend(handles=handles, loc="upper right", ncols=2)
     axes.set(xlabel=style.TUNING, ylabel=EXTREMA_LABEL)
-    for index, position in (("max", 1.0), ("min", 1.13)):
+    for index, position in (("max", 1.0), ("min", 1.115)):
         factor, label = sweeps[f"tuning_factor_{index}"], f"tuning $\\nu_\\mathrm{{{index}}}$"
         style.second_scale(axes, float(factor), label, position=position)
     rate = float(sweeps.speed[-1] / sweeps.tuning[-1])
-    style.second_scale(axes, rate, panels.axis_label(sweeps.speed), position=1.26)
+    style.second_scale(axes, rate, panels.axis_label(sweeps.speed), position=1.23)
     style.length_scale(axes, float(sweeps.static_deflection), "displacement")
 
 
