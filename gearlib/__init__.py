@@ -1,15 +1,15 @@
 """gearlib: an open laboratory for the nonlinear dynamics of gear meshes.
 
 ===============  ================================================================================
-room             responsibility
+folder           responsibility
 ===============  ================================================================================
-``models``       what can be simulated: parameters, mesh stiffness, equations of motion
+``models``       models that can be simulated: parameters, mesh stiffness, equations of motion
 ``engines``      exact runs from event to event; compiled, one folder for each kind of system
-``data``         from tables of numbers to named datasets and files
-``integrators``  what stands behind ``method=``: own propagators, and solvers of other packages
-``runs``         `simulate`, `sweep`, maps of small deviations
+``data``         named datasets and files: names and units, netCDF, CSV
+``integrators``  the values of ``method=``: propagators, and solvers of other packages
+``runs``         `simulate`, `sweep`, `run_up`
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
-``studies``      what stands behind one figure or table: scenes, the jump, the paper's statements
+``studies``      the computations of one figure or table each
 ``uncertainty``  measured sets, fits, tolerances: `read_measured`, `fit`, `scatter`
 ``figures``      one file per figure, functions that return a `Figure`
 ``explorer``     the page with sliders
@@ -25,104 +25,44 @@ first use, so that reading a configuration does not pay for the numerical stack.
 
 from importlib import import_module
 
-_PUBLIC = {
-    "Body": "models.trains.elements",
-    "DeadZoneOscillator": "models.one_degree",
-    "Fourier": "models.profiles",
-    "GearPair": "models.pair",
-    "GearTrain": "models.trains.train",
-    "Harmonics": "models.harmonics",
-    "LoadSharingPair": "models.load_sharing_pair",
-    "Mesh": "models.trains.elements",
-    "OneDegreePair": "models.one_degree",
-    "Rectangular": "models.profiles",
-    "Series": "models.profiles",
-    "Shaft": "models.trains.elements",
-    "SixDegreePair": "models.six_degrees",
-    "Steps": "models.profiles",
-    "Tabulated": "models.profiles",
-    "__version__": "version",
-    "basin_stability": "analysis.global_dynamics.basins",
-    "basins": "analysis.global_dynamics.basins",
-    "bifurcation_diagram": "analysis.global_dynamics.poincare",
-    "certify": "analysis.proofs.orbits",
-    "certify_range": "analysis.proofs.orbits",
-    "continue_orbit": "analysis.orbits.continuation",
-    "duty_point": "analysis.duty_point",
-    "fit": "uncertainty.fits",
-    "harmonic_balance": "analysis.harmonics.harmonic_balance",
-    "idler": "models.trains.ready_made",
-    "locus": "analysis.orbits.loci",
-    "lyapunov_exponents": "analysis.lyapunov",
-    "methods": "integrators",
-    "order_map": "analysis.order_maps",
-    "orders": "analysis.order_maps",
-    "periodic_orbit": "analysis.orbits.shooting",
-    "planetary": "models.trains.planetary",
-    "poincare_section": "analysis.global_dynamics.poincare",
-    "read_measured": "uncertainty.measured",
-    "run_up": "runs.run_up",
-    "scatter": "uncertainty.scatter",
-    "schmidt": "analysis.harmonics.schmidt",
-    "sensitivities": "analysis.sensitivities",
-    "simulate": "runs.simulation",
-    "sobol_indices": "uncertainty.indices",
-    "split_power_reducer": "models.trains.ready_made",
-    "sweep": "runs.sweeping",
-    "switch_branch": "analysis.orbits.continuation",
-    "tongues": "analysis.tongues.search",
-    "trust": "analysis.trust",
-    "two_stage": "models.trains.ready_made",
+#: Module -> its public names.
+_MODULES = {
+    "analysis.duty_point": "duty_point",
+    "analysis.global_dynamics.basins": "basin_stability basins",
+    "analysis.global_dynamics.poincare": "bifurcation_diagram poincare_section",
+    "analysis.harmonics.harmonic_balance": "harmonic_balance",
+    "analysis.harmonics.schmidt": "schmidt",
+    "analysis.lyapunov": "lyapunov_exponents",
+    "analysis.orbits.continuation": "continue_orbit switch_branch",
+    "analysis.orbits.loci": "locus",
+    "analysis.orbits.shooting": "periodic_orbit",
+    "analysis.order_maps": "order_map orders",
+    "analysis.proofs.orbits": "certify certify_range",
+    "analysis.sensitivities": "sensitivities",
+    "analysis.tongues.search": "tongues",
+    "analysis.trust": "trust",
+    "integrators": "methods",
+    "models.harmonics": "Harmonics",
+    "models.load_sharing_pair": "LoadSharingPair",
+    "models.one_degree": "DeadZoneOscillator OneDegreePair",
+    "models.pair": "GearPair",
+    "models.profiles": "Fourier Rectangular Series Steps Tabulated",
+    "models.six_degrees": "SixDegreePair",
+    "models.trains.elements": "Body Mesh Shaft",
+    "models.trains.planetary": "planetary",
+    "models.trains.ready_made": "idler split_power_reducer two_stage",
+    "models.trains.train": "GearTrain",
+    "runs.run_up": "run_up",
+    "runs.simulation": "simulate",
+    "runs.sweeping": "sweep",
+    "uncertainty.fits": "fit",
+    "uncertainty.indices": "sobol_indices",
+    "uncertainty.measured": "read_measured",
+    "uncertainty.scatter": "scatter",
+    "version": "__version__",
 }
-
-__all__ = [
-    "Body",
-    "DeadZoneOscillator",
-    "Fourier",
-    "GearPair",
-    "GearTrain",
-    "Harmonics",
-    "LoadSharingPair",
-    "Mesh",
-    "OneDegreePair",
-    "Rectangular",
-    "Series",
-    "Shaft",
-    "SixDegreePair",
-    "Steps",
-    "Tabulated",
-    "basin_stability",
-    "basins",
-    "bifurcation_diagram",
-    "certify",
-    "certify_range",
-    "continue_orbit",
-    "duty_point",
-    "fit",
-    "harmonic_balance",
-    "idler",
-    "locus",
-    "lyapunov_exponents",
-    "methods",
-    "order_map",
-    "orders",
-    "periodic_orbit",
-    "planetary",
-    "poincare_section",
-    "read_measured",
-    "run_up",
-    "scatter",
-    "schmidt",
-    "sensitivities",
-    "simulate",
-    "sobol_indices",
-    "split_power_reducer",
-    "sweep",
-    "switch_branch",
-    "tongues",
-    "trust",
-    "two_stage",
-]
+_PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
+__all__ = [name for name in sorted(_PUBLIC) if name != "__version__"]
 
 
 def __getattr__(name):

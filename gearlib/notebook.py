@@ -1,7 +1,6 @@
-"""What a notebook shows while a long call lasts: a bar, which is gone when the call ends.
+"""Bars of progress in Jupyter: shown while a long call lasts, gone when it ends.
 
-It needs nothing but what each kernel of Jupyter has, and does nothing elsewhere. Of calls within
-calls the outermost shows its own.
+Outside a kernel of Jupyter nothing is shown. Of calls within calls the outermost shows its bar.
 """
 
 import sys
@@ -9,74 +8,67 @@ import threading
 import time
 from contextlib import contextmanager
 
-#: Seconds of silence, and those from one look to the next.
+#: Seconds until a bar appears, and between two updates.
 DELAY, STEP = 2.0, 0.5
 
-_shown = threading.Lock()
-
-
-def in_kernel():
-    """Return whether a kernel of Jupyter runs this."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return hasattr(shell, "kernel")
+_bar_shown = threading.Lock()
 
 
 @contextmanager
-def bar(words, total, done):
-    """Show how many of `total` are done, as the function `done` says, which a thread asks."""
-    if not in_kernel() or not _shown.acquire(blocking=False):
+def bar(noun, total, done):
+    """Show how many of `total` things are done, as the function `done` says, from a thread."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if not hasattr(shell, "kernel") or not _bar_shown.acquire(blocking=False):
         yield
         return
     ended = threading.Event()
-    # The kernels release the interpreter lock: it goes on beside them.
-    thread = threading.Thread(target=_follow, args=(words, total, done, ended), daemon=True)
+    # The engines release the interpreter lock, so the thread runs beside them.
+    thread = threading.Thread(target=_update, args=(noun, total, done, ended), daemon=True)
     try:
         thread.start()
         yield
     finally:
         ended.set()
         thread.join()
-        _shown.release()
+        _bar_shown.release()
+
+
+def _update(noun, total, done, ended):
+    """Update a bar until the event `ended`, then empty it."""
+    from IPython.display import display
+
+    start, handle = time.monotonic(), None
+    while not ended.wait(STEP if handle else DELAY):
+        count = done()
+        text = f"{count} of {total} {noun}, {time.monotonic() - start:.0f} s"
+        html = f'<progress value="{count}" max="{total}"></progress> {text}'
+        shown = {"text/plain": text, "text/html": html}
+        if handle:
+            handle.update(shown, raw=True)
+        else:
+            handle = display(shown, raw=True, display_id=True)
+    if handle:
+        handle.update({"text/plain": "", "text/html": ""}, raw=True)
 
 
 @contextmanager
-def telling(words, total, tell=None):
-    """Yield what takes how many are newly done, shows it, and tells it to `tell`, where given."""
+def telling(noun, total, tell=None):
+    """Yield a function that takes how many things are newly done, shows it and calls `tell`."""
     done = 0
 
-    def newly(count):
+    def add(count):
         nonlocal done
         done += count
         if tell is not None:
             tell(count)
 
-    with bar(words, total, lambda: done):
-        yield newly
+    with bar(noun, total, lambda: done):
+        yield add
 
 
-def counted(words, items, total):
+def counted(noun, items, total):
     """Yield the `total` items, and show how many have been worked on."""
-    with telling(words, total) as newly:
+    with telling(noun, total) as add:
         for item in items:
             yield item
-            newly(1)
-
-
-def _follow(words, total, done, ended):
-    from IPython.display import display
-
-    start, place, pause = time.monotonic(), None, DELAY
-    while not ended.wait(pause):
-        count, seconds, pause = done(), time.monotonic() - start, STEP
-        text = f"{count} of {total} {words}, {seconds:.0f} s"
-        show = place.update if place else display
-        # The first call gives the place, the others change what is there.
-        drawn = f'<progress value="{count}" max="{total}"></progress> {text}'
-        kept = show({"text/plain": text, "text/html": drawn}, raw=True, **_new(place))
-        place = place or kept
-    if place:
-        place.update({"text/plain": "", "text/html": ""}, raw=True)
-
-
-def _new(place):
-    return {} if place else {"display_id": True}
+            add(1)

@@ -1,8 +1,7 @@
 """Tunings: their names in paths and back, equidistant grids, windows of a grid.
 
-A tuning is a float wherever it goes; only here it is counted in decimals, which keeps
-``start + i step`` the very float that a reader would type, whichever window of the grid it is
-reached from; in binary the 331st step of 0.0005 from 0.5 and the first from 0.665 need not agree.
+Steps are counted in decimals, so that every window of a grid reaches a tuning as the same float:
+in binary the 331st step of 0.0005 from 0.5 and the first from 0.665 need not agree.
 """
 
 from decimal import Decimal
@@ -12,13 +11,13 @@ NAME_DECIMALS = 4
 
 
 def name_of(*tunings):
-    """Return what names the files of a tuning or a window: ``0.6600``, ``0.5000-1.4000``."""
-    exact = [_decimal(tuning) for tuning in tunings]
-    return "-".join(f"{one:.{max(NAME_DECIMALS, -one.as_tuple().exponent)}f}" for one in exact)
+    """Return the file name of a tuning or of a window: ``0.6600``, ``0.5000-1.4000``."""
+    decimals = [_decimal(tuning) for tuning in tunings]
+    return "-".join(f"{x:.{max(NAME_DECIMALS, -x.as_tuple().exponent)}f}" for x in decimals)
 
 
 def values_of(name):
-    """Return the tunings, list of float, that `name_of` has named."""
+    """Return the tunings, a list of float, of a name by `name_of`."""
     return [float(text) for text in name.split("-")]
 
 
@@ -56,6 +55,5 @@ def windows(start, stop, step, width):
 
 
 def _decimal(value):
-    # repr() gives the shortest decimal that reads back as the same float: what was typed.
-    # normalize() drops trailing zeros, so that 0.50 and 0.5 have the same name.
+    """Return the shortest decimal that reads back as the same float, without trailing zeros."""
     return Decimal(repr(float(value))).normalize()
