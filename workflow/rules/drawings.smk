@@ -22,7 +22,7 @@ use rule _table as mesh_stiffness_table with:
         sources=sources_of("table", "studies.drawn_gears"),
     output:
         csv="results/mesh_stiffness.csv",
-        page=page_of("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
+        page=table_page("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
     params:
         function="gearlib.studies.drawn_gears:stiffness_rows",
         gears=names_of_drawings("mesh_stiffness"),
@@ -35,7 +35,7 @@ use rule _draw as draw_mesh_stiffness with:
         stiffness="results/mesh_stiffness.nc",
         sources=sources_of("draw", "figures.mesh_stiffness_figure"),
     output:
-        figure_of("mesh_stiffness", "Mesh stiffness by every method", DRAWN),
+        figure_files("mesh_stiffness", "Mesh stiffness by every method", DRAWN),
     params:
         draw="mesh_stiffness_figure.draw",
         gears=names_of_drawings("mesh_stiffness"),
@@ -43,7 +43,7 @@ use rule _draw as draw_mesh_stiffness with:
 
 rule mesh_stiffness:
     input:
-        asked(
+        target_files(
             "mesh_stiffness",
             rules.draw_mesh_stiffness.output,
             rules.mesh_stiffness_table.output.csv,
@@ -58,7 +58,7 @@ use rule _compute as compute_harris_map with:
     output:
         "results/harris_map.nc",
     params:
-        **only(config["harris_map"], "loads", "stiffness", "phases"),
+        **pick(config["harris_map"], "loads", "stiffness", "phases"),
         function="gearlib.studies.drawn_gears:harris_map",
         gears=without(*drawings("harris_map").values(), "published"),
 
@@ -70,7 +70,7 @@ use rule _draw as draw_harris_map with:
         data="results/harris_map.nc",
         sources=sources_of("draw", "figures.harris_map_figure"),
     output:
-        figure_of("harris_map", "Tip relief: Harris maps", DRAWN),
+        figure_files("harris_map", "Tip relief: Harris maps", DRAWN),
     params:
         draw="harris_map_figure.draw",
         gears=names_of_drawings("harris_map"),
@@ -78,4 +78,4 @@ use rule _draw as draw_harris_map with:
 
 rule harris_map:
     input:
-        asked("harris_map", rules.draw_harris_map.output),
+        target_files("harris_map", rules.draw_harris_map.output),

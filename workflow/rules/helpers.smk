@@ -1,8 +1,7 @@
-"""The checked configuration, and functions that name files and parameters of the rules.
+"""The checked configuration, and functions that name the files and parameters of rules.
 
-`CONFIG` is the typed configuration, for functions; `config` holds the same as plain values with
-sorted keys, for params: Snakemake compares their texts, so that order and spelling of numbers in
-config.yaml (2 or 2.0) rerun nothing. A job's params hold exactly the values that it uses.
+`CONFIG` is the typed configuration. `config` holds the same as plain values with sorted keys for
+params, whose texts Snakemake compares: order and spelling of numbers (2 or 2.0) rerun nothing.
 """
 
 import json
@@ -22,61 +21,62 @@ from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
-#: The folder of the library: the same, but where both are installed.
+#: The folder of the library, another one where both are installed.
 LIBRARY = Path(gearlib.__file__).parents[1]
 
-#: Parts of the report, numbered because its menu is in the order of the alphabet.
+#: Parts of the report, whose menu has alphabetical order.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 TRAINS, DRAWN = "5 Gear trains", "6 From the drawing"
 MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
 
-#: What the report shows of a figure, the first that there is; browsers zoom pixels best.
-SHOWN_FORMATS = ["png", "svg", "pdf"]
+#: Formats of a figure, of which the report shows the first that is drawn.
+REPORT_FORMATS = ["png", "svg", "pdf"]
 
-#: Keys of a grid of tunings, and of the seeded starts of every motion.
+#: Keys of sections: a grid of tunings, and seeded starts.
 GRID = ["start", "stop", "step"]
 STARTS = ["starts", "first_starts", "seed", "spread"]
 
-#: Priority of jobs that take long: at the end of a build none of them runs alone.
+#: Priority of long jobs, which start first.
 LONG = 1
-#: More threads than there are: Snakemake gives such a job all cores, and runs none beside it.
+#: More threads than any machine has: Snakemake gives the job all cores.
 ALONE = 1024
 
-# What a first job has to compile is kept for all others, also where Python is told to keep nothing.
+# Jobs share compiled Python files.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# Scripts import the library beside this Snakefile.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
-# Scripts import the library beside this Snakefile, whatever else is installed.
-os.environ.update(
-    PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-)
+
+def raise_any(sentences):
+    """Raise a ValueError with these sentences, if there are any."""
+    if sentences:
+        raise ValueError("\n".join(sentences))
+
+
+def check_numbers(checked):
+    """Check measured tables and laws of tolerances, which need numpy or scipy."""
+    if checked.measured:
+        from gearlib.uncertainty.measured import refused
+
+        raise_any(refused(checked.measured))
+    if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
+        from gearlib.uncertainty import distributions
+
+        laws, keys = checked.tolerance_laws(), checked.tolerances.keys()
+        distributions.read(laws, known_parameters(), keys=keys)
 
 
 def checked_configuration():
-    """Return the configuration after all checks that need no job; refuse it in sentences."""
-    # With --replace-workflow-config that of the workflow itself is not read.
-    replacing = workflow.config_settings.replace_workflow_config
-    read = workflow.overwrite_configfiles if replacing else workflow.configfiles
+    """Return the configuration after all checks that need no job, or end with a sentence."""
+    replaced = workflow.config_settings.replace_workflow_config
+    files = workflow.overwrite_configfiles if replaced else workflow.configfiles
     try:
-        if repeated := [text for path in read for text in yaml_keys.read(path)[1]]:
-            raise ValueError("\n".join(repeated))
+        raise_any([sentence for path in files for sentence in yaml_keys.read(path)[1]])
         checked = configuration.load(config)
-        if refused := [*checked.refused(), *checked.without_damping()]:
-            raise ValueError("\n".join(refused))
-        if workflow.is_main_process and checked.measured:
-            # The tables as well, before any job runs; they cost numpy.
-            from gearlib.uncertainty.measured import refused as refused_tables
-
-            if refused := refused_tables(checked.measured):
-                raise ValueError("\n".join(refused))
-        section = checked.tolerances
-        if workflow.is_main_process and section.needs_scipy():
-            # So do laws of scipy and correlations.
-            from gearlib.uncertainty import distributions
-
-            if not targets.refusal("tolerances", checked):
-                laws = checked.tolerance_laws()
-                distributions.read(laws, known_parameters(), keys=section.keys())
+        raise_any([*checked.refused(), *checked.without_damping()])
+        if workflow.is_main_process:
+            check_numbers(checked)
         return checked
     except ValueError as error:
         refuse(f"The configuration is refused.\n{error}")
@@ -90,11 +90,11 @@ def canonical(value):
 CONFIG = checked_configuration()
 #: Targets of a call that names none.
 WANTED = CONFIG.wanted()
-# Captions of the report read this too, and find what the configuration leaves out as well.
+# Rules and captions of the report find defaults as well.
 config.update(canonical(CONFIG.model_dump()))
 
 
-# Parts of the configuration, as plain values.
+# Parts of the configuration as plain values.
 
 
 def without(section, *keys):
@@ -102,8 +102,8 @@ def without(section, *keys):
     return {key: value for key, value in section.items() if key not in keys}
 
 
-def only(section, *keys):
-    """Return those of some keys that a section has."""
+def pick(section, *keys):
+    """Return a section with these keys only."""
     return {key: value for key, value in section.items() if key in keys}
 
 
@@ -116,8 +116,10 @@ def global_cases(section):
     """Return the cases of basins or Poincare sections, with the parameters of their gear pairs."""
     return canonical(
         [
-            case.model_dump(exclude={"damping", "change"})
-            | {"pair": CONFIG.global_parameters(case)}
+            {
+                **case.model_dump(exclude={"damping", "change"}),
+                "pair": CONFIG.global_parameters(case),
+            }
             for case in section.cases
         ]
     )
@@ -127,11 +129,10 @@ def global_cases(section):
 PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
 GEAR_PAIR = gear_names.of_pair(CONFIG)
-#: Arguments that `sweep` and `simulate` share; those of runs with samples.
+#: Arguments that `sweep` and `simulate` share; the same with samples for `simulate`.
 RUN = {
     "initial_state": [
-        config["run"]["initial_state"]["displacement"],
-        config["run"]["initial_state"]["velocity"],
+        config["run"]["initial_state"][name] for name in ("displacement", "velocity")
     ],
     "periods": CONFIG.periods,
     "record_periods": CONFIG.record_periods,
@@ -144,11 +145,7 @@ COLOURS = {"colours": config["figures"]["colours"]}
 
 
 def sources_of(script, *modules, methods=()):
-    """Return the list of the source files on which the results of a script depend.
-
-    It loads these modules of the library, and these methods; those that it always loads it imports,
-    see `workflow.sources`.
-    """
+    """Return the file that lists the sources of a script: its imports, these modules and methods."""
     names = [f"gearlib.{module}" for module in modules]
     names += [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     path = ROOT / "workflow" / "scripts" / f"{script}.py"
@@ -156,37 +153,41 @@ def sources_of(script, *modules, methods=()):
 
 
 def sources_by_method(script, module):
-    """Return method -> list of the source files of a job that runs this method."""
-    # All of them now: what is written later is not there for Snakemake, which looks once.
+    """Return method -> file that lists the sources of a job that runs it.
+
+    Snakemake looks for files once, so that all lists are written before.
+    """
     return {name: sources_of(script, module, methods=[name]) for name in integrators.METHODS.data}
 
 
-def of_dampings(pattern):
-    """Return a file for each damping."""
+def per_damping(pattern):
+    """Return the files of a pattern, one for each damping."""
     return expand(pattern, damping=CONFIG.dampings)
 
 
-def figure_of(name, label, part, caption=None):
+def figure_files(name, label, part, caption=None):
     """Return the files of a figure, one for each format, of which the report shows one.
 
-    Its caption is the file of the same name in `workflow/report`. Figures of other gears than the
-    paper's do without the numbers of its figures.
+    `label` is a text or a function of wildcards; `caption` is the name of a file in
+    `workflow/report`, by default that of the figure. Figures of other gears than the paper's have
+    no numbers of its figures.
     """
     caption = caption or name
-    if not gear_names.is_paper(CONFIG):
-        name = re.sub(r"^fig\d+_", "", name)
-        label = label if callable(label) else re.sub(r"^(Beside )?Fig. \d+: ", "", label)
-    shown = f".{min(CONFIG.figures.formats, key=SHOWN_FORMATS.index)}"
     labels = {"figure": label}
     if callable(label):
         labels = lambda wildcards: {"figure": label(wildcards)}
-    in_report = dict(caption=f"../report/{caption}.rst", category=part, labels=labels)
-    files = [f"results/figures/{name}.{form}" for form in CONFIG.figures.formats]
-    return [report(path, **in_report) if path.endswith(shown) else path for path in files]
+    elif not gear_names.is_paper(CONFIG):
+        labels = {"figure": re.sub(r"^(Beside )?Fig. \d+: ", "", label)}
+    if not gear_names.is_paper(CONFIG):
+        name = re.sub(r"^fig\d+_", "", name)
+    shown = min(CONFIG.figures.formats, key=REPORT_FORMATS.index)
+    about = dict(caption=f"../report/{caption}.rst", category=part, labels=labels)
+    files = {form: f"results/figures/{name}.{form}" for form in CONFIG.figures.formats}
+    return [report(path, **about) if form == shown else path for form, path in files.items()]
 
 
-def page_of(name, label, part):
-    """Return the page of a table, for the report: browsers do not show CSV."""
+def table_page(name, label, part):
+    """Return the HTML page of a table for the report; browsers do not show CSV."""
     return report(
         f"results/tables/{name}.html",
         caption=f"../report/{name}_table.rst",
@@ -195,19 +196,19 @@ def page_of(name, label, part):
     )
 
 
-def asked(target, *files):
-    """Return the files of a target; if it cannot be about these gears, a function that refuses."""
-    words = targets.refusal(target, CONFIG)
+def target_files(target, *files):
+    """Return the files of a target, or an input function that refuses it for these gears."""
+    reason = targets.refusal(target, CONFIG)
     if target in targets.OF_ANY_TRAIN:
-        words = words or targets.undamped(CONFIG)
-    if not words:
+        reason = reason or targets.undamped(CONFIG)
+    if not reason:
         return list(files)
-    words = f"The configuration is refused.\n{targets.for_targets(words, target)}"
-    return lambda wildcards: refuse(words)
+    sentence = f"The configuration is refused.\n{targets.for_targets(reason, target)}"
+    return lambda wildcards: refuse(sentence)
 
 
-def beside(target, files):
-    """Return files that a figure shows if the configuration asks for their target, else none."""
+def if_wanted(target, files):
+    """Return files that a figure shows if their target is wanted too, else none."""
     return files if target in WANTED else []
 
 
@@ -225,17 +226,17 @@ def cases_of_scene(wildcards):
 
 
 def question_of_scene(wildcards):
-    """Return what the comparison of models asks of a scene."""
+    """Return observables, tolerance and candidates of the comparison of models for a scene."""
     scene = config["scenes"][wildcards.scene]
     candidates = CONFIG.candidates(CONFIG.scenes[wildcards.scene])
-    return only(scene, "observables", "tolerance") | {"candidates": candidates}
+    return pick(scene, "observables", "tolerance") | {"candidates": candidates}
 
 
 def label_of_scene(wildcards):
-    """Return the label of a scene in the report: its name in words, its dampings."""
-    words = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
+    """Return the label of a scene in the report: its name with spaces, and its dampings."""
+    title = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
     dampings = dict.fromkeys(case["damping"] for case in config["scenes"][wildcards.scene]["cases"])
-    return f"{words}, damping {', '.join(dampings)}"
+    return f"{title}, damping {', '.join(dampings)}"
 
 
 #: Name -> its YAML file, and its description.
@@ -256,8 +257,8 @@ def path_of_set(wildcards):
 # Methods, drawings, designs.
 
 
-def missing(methods):
-    """Return the methods that are left out because their packages are not installed."""
+def not_installed(methods):
+    """Return the methods whose packages are not installed."""
     return [name for name in dict.fromkeys(methods) if not targets.installed(name)]
 
 
@@ -274,31 +275,33 @@ def names_of_drawings(section):
 
 
 def designs():
-    """Return what the study of tolerances asks of a design."""
-    section = CONFIG.tolerances
-    refused = targets.refusal("tolerances", CONFIG)
-    found = {
-        "pair": CONFIG.pair_parameters(section.damping),
-        "tolerances": {} if refused else CONFIG.tolerance_laws(),
-        "seed": section.seed,
-        "quantities": section.quantities,
-    }
-    if section.of_drawing() and CONFIG.gears:
-        found["drawing"] = CONFIG.gears.described()
-    return canonical(found)
+    """Return the arguments of the study of tolerances that describe a design."""
+    section, laws = CONFIG.tolerances, {}
+    if not targets.refusal("tolerances", CONFIG):
+        laws = CONFIG.tolerance_laws()
+    drawn = section.of_drawing() and CONFIG.gears
+    return canonical(
+        {
+            "pair": CONFIG.pair_parameters(section.damping),
+            "tolerances": laws,
+            "seed": section.seed,
+            "quantities": section.quantities,
+            **({"drawing": CONFIG.gears.described()} if drawn else {}),
+        }
+    )
 
 
 DESIGNS = designs()
 
 
-#: Words of captions that templates cannot make themselves.
+#: Texts and facts that captions cannot find in the configuration.
 config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
     "drawn": CONFIG.gears is not None,
     "paper": gear_names.is_paper(CONFIG),
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
     "own_train": targets.has_own_train(CONFIG),
-    "missing": ", ".join(missing(CONFIG.work_precision.methods)),
+    "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(
         CONFIG.gears and CONFIG.gears.relief() and takes_configured_gears(CONFIG, "mesh_stiffness")

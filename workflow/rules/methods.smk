@@ -24,15 +24,15 @@ use rule _draw as draw_analytic_method with:
         data="results/analytic_method.nc",
         sources=sources_of("draw", "figures.analytic_method_figure"),
     output:
-        figure_of("analytic_method", "The paper's analytic method", METHODS),
-        figure_of("harmonic_balance", "Harmonic balance", METHODS),
+        figure_files("analytic_method", "The paper's analytic method", METHODS),
+        figure_files("harmonic_balance", "Harmonic balance", METHODS),
     params:
         draw="analytic_method_figure.draw",
 
 
 rule analytic_method:
     input:
-        asked("analytic_method", rules.draw_analytic_method.output),
+        target_files("analytic_method", rules.draw_analytic_method.output),
 
 
 # Numerical stability of fixed steps on the mesh without contact loss.
@@ -51,7 +51,7 @@ use rule _compute as compute_stability_chart with:
     output:
         "results/stability_chart.nc",
     params:
-        **only(config["stability_chart"], "steps", "methods"),
+        **pick(config["stability_chart"], "steps", "methods"),
         function="gearlib.studies.trials.stability_of_methods:compute",
         pair=PAIRS[config["stability_chart"]["damping"]],
         tunings=grid(config["stability_chart"]),
@@ -65,14 +65,14 @@ use rule _draw as draw_stability_chart with:
         chart="results/stability_chart.nc",
         sources=sources_of("draw", "figures.stability_figure"),
     output:
-        figure_of("stability_chart", "Numerical stability of fixed steps", METHODS),
+        figure_files("stability_chart", "Numerical stability of fixed steps", METHODS),
     params:
         draw="stability_figure.draw",
 
 
 rule stability_chart:
     input:
-        asked("stability_chart", rules.draw_stability_chart.output),
+        target_files("stability_chart", rules.draw_stability_chart.output),
 
 
 # All methods on difficult problems. Methods whose packages are not installed are left out.
@@ -122,16 +122,16 @@ use rule _draw as draw_failures with:
         matrix="results/failures.nc",
         sources=sources_of("draw", "figures.failures_figure"),
     output:
-        figure_of("failures", "Failures: difficult problems against methods", METHODS),
+        figure_files("failures", "Failures: difficult problems against methods", METHODS),
     params:
         draw="failures_figure.draw",
         gears="paper's pair and others, in problems of its own",
-        absent=missing(trial["method"] for trial in TRIALS.values()),
+        absent=not_installed(trial["method"] for trial in TRIALS.values()),
 
 
 rule failures:
     input:
-        asked("failures", rules.draw_failures.output),
+        target_files("failures", rules.draw_failures.output),
 
 
 # Errors of the methods on test problems, against evaluations and wall time.
@@ -206,7 +206,7 @@ use rule _table as work_precision_table with:
         sources=sources_of("table", "studies.trials.fastest"),
     output:
         csv="results/work_precision.csv",
-        page=page_of("work_precision", "Work and precision: table of the fastest", METHODS),
+        page=table_page("work_precision", "Work and precision: table of the fastest", METHODS),
     params:
         function="gearlib.studies.trials.fastest:rows",
 
@@ -218,11 +218,11 @@ use rule _draw as draw_work_precision with:
         errors=rules.work_precision_table.input.errors,
         sources=sources_of("draw", "figures.work_precision_figure"),
     output:
-        figure_of("work_precision_evaluations", "Work and precision: evaluations", METHODS),
-        figure_of("work_precision_measures", "Work and precision: events, multipliers", METHODS),
+        figure_files("work_precision_evaluations", "Work and precision: evaluations", METHODS),
+        figure_files("work_precision_measures", "Work and precision: events, multipliers", METHODS),
     params:
         draw="work_precision_figure.draw",
-        absent=missing(config["work_precision"]["methods"]),
+        absent=not_installed(config["work_precision"]["methods"]),
 
 
 use rule _draw as draw_work_precision_time with:
@@ -233,15 +233,15 @@ use rule _draw as draw_work_precision_time with:
         times=rules.work_precision_table.input.times,
         sources=sources_of("draw", "figures.work_precision_figure"),
     output:
-        figure_of("work_precision_time", "Work and precision: wall time", METHODS),
+        figure_files("work_precision_time", "Work and precision: wall time", METHODS),
     params:
         draw="work_precision_figure.draw_time",
-        absent=missing(config["work_precision"]["methods"]),
+        absent=not_installed(config["work_precision"]["methods"]),
 
 
 rule work_precision:
     input:
-        asked(
+        target_files(
             "work_precision",
             rules.draw_work_precision.output,
             rules.draw_work_precision_time.output,

@@ -12,7 +12,7 @@ use rule _compute as compute_run_ups with:
     output:
         "results/run_ups.nc",
     params:
-        **only(config["run_ups"], "start", "stop", "damping", "revolutions"),
+        **pick(config["run_ups"], "start", "stop", "damping", "revolutions"),
         function="gearlib.studies.run_ups:compute",
         pair=PAIRS[config["run_ups"]["damping"]],
         mesh_orders=config["run_ups"]["orders"],
@@ -23,18 +23,18 @@ use rule _draw as draw_run_ups with:
         job="draw_run_ups",
     input:
         run_ups="results/run_ups.nc",
-        resonance=beside("resonance", "results/resonance.nc"),
-        branches=beside("branches", f"results/branches/{config['run_ups']['damping']}.nc"),
+        resonance=if_wanted("resonance", "results/resonance.nc"),
+        branches=if_wanted("branches", f"results/branches/{config['run_ups']['damping']}.nc"),
         sources=sources_of("draw", "figures.run_ups_figure"),
     output:
-        figure_of("run_ups", "Beside Fig. 3: run-ups, and their orders", EXPLANATIONS),
+        figure_files("run_ups", "Beside Fig. 3: run-ups, and their orders", EXPLANATIONS),
     params:
         draw="run_ups_figure.draw",
 
 
 rule run_ups:
     input:
-        asked("run_ups", rules.draw_run_ups.output),
+        target_files("run_ups", rules.draw_run_ups.output),
 
 
 # Where the motion from rest jumps, beside Fig. 6.
@@ -63,15 +63,15 @@ use rule _draw as draw_jump with:
         jumps="results/jump.nc",
         sources=sources_of("draw", "figures.jump_figure"),
     output:
-        figure_of("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
+        figure_files("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
     params:
         draw="jump_figure.draw",
-        settings=only(config["jump"], "marked"),
+        settings=pick(config["jump"], "marked"),
 
 
 rule jump:
     input:
-        asked("jump", rules.draw_jump.output),
+        target_files("jump", rules.draw_jump.output),
 
 
 # Whether motions are periodic, quasi-periodic or chaotic: the strip of Fig. 3.
@@ -95,7 +95,7 @@ use rule _compute as label with:
 
 rule labels:
     input:
-        asked("labels", of_dampings(rules.label.output)),
+        target_files("labels", per_damping(rules.label.output)),
 
 
 # Periodic orbits, stable and unstable, their folds and grazings.
@@ -125,8 +125,8 @@ use rule _compute as loci with:
     output:
         "results/loci.nc",
     params:
-        **only(config["branches"], "start", "stop"),
-        **only(config["branches"]["loci"], "lowest", "highest"),
+        **pick(config["branches"], "start", "stop"),
+        **pick(config["branches"]["loci"], "lowest", "highest"),
         function="gearlib.studies.resonance:loci",
         pair=PAIRS[CONFIG.branches.loci.damping],
 
@@ -139,7 +139,7 @@ use rule _draw as draw_branches with:
         loci="results/loci.nc",
         sources=sources_of("draw", "figures.branches_figure"),
     output:
-        figure_of(
+        figure_files(
             "branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS
         ),
     params:
@@ -148,7 +148,7 @@ use rule _draw as draw_branches with:
 
 rule branches:
     input:
-        asked("branches", rules.draw_branches.output),
+        target_files("branches", rules.draw_branches.output),
 
 
 # What is proven of the orbits, as a file that a second program can check and as a table.
@@ -157,12 +157,12 @@ rule branches:
 rule compute_certificates:
     input:
         kernels=KERNELS,
-        branches=of_dampings(rules.compute_branches.output),
+        branches=per_damping(rules.compute_branches.output),
         sources=sources_of("certificates"),
     output:
         json="results/certificates.json",
         csv="results/certificates.csv",
-        page=page_of("certificates", "What is proven of the orbits: table", EXPLANATIONS),
+        page=table_page("certificates", "What is proven of the orbits: table", EXPLANATIONS),
     params:
         gears=GEAR_PAIR,
         # Without python-flint nothing is proven, and the file is an empty list.
@@ -182,7 +182,7 @@ rule compute_certificates:
 
 rule certificates:
     input:
-        asked(
+        target_files(
             "certificates",
             rules.compute_certificates.output.csv,
             rules.compute_certificates.output.json,
@@ -226,7 +226,7 @@ use rule _table as nonlinear_damping_table with:
         sources=sources_of("table", "studies.nonlinear_damping"),
     output:
         csv="results/nonlinear_damping.csv",
-        page=page_of("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
+        page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
     params:
         function="gearlib.studies.nonlinear_damping:rows",
 
@@ -238,14 +238,14 @@ use rule _draw as draw_nonlinear_damping with:
         studies=PLACES_AND_POWERS,
         sources=sources_of("draw", "figures.nonlinear_damping_figure"),
     output:
-        figure_of("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
+        figure_files("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
     params:
         draw="nonlinear_damping_figure.draw",
 
 
 rule nonlinear_damping:
     input:
-        asked(
+        target_files(
             "nonlinear_damping",
             rules.draw_nonlinear_damping.output,
             rules.nonlinear_damping_table.output.csv,
@@ -271,7 +271,7 @@ use rule _compute as compare_models with:
         six_degrees=SIX_DEGREES,
         harmonics=config["models"]["harmonics"],
         run=RUN,
-        starts=only(config["models"], *STARTS),
+        starts=pick(config["models"], *STARTS),
 
 
 use rule _table as model_table with:
@@ -282,7 +282,7 @@ use rule _table as model_table with:
         sources=sources_of("table", "studies.scenes"),
     output:
         csv="results/models.csv",
-        page=page_of("models", "Models: table", EXPLANATIONS),
+        page=table_page("models", "Models: table", EXPLANATIONS),
     params:
         function="gearlib.studies.scenes:rows",
         settings={"scenes": list(CONFIG.scenes)},
@@ -295,7 +295,7 @@ use rule _draw as draw_models with:
         comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
         sources=sources_of("draw", "figures.models_figure"),
     output:
-        figure_of("models", "Models: what larger ones would change", EXPLANATIONS),
+        figure_files("models", "Models: what larger ones would change", EXPLANATIONS),
     params:
         draw="models_figure.draw",
         settings={"scenes": list(CONFIG.scenes)},
@@ -304,7 +304,7 @@ use rule _draw as draw_models with:
 rule models:
     input:
         # Without scenes there is nothing to compare.
-        asked(
+        target_files(
             "models",
             *[rules.draw_models.output, rules.model_table.output.csv] * bool(CONFIG.scenes),
         ),
@@ -337,11 +337,11 @@ use rule _compute as tongues with:
     output:
         "results/tongues.nc",
     params:
-        **only(config["parametric_resonance"], "start", "stop"),
+        **pick(config["parametric_resonance"], "start", "stop"),
         function="gearlib.studies.stability:contact_loss",
         pairs=PAIRS,
         tuning=config["parametric_resonance"]["asked"],
-        run=only(RUN, "periods", "initial_state"),
+        run=pick(RUN, "periods", "initial_state"),
 
 
 use rule _table as parametric_resonance_table with:
@@ -352,7 +352,7 @@ use rule _table as parametric_resonance_table with:
         sources=sources_of("table", "studies.stability"),
     output:
         csv="results/parametric_resonance.csv",
-        page=page_of(
+        page=table_page(
             "parametric_resonance", "Parametric resonance: the tuning in question", EXPLANATIONS
         ),
     params:
@@ -367,14 +367,14 @@ use rule _draw as draw_parametric_resonance with:
         facts="results/tongues.nc",
         sources=sources_of("draw", "figures.parametric_resonance_figure"),
     output:
-        figure_of("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
+        figure_files("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
     params:
         draw="parametric_resonance_figure.draw",
 
 
 rule parametric_resonance:
     input:
-        asked(
+        target_files(
             "parametric_resonance",
             rules.draw_parametric_resonance.output,
             rules.parametric_resonance_table.output.csv,
@@ -406,14 +406,14 @@ use rule _draw as draw_basins with:
         data="results/basins.nc",
         sources=sources_of("draw", "figures.global_picture_figure"),
     output:
-        figure_of("basins", "Basins of attraction", EXPLANATIONS),
+        figure_files("basins", "Basins of attraction", EXPLANATIONS),
     params:
         draw="global_picture_figure.draw_basins",
 
 
 rule basins:
     input:
-        asked("basins", rules.draw_basins.output),
+        target_files("basins", rules.draw_basins.output),
 
 
 BIFURCATION_PAIR = canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping))
@@ -449,7 +449,7 @@ use rule _compute as bifurcation_branches with:
         function="gearlib.studies.resonance:branches",
         damping="of the bifurcation diagram",
         pair=BIFURCATION_PAIR,
-        settings=without(config["branches"], "loci") | only(config["bifurcation"], "start", "stop"),
+        settings=without(config["branches"], "loci") | pick(config["bifurcation"], "start", "stop"),
 
 
 use rule _draw as draw_bifurcation with:
@@ -461,7 +461,7 @@ use rule _draw as draw_bifurcation with:
         branches="results/bifurcation_branches.nc",
         sources=sources_of("draw", "figures.global_picture_figure"),
     output:
-        figure_of(
+        figure_files(
             "bifurcation", "Bifurcation diagram, exponents, shares of the basins", EXPLANATIONS
         ),
     params:
@@ -470,7 +470,7 @@ use rule _draw as draw_bifurcation with:
 
 rule bifurcation:
     input:
-        asked("bifurcation", rules.draw_bifurcation.output),
+        target_files("bifurcation", rules.draw_bifurcation.output),
 
 
 use rule _compute as compute_poincare with:
@@ -494,11 +494,11 @@ use rule _draw as draw_poincare with:
         data="results/poincare.nc",
         sources=sources_of("draw", "figures.global_picture_figure"),
     output:
-        figure_of("poincare", "Poincaré sections", EXPLANATIONS),
+        figure_files("poincare", "Poincaré sections", EXPLANATIONS),
     params:
         draw="global_picture_figure.draw_sections",
 
 
 rule poincare:
     input:
-        asked("poincare", rules.draw_poincare.output),
+        target_files("poincare", rules.draw_poincare.output),

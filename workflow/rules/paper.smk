@@ -12,7 +12,7 @@ use rule _compute as compute_phase_lag with:
     output:
         "results/phase_lag.nc",
     params:
-        **only(config["phase_lag"], "tuning", "harmonics", "periods"),
+        **pick(config["phase_lag"], "tuning", "harmonics", "periods"),
         function="gearlib.studies.paper:phase_lag",
         pair=config["gear_pair"],
         dampings=config["phase_lag"]["material_dampings"],
@@ -27,14 +27,14 @@ use rule _draw as draw_phase_lag with:
         lags="results/phase_lag.nc",
         sources=sources_of("draw", "figures.phase_shift_figure"),
     output:
-        figure_of("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
+        figure_files("fig2_phase_shift", "Fig. 2: phase lag, material damping", PAPER),
     params:
         draw="phase_shift_figure.draw",
 
 
 rule phase_lag:
     input:
-        asked("phase_lag", rules.draw_phase_lag.output),
+        target_files("phase_lag", rules.draw_phase_lag.output),
 
 
 # Fig. 3: resonance characteristics, in windows of tunings.
@@ -49,7 +49,7 @@ use rule _compute as sweep_window with:
     output:
         "results/resonance/{damping}/{direction}/{window}.nc",
     params:
-        **only(config["resonance"], "step", "lowest"),
+        **pick(config["resonance"], "step", "lowest"),
         function="gearlib.studies.resonance:window",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
@@ -80,13 +80,13 @@ use rule _draw as draw_resonance with:
         job="draw_resonance",
     input:
         resonance="results/resonance.nc",
-        labels=beside("labels", of_dampings("results/labels/{damping}.nc")),
-        branches=beside("branches", of_dampings("results/branches/{damping}.nc")),
-        tongues=beside("parametric_resonance", "results/tongues.nc"),
+        labels=if_wanted("labels", per_damping("results/labels/{damping}.nc")),
+        branches=if_wanted("branches", per_damping("results/branches/{damping}.nc")),
+        tongues=if_wanted("parametric_resonance", "results/tongues.nc"),
         measured=expand("results/measured/{measured}.nc", measured=MEASURED_SETS),
         sources=sources_of("draw", "figures.resonance_figure"),
     output:
-        figure_of("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
+        figure_files("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
     params:
         draw="resonance_figure.draw",
         # The paper's picture has no forces.
@@ -95,7 +95,7 @@ use rule _draw as draw_resonance with:
 
 rule resonance:
     input:
-        asked("resonance", rules.draw_resonance.output),
+        target_files("resonance", rules.draw_resonance.output),
 
 
 # Fig. 5: phase planes of several tunings.
@@ -140,7 +140,7 @@ use rule _draw as draw_phase_planes with:
         phase_planes="results/phase_planes.nc",
         sources=sources_of("draw", "figures.phase_planes_figure"),
     output:
-        figure_of("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
+        figure_files("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     params:
         draw="phase_planes_figure.draw",
         settings=COLOURS,
@@ -148,7 +148,7 @@ use rule _draw as draw_phase_planes with:
 
 rule phase_planes:
     input:
-        asked("phase_planes", rules.draw_phase_planes.output),
+        target_files("phase_planes", rules.draw_phase_planes.output),
 
 
 # Figs. 4, 6, 7, 8: time courses of the scenes, by the smallest model that carries them.
@@ -168,7 +168,7 @@ use rule _compute as scene with:
         cases=cases_of_scene,
         six_degrees=SIX_DEGREES,
         run=SAMPLED_RUN,
-        starts=only(config["models"], *STARTS),
+        starts=pick(config["models"], *STARTS),
 
 
 use rule _draw as draw_scene with:
@@ -178,17 +178,17 @@ use rule _draw as draw_scene with:
         scene="results/scenes/{scene}.nc",
         sources=sources_of("draw", "figures.time_courses_figure"),
     output:
-        figure_of("{scene}", label_of_scene, PAPER, caption="scene"),
+        figure_files("{scene}", label_of_scene, PAPER, caption="scene"),
     params:
         draw="time_courses_figure.draw",
-        settings=lambda wildcards: only(
+        settings=lambda wildcards: pick(
             config["scenes"][wildcards.scene], "courses", "periods_shown"
         ),
 
 
 rule scenes:
     input:
-        asked("scenes", expand(rules.draw_scene.output, scene=CONFIG.scenes)),
+        target_files("scenes", expand(rules.draw_scene.output, scene=CONFIG.scenes)),
 
 
 # The paper's statements against the computed data.
@@ -204,7 +204,7 @@ rule compute_claims:
         sources=sources_of("claims"),
     output:
         csv="results/claims.csv",
-        page=page_of("claims", "Statements, computed numbers, verdicts", CLAIMS),
+        page=table_page("claims", "Statements, computed numbers, verdicts", CLAIMS),
         markdown="results/claims.md",
     params:
         gears=GEAR_PAIR,
@@ -222,4 +222,6 @@ rule compute_claims:
 
 rule claims:
     input:
-        asked("claims", rules.compute_claims.output.csv, rules.compute_claims.output.markdown),
+        target_files(
+            "claims", rules.compute_claims.output.csv, rules.compute_claims.output.markdown
+        ),

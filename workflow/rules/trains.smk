@@ -28,7 +28,7 @@ use rule _table as reducer_table with:
         sources=sources_of("table", "studies.trains"),
     output:
         csv="results/reducer.csv",
-        page=page_of("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
+        page=table_page("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
     params:
         function="gearlib.studies.trains:reducer_rows",
         gears=REDUCER,
@@ -41,7 +41,7 @@ use rule _draw as draw_reducer with:
         characteristics="results/reducer.nc",
         sources=sources_of("draw", "figures.trains_figure"),
     output:
-        figure_of("reducer", "Fig. 1: all meshes of the reducer over speed", EXPLANATIONS),
+        figure_files("reducer", "Fig. 1: all meshes of the reducer over speed", EXPLANATIONS),
     params:
         draw="trains_figure.draw_reducer",
         gears=REDUCER,
@@ -49,7 +49,7 @@ use rule _draw as draw_reducer with:
 
 rule reducer:
     input:
-        asked("reducer", rules.draw_reducer.output, rules.reducer_table.output.csv),
+        target_files("reducer", rules.draw_reducer.output, rules.reducer_table.output.csv),
 
 
 # Every mesh of the train of the configuration over speed.
@@ -80,7 +80,7 @@ use rule _draw as draw_train_sweep with:
         curves="results/train_sweep.nc",
         sources=sources_of("draw", "figures.trains_figure"),
     output:
-        figure_of("train_sweep", "The train of the configuration over speed", TRAINS),
+        figure_files("train_sweep", "The train of the configuration over speed", TRAINS),
     params:
         draw="trains_figure.draw_sweep",
         gears=TRAIN,
@@ -88,7 +88,7 @@ use rule _draw as draw_train_sweep with:
 
 rule train_sweep:
     input:
-        asked("train_sweep", rules.draw_train_sweep.output),
+        target_files("train_sweep", rules.draw_train_sweep.output),
 
 
 # Natural frequencies against mesh frequencies, of that train, else of the reducer.
@@ -125,7 +125,7 @@ use rule _table as campbell_table with:
         sources=sources_of("table", "studies.trains"),
     output:
         csv="results/campbell.csv",
-        page=page_of("campbell", "Campbell diagram, table", EXPLANATIONS),
+        page=table_page("campbell", "Campbell diagram, table", EXPLANATIONS),
     params:
         function="gearlib.studies.trains:campbell_rows",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
@@ -138,7 +138,7 @@ use rule _draw as draw_campbell with:
         diagram="results/campbell.nc",
         sources=sources_of("draw", "figures.campbell_figure"),
     output:
-        figure_of("campbell", "Campbell diagram", EXPLANATIONS),
+        figure_files("campbell", "Campbell diagram", EXPLANATIONS),
     params:
         draw="campbell_figure.draw",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
@@ -146,4 +146,4 @@ use rule _draw as draw_campbell with:
 
 rule campbell:
     input:
-        asked("campbell", rules.draw_campbell.output, rules.campbell_table.output.csv),
+        target_files("campbell", rules.draw_campbell.output, rules.campbell_table.output.csv),

@@ -61,7 +61,7 @@ use rule _table as measured_table with:
         sources=sources_of("table", "studies.measured"),
     output:
         csv="results/measured.csv",
-        page=page_of("measured", "Measured and computed, in numbers", MEASURED),
+        page=table_page("measured", "Measured and computed, in numbers", MEASURED),
     params:
         function="gearlib.studies.measured:rows",
 
@@ -73,7 +73,7 @@ use rule _draw as draw_measured_courses with:
         courses=rules.measured_table.input.courses,
         sources=sources_of("draw", "figures.measured_figure"),
     output:
-        figure_of("measured_courses", "Measured time courses", MEASURED),
+        figure_files("measured_courses", "Measured time courses", MEASURED),
     params:
         draw="measured_figure.draw_courses",
         settings=COLOURS,
@@ -86,7 +86,7 @@ use rule _draw as draw_measured_orders with:
         orders=rules.measured_table.input.orders,
         sources=sources_of("draw", "figures.measured_figure"),
     output:
-        figure_of("measured_orders", "Mesh orders of measured run-ups", MEASURED),
+        figure_files("measured_orders", "Mesh orders of measured run-ups", MEASURED),
     params:
         draw="measured_figure.draw_orders",
         settings=COLOURS,
@@ -94,7 +94,7 @@ use rule _draw as draw_measured_orders with:
 
 rule measured:
     input:
-        asked(
+        target_files(
             "measured",
             rules.measured_table.output.csv,
             rules.draw_measured_courses.output if MEASURED_COURSES else [],
@@ -115,7 +115,7 @@ use rule _compute as tolerance_shard with:
         "results/tolerances/{samples}.nc",
     params:
         **DESIGNS,
-        **only(config["tolerances"], "samples", "directions", "periods", "record_periods"),
+        **pick(config["tolerances"], "samples", "directions", "periods", "record_periods"),
         function="gearlib.studies.tolerance_study:compute",
         tunings=grid(config["tolerances"]),
         box=[[-end, end] for end in config["tolerances"]["box"]],
@@ -156,7 +156,7 @@ use rule _table as tolerance_table with:
         sources=sources_of("table", "studies.tolerance_study"),
     output:
         csv="results/tolerances.csv",
-        page=page_of("tolerances", "Tolerances: table", TOLERANCES),
+        page=table_page("tolerances", "Tolerances: table", TOLERANCES),
     params:
         function="gearlib.studies.tolerance_study:rows",
 
@@ -170,10 +170,10 @@ use rule _draw as draw_tolerances with:
         indices=[] if config["tolerances"]["correlations"] else "results/tolerance_indices.nc",
         sources=sources_of("draw", "figures.scatter_figure"),
     output:
-        figure_of(
+        figure_files(
             "tolerance_bands", "Bands over speed, and the probability of contact loss", TOLERANCES
         ),
-        figure_of(
+        figure_files(
             "tolerance_quantities", "Jumps and peaks: how they scatter, and by what", TOLERANCES
         ),
     params:
@@ -182,4 +182,4 @@ use rule _draw as draw_tolerances with:
 
 rule tolerances:
     input:
-        asked("tolerances", rules.draw_tolerances.output, rules.tolerance_table.output.csv),
+        target_files("tolerances", rules.draw_tolerances.output, rules.tolerance_table.output.csv),
