@@ -1,7 +1,7 @@
-"""The workflow: everything that the configuration asks for, from one command, `snakemake -j2`.
+"""The workflow: all targets of the configuration by one command, `snakemake -j2`.
 
-One gear pair, or several side by side: each of `cases` lays its keys over the others, and its
-results go to results/<case>/. A project with a name has results/<project>/.
+Each of `cases` lays its keys over the others, and its results go to results/<case>/. Results of a
+project with a name go to results/<project>/.
 """
 
 import gc
@@ -24,72 +24,71 @@ from workflow.refusal import interrupted, refuse
 
 min_version("9.12")
 
-# Here, before a drawing loads numpy, for all jobs: those on other nodes read this file there.
+# All jobs read this file, also on other nodes; before anything loads numpy.
 os.environ.update(processor.settings())
 
-# Jobs and their files are many objects that stay: to look for garbage among them takes an eighth of
-# a start.
+# Jobs and their files are many objects that stay: garbage collection takes an eighth of a start.
 gc.set_threshold(200_000)
 
-# Ctrl-C: Snakemake does not tell where it was in its plans, and a job ends at once, since Python
-# does not hear of it.
+# Ctrl-C prints a sentence while Snakemake plans, and ends a job at once.
 sys.excepthook = interrupted
 shell.prefix("set -eu; trap 'kill $! 2>/dev/null' INT TERM;")
 shell.suffix("& wait $!")
 
-#: Calls that compute nothing; of a dry run Snakemake itself tells.
-ASKING = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}
+#: Options of calls that compute nothing, beside a dry run.
+NO_JOBS = {"--unlock", "--lint", "--dag", "--rulegraph", "--filegraph", "--summary", "--list-rules"}
 
 
-# Of an installed package, unless this folder has one of its own.
-OF_PAPER = "config.yaml" if Path("config.yaml").exists() else Path(workflow.basedir, "config.yaml")
+# The configuration of this folder, else that of the installed package.
+CONFIG_FILE = "config.yaml"
+if not Path(CONFIG_FILE).exists():
+    CONFIG_FILE = Path(workflow.basedir, "config.yaml")
 try:
-    BASE = yaml_keys.read(OF_PAPER)[0]
+    BASE = yaml_keys.read(CONFIG_FILE)[0]
 except ValueError as error:
     refuse(error)
 
 
-configfile: OF_PAPER
+configfile: CONFIG_FILE
 
 
 given = workflow.config_settings.overwrite_config
 if given:
-    counts = configuration.chosen(config, given)
+    chosen = configuration.chosen(config, given)
     config.clear()
-    config.update(counts)
+    config.update(chosen)
 
 NAME = projects.name_of(config, BASE, given, workflow.overwrite_configfiles)
 if NAME:
     config["project"] = NAME
 RESULTS = Path("results", NAME)
-# Before rules add to it what it leaves out.
+# Before rules add defaults to the configuration.
 MACHINES = projects.machines(RESULTS, config)
 
-# Jobs on other nodes leave this to the process that sent them.
+# The process that sends jobs to other nodes has checked this for them.
 if workflow.is_main_process:
-    elsewhere, others = foreign(Path("results")), replaced(Path("results"))
     fault = ""
-    if elsewhere:
+    if paths := foreign(Path("results")):
         fault = (
-            f"No record says how these were made, {len(elsewhere)} in all: {elsewhere[0]} ... They "
+            f"No record says how these were made, {len(paths)} in all: {paths[0]} ... They "
             "come from another folder, or .snakemake was removed. Remove results/, or bring the "
             ".snakemake that belongs to it."
         )
-    elif others:
-        others = " ".join(map(str, others))
+    elif paths := replaced(Path("results")):
+        names = " ".join(map(str, paths))
         fault = (
-            f"Not what their jobs wrote: {others}. To have them computed anew, remove them and "
-            f"call snakemake -j2 {others}"
+            f"Not what their jobs wrote: {names}. To have them computed anew, remove them and "
+            f"call snakemake -j2 {names}"
         )
-    elif others := projects.of_others(MACHINES):
-        fault = "\n".join(others)
-    if fault and (workflow.output_settings.dryrun or ASKING & set(sys.argv)):
+    elif sentences := projects.of_others(MACHINES):
+        fault = "\n".join(sentences)
+    if fault and (workflow.output_settings.dryrun or NO_JOBS & set(sys.argv)):
         logger.warning(fault)
     elif fault:
         refuse(fault)
-    for word in sys.argv[1:]:
-        if word in REMOVED:
-            refuse(sentence(word))
+    for argument in sys.argv[1:]:
+        if argument in REMOVED:
+            refuse(sentence(argument))
 
 
 if "cases" in config:
@@ -114,10 +113,12 @@ workflow.default_target = "all"
 
 onstart:
     folders = dict.fromkeys([Path("results"), RESULTS, *MACHINES])
-    refused = [str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)]
-    if refused:
-        refuse(f"Nothing can be written to {', '.join(refused)}.")
-    # Snakemake holds its lock: what is left is from a run that was killed.
+    read_only = [
+        str(path) for path in folders if path.exists() and not os.access(path, os.W_OK)
+    ]
+    if read_only:
+        refuse(f"Nothing can be written to {', '.join(read_only)}.")
+    # Snakemake holds its lock, so that temporary files are those of a run that was killed.
     remove_leftovers(Path("results"))
     projects.record(MACHINES)
     # Its limit of 100 starts a second, needless on one machine, wakes the scheduler once a second

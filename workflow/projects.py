@@ -1,4 +1,4 @@
-"""Whose results a folder holds: a project has a name, and no folder those of two machines."""
+"""Folders of projects: each holds the results of one machine, of which it has a record."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from workflow.refusal import refuse
 
 #: Sections that describe a machine.
 _MACHINE = ("gears", "gear_pair", "train")
-#: What a machine may have otherwise from one run to the next, and how its stiffness is found.
+#: Keys of gears that may differ between runs of one machine: operation and stiffness.
 _OPERATED = {"torque", "power", "speed", "backlash", "stiffness", "stiffness_options"}
 RECORD = "gears.json"
 
@@ -18,12 +18,8 @@ RECORD = "gears.json"
 def name_of(config, base, given, files):
     """Return the name of the project, "" for the paper's.
 
-    Parameters
-    ----------
-    config, base, given : dict
-        All that was read; the configuration of the paper; what was laid over that.
-    files : sequence of str or os.PathLike
-        Where that was read from. The last one names the project where its machine is another one.
+    `config` is the whole configuration, `base` that of the paper, `given` what was laid over it.
+    The last of the `files` with that gives the name if its machine is another one.
     """
     if config.get("project") or "cases" in config or not files:
         return config.get("project", "")
@@ -32,84 +28,87 @@ def name_of(config, base, given, files):
 
 
 def _differs(given, base):
+    """Return whether a configuration, laid over another one, changes it."""
     if isinstance(given, dict) and isinstance(base, dict):
         return any(_differs(value, base.get(key)) for key, value in given.items())
     return given != base
 
 
 def machines(folder, config):
-    """Return folder -> whose results it holds; None where the configuration is to be refused."""
+    """Return folder -> its machine; None instead of a machine where the configuration is wrong."""
     if "cases" not in config:
         return {folder: _machine(config)}
     common = {key: value for key, value in config.items() if key != "cases"}
     try:
         return {
-            folder / case: _machine(laid_over(common, own)) for case, own in config["cases"].items()
+            folder / case: _machine(laid_over(common, changes))
+            for case, changes in config["cases"].items()
         }
     except (AttributeError, TypeError):
         return {}
 
 
 def _machine(settings):
-    """Return the name of a machine, and the numbers that make it another one."""
+    """Return the name of a machine and the numbers that tell it from others."""
     try:
         c = configuration.load(settings)
     except configuration.ConfigError:
         return None
     mesh = gear_names.PAPER.keys()
-    made = (
+    gears = (
         c.gears.model_dump(exclude=_OPERATED) if c.gears else c.gear_pair.model_dump(include=mesh)
     )
-    return {"name": gear_names.of_pair(c), "gears": json.loads(json.dumps(made))}
+    return {"name": gear_names.of_pair(c), "gears": json.loads(json.dumps(gears))}
 
 
-def of_others(found):
-    """Return a sentence for each folder, of `machines`, with the results of another machine."""
+def _recorded(folder):
+    """Return the machine whose results a folder holds by its record, None without a record."""
+    path = folder / RECORD
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def of_others(machines):
+    """Return a sentence for each folder -> machine that holds the results of another machine."""
     sentences = []
-    for folder, own in found.items():
-        path = folder / RECORD
-        known = json.loads(path.read_text(encoding="utf-8")) if own and path.exists() else own
-        if known != own and known["gears"] != own["gears"]:
+    for folder, machine in machines.items():
+        known = machine and _recorded(folder)
+        if known and known["gears"] != machine["gears"]:
             sentences.append(
                 f"{folder}/ holds what was computed for the {known['name']}, and the configuration "
-                f"is about the {own['name']}: give it a folder of its own, `project: name`, or "
+                f"is about the {machine['name']}: give it a folder of its own, `project: name`, or "
                 f"remove {folder}/."
             )
     return sentences
 
 
-def record(found):
-    """Write into each folder, of `machines`, whose results it holds."""
-    for folder, own in found.items():
+def record(machines):
+    """Write into each folder -> machine the record of the machine, if it has changed."""
+    for folder, machine in machines.items():
         folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(own, indent=2, ensure_ascii=False) + "\n"
-        path = folder / RECORD
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.write_text(text, encoding="utf-8")
+        if _recorded(folder) != machine:
+            text = json.dumps(machine, indent=2, ensure_ascii=False) + "\n"
+            (folder / RECORD).write_text(text, encoding="utf-8")
 
 
-def compared(own, others):
-    """Return the characteristics of label -> folder, of this run and of others, over each other.
+def compared(folders, others):
+    """Return the characteristics in label -> folder, of this run and of others.
 
-    Refused if there is only one, or one of the others is not there: this run cannot compute it.
+    Refused if there is only one, or one of the others is missing, which this run cannot compute.
     """
     missing = [name for name, path in others.items() if not (path / "resonance.nc").exists()]
-    if missing or len(own | others) < 2:
+    if missing or len(folders | others) < 2:
         lacking = f"{missing[0]} has no resonance.nc yet" if missing else "there is only one"
         refuse(
             f"compare needs several cases or projects: {lacking}. It takes all `cases` of the "
             "configuration, and those named in `compare`, as in --config 'compare=[paper]'."
         )
-    return [str(folder / "resonance.nc") for folder in (own | others).values()]
+    return [str(folder / "resonance.nc") for folder in (folders | others).values()]
 
 
-def names_of(labels, found):
-    """Return whose gears each of label -> folder is about, of `machines` or by its record."""
-    known = {folder: own["name"] for folder, own in found.items() if own}
-    words = []
-    for label, folder in labels.items():
-        path = folder / RECORD
-        if folder not in known and path.exists():
-            known[folder] = json.loads(path.read_text(encoding="utf-8"))["name"]
-        words.append(f"{label}: {known.get(folder, 'unknown')}")
-    return "; ".join(words)
+def names_of(folders, machines):
+    """Return the gears of each label -> folder as text, by folder -> machine or its record."""
+    names = []
+    for label, folder in folders.items():
+        machine = machines.get(folder) or _recorded(folder) or {"name": "unknown"}
+        names.append(f"{label}: {machine['name']}")
+    return "; ".join(names)

@@ -1,7 +1,7 @@
 """results/provenance.json: commit, versions, machine and times of the results beside it.
 
-What changes between two equal calculations stays out of the data files, so that their bytes
-repeat; it is kept here. The file is written at the end of a run that did something.
+The data files hold nothing that changes between two equal calculations. This file holds it, and is
+written at the end of a run that ran a job.
 """
 
 import csv
@@ -9,23 +9,18 @@ import json
 import os
 import platform
 import subprocess
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
 from gearlib import processor
+from gearlib.data.files import replacing
 
 #: Packages whose versions can change results.
-PACKAGES = [
-    "gearlib",
-    "matplotlib",
-    "netCDF4",
-    "numba",
-    "llvmlite",
-    "numpy",
-    "pydantic",
-    "scipy",
-] + ["snakemake", "xarray", "heyoka"]
+PACKAGES = (
+    "gearlib matplotlib netCDF4 numba llvmlite numpy pydantic scipy snakemake xarray heyoka"
+).split()
 
 
 def write(results, root):
@@ -48,40 +43,36 @@ def write(results, root):
         },
         "jobs": [_job(path, results / "benchmarks") for path in jobs],
     }
-    temporary = target.with_name(f".{os.getpid()}.{target.name}")
-    temporary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    os.replace(temporary, target)
+    with replacing(target) as temporary:
+        temporary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     return True
 
 
 def _git(root, *arguments):
-    """Return what git says, None outside a repository."""
+    """Return the output of git, None outside a repository."""
     try:
-        done = subprocess.run(
-            ["git", "-C", root, *arguments], capture_output=True, text=True, check=True
-        )
+        command = ["git", "-C", root, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return None
-    return done.stdout.strip()
 
 
 def _versions():
-    found = {}
+    """Return name -> version of the packages that are installed."""
+    versions = {}
     for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return versions
 
 
 def _processor():
-    try:
+    """Return the name of the processor."""
+    with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
+        line = next(line for line in lines if line.startswith("model name"))
+        return line.split(":", 1)[1].strip()
+    return platform.processor()
 
 
 def _job(path, folder):
@@ -96,7 +87,6 @@ def _job(path, folder):
 
 
 def _number(text):
-    try:
+    """Return a number, None where Snakemake could not measure it."""
+    with suppress(ValueError):
         return float(text)
-    except ValueError:
-        return None

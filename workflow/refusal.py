@@ -1,22 +1,22 @@
-"""How the workflow ends where nothing can be done: with a sentence, and not where Python was."""
+"""End the workflow with a sentence in place of a traceback."""
 
 import sys
 
 from snakemake.logging import logger
 
-#: As the commands of the library have it for wrong input.
+#: Exit status for wrong input, the same as that of the command `gearlib`.
 WRONG_INPUT = 2
 
 
 def interrupted(kind, error, trace):
-    """Print that Snakemake was interrupted while it planned; as `sys.excepthook`."""
+    """Print that Snakemake was interrupted before any job; for `sys.excepthook`."""
     if issubclass(kind, KeyboardInterrupt):
         print("Interrupted before any job.", file=sys.stderr)
     else:
         sys.__excepthook__(kind, error, trace)
 
 
-def refuse(words):
-    """Print why, and end Snakemake; an error would be printed with the lines that raised it."""
-    logger.error(str(words))
+def refuse(sentence):
+    """Print a sentence and end Snakemake, which would print a traceback of an exception."""
+    logger.error(str(sentence))
     sys.exit(WRONG_INPUT)

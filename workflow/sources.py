@@ -1,13 +1,11 @@
-"""The source files a script depends on: a list of them, with checksums, is an input of its rule.
+"""Source files of a script: a list of them, with checksums, is an input of its rule.
 
-Snakemake sees neither edits of imported modules nor, with the triggers of this workflow, of the
-script itself. Every start of it writes the lists whose sources have changed: so an edit reruns the
-jobs whose results it can change and no others, a touched file reruns nothing. A list is one input
-in place of some seventy, which Snakemake would look up, and print, for each job.
+Snakemake does not see edits of imported modules. Every start of it writes the lists whose sources
+have changed, so that an edit reruns the jobs whose results it can change, and a touched file reruns
+nothing.
 
-Modules that are loaded by their names, with `import_module`, cannot be seen. Those that any run may
-load are imported under `if TYPE_CHECKING`, where they are named; those that a job is told to load
-are given by its rule.
+Modules that are loaded by name, with `import_module`, are found if they are imported under
+`if TYPE_CHECKING` too, or if the rule names them.
 """
 
 import hashlib
@@ -18,11 +16,11 @@ from pathlib import Path
 
 PACKAGE = "gearlib"
 
-#: Below the working folder, as all that Snakemake knows of its jobs.
+#: Folder of the lists, beside what Snakemake records of its jobs.
 LISTS = Path(".snakemake/sources")
 
-# Every start of Snakemake lists the sources of all scripts: to parse them takes ten times as long.
-# Text between quotes that looks like an import counts as one; `ruff` sees to one import a line.
+# Every start of Snakemake lists the sources of all scripts, and a parser takes ten times as long.
+# Text between quotes that looks like an import counts as one.
 _IMPORT = re.compile(
     r"^[ \t]*(?:import[ \t]+([^\n#;]+)"
     r"|from[ \t]+([\w.]+)[ \t]+import[ \t]*(?:\(([^)]*)\)|([^\n#;]+)))",
@@ -33,39 +31,34 @@ _IMPORT = re.compile(
 def sources(script, root, loaded=()):
     """Return a script and every module of the package that it imports, directly or not.
 
-    ``gearlib/__init__.py`` does not count: it is a table of lazy names. Scripts and modules
-    therefore import submodules, by their full names.
-
-    Raises
-    ------
-    ImportError
-        If a file imports from the package what is no module of it, the lazy names; or loads modules
-        by name and says not which.
+    `loaded` names modules that the script loads by name. ``gearlib/__init__.py`` does not count: it
+    is a table of lazy names, so that scripts and modules import submodules by their full names.
+    ImportError if a file imports a lazy name, or loads modules by name without naming them.
     """
     script, root = os.fspath(script), os.fspath(root)
-    found, waiting = set(), [script]
+    files, waiting = set(), [script]
     for name in loaded:
         waiting += _module_files(name, os.path.dirname(script), root, script)
     while waiting:
         path = waiting.pop()
-        if path not in found:
-            found.add(path)
+        if path not in files:
+            files.add(path)
             waiting += _imported_files(path, root)
-    return sorted(map(Path, found))
+    return sorted(map(Path, files))
 
 
 def listed(script, files):
-    """Write the list of the sources of a script where it is not there yet; return its path."""
-    names = [*map(_below, map(os.fspath, files))]
-    own = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
-    path = LISTS / f"{Path(script).stem}-{own}.txt"
+    """Return the path of the list of the sources of a script, written if it has changed."""
+    names = [_relative_path(os.fspath(file)) for file in files]
+    digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
+    path = LISTS / f"{Path(script).stem}-{digest}.txt"
     text = "".join(f"{_checksum(name)}  {name}\n" for name in names)
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
         temporary.write_text(text, encoding="utf-8")
-        # As old as what it lists: results whose jobs Snakemake does not know are judged by dates.
-        newest = max(map(_changed, names))
+        # Snakemake judges results by dates if it does not know their jobs.
+        newest = max(map(_modified, names))
         os.utime(temporary, ns=(newest, newest))
         os.replace(temporary, path)
     return str(path)
@@ -77,14 +70,13 @@ def read(path):
     return [line.split("  ", 1)[1] for line in lines]
 
 
-# Each is in most lists.
 @cache
-def _below(path):
+def _relative_path(path):
     return os.path.relpath(path)
 
 
 @cache
-def _changed(path):
+def _modified(path):
     return os.stat(path).st_mtime_ns
 
 
@@ -93,13 +85,14 @@ def _checksum(path):
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-# Most scripts share most modules.
 @cache
 def _imported_files(path, root):
+    """Return the files that a file imports, of the package or beside it."""
     return list(_follow_imports(path, root))
 
 
 def _follow_imports(path, root):
+    """Yield the same, one after the other."""
     with open(path, encoding="utf-8") as file:
         text = file.read()
     if ("import_module" in text or "__import__" in text) and "if TYPE_CHECKING:" not in text:
@@ -121,7 +114,7 @@ def _follow_imports(path, root):
 
 
 def _names(text):
-    """Return the names of an import, without what they are called."""
+    """Return the names in the text of an import, without "as ..."."""
     return [part.split()[0] for part in text.split(",") if part.strip()]
 
 
@@ -135,13 +128,14 @@ def _module_files(name, folder, root, importer, optional=False):
 
 @cache
 def _beside(name, folder):
+    """Return the file of a module in a folder, in a list that is empty if there is none."""
     path = os.path.join(folder, f"{name}.py")
     return [path] if os.path.isfile(path) else []
 
 
 @cache
 def _files(name, root):
-    """Return a file for each part of a name below the package, None where there is no such one."""
+    """Return a file for each part of a dotted name below the package, None if there is none."""
     parts = name.split(".")
     folders = [os.path.join(root, *parts[:depth]) for depth in range(2, len(parts) + 1)]
     candidates = [(f"{folder}.py", os.path.join(folder, "__init__.py")) for folder in folders]

@@ -45,7 +45,9 @@ ALONE = 1024
 # Jobs share compiled Python files.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Scripts import the library beside this Snakefile.
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+os.environ.update(
+    PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+)
 
 
 def raise_any(sentences):

@@ -11,20 +11,15 @@ from joblog import redirect_output
 
 
 def models():
-    """Yield a model for each mathematics."""
+    """Yield a model for Taylor steps, then one for matrices."""
     pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash=4.0)
-    # Taylor steps first, in less time than the kernels of a gear pair take in another job: more
-    # jobs need them.
     yield OneDegreePair(pair=pair, cubic_damping=1.0)
     gears = {"base_radii": (1.0,) * 2, "inertias": (2.0,) * 2, "masses": (5.0,) * 2}
     yield SixDegreePair(pair=pair, bearing_stiffness=(0.1,) * 4, **gears)
 
 
 def run(model):
-    """Run two mesh periods, by the kernels alone: an edit of `simulate` reruns nothing here.
-
-    Maps are what periods are proven by.
-    """
+    """Run two mesh periods of a model and compute their maps, without `simulate`."""
     propagator = model.propagator(0.9)
     start = propagator.start((0.0, 0.0))
     propagator.run(start, Span(2, 1, 100), keep_events=False)

@@ -1,4 +1,4 @@
-"""Compute the results of a rule: one call, whose arguments are its other params and its inputs."""
+"""Compute the results of a rule: call its function with its other params and its datasets."""
 
 import inspect
 from pkgutil import resolve_name
@@ -9,16 +9,17 @@ from joblog import redirect_output
 
 
 def main(job):
-    """Call the function of a job, and store the dataset or the datasets that it returns."""
+    """Call the function of a job, and store the dataset or datasets that it returns."""
     redirect_output(job.log[0])
-    apart = ("script", "function")
-    given = {name: value for name, value in job.params.items() if name not in apart}
+    excluded = ("script", "function")
+    arguments = {name: value for name, value in job.params.items() if name not in excluded}
     function = resolve_name(job.params.function)
     if "threads" in inspect.signature(function).parameters:
-        given["threads"] = job.threads
-    found = function(**given, **datasets(job.input))
-    for one, path in zip(found if isinstance(found, tuple) else [found], job.output, strict=True):
-        storage.write(one, path)
+        arguments["threads"] = job.threads
+    results = function(**arguments, **datasets(job.input))
+    results = results if isinstance(results, tuple) else (results,)
+    for dataset, path in zip(results, job.output, strict=True):
+        storage.write(dataset, path)
 
 
 if __name__ == "__main__":

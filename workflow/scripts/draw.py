@@ -10,12 +10,12 @@ from joblog import redirect_output
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
     draw = resolve_name(f"gearlib.figures.{snakemake.params.draw}")
-    drawn = draw(**datasets(snakemake.input), **snakemake.params.settings)
-    # A rule with several figures has a function that returns them by their names.
-    several = isinstance(drawn, dict)
-    for figure in drawn.values() if several else [drawn]:
+    figures = draw(**datasets(snakemake.input), **snakemake.params.settings)
+    # A rule with several figures has a function that returns name -> figure.
+    several = isinstance(figures, dict)
+    for figure in figures.values() if several else [figures]:
         style.name_gears(figure, snakemake.params.gears)
         style.note_absent(figure, snakemake.params.absent)
         figure.set_dpi(snakemake.params.dpi)
     for path in map(Path, snakemake.output):
-        style.save(drawn[path.stem] if several else drawn, path)
+        style.save(figures[path.stem] if several else figures, path)

@@ -4,9 +4,9 @@ from gearlib.data import storage
 
 
 def datasets(files):
-    """Return name -> dataset of the named inputs of a job, a list of them where it has several.
+    """Return name -> dataset of the named inputs of a job, or a list if a name has several files.
 
-    Sources, and the stamps of compiled kernels, only say when a job is to run again.
+    Lists of sources and stamps of compiled kernels are no netCDF files and are left out.
     """
     return {
         name: storage.read(paths) if isinstance(paths, str) else [*map(storage.read, paths)]

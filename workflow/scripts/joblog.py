@@ -1,4 +1,4 @@
-"""The log of a job: all that its process prints, and in the end the checksums of its results."""
+"""The log of a job: the output of its process, then the checksums of its results."""
 
 import atexit
 import contextlib
@@ -16,16 +16,14 @@ from workflow.checksums import record
 def redirect_output(path):
     """Send standard output and standard error, of Python and of compiled code, to a file.
 
-    When the job ends, the file gets a line for each output, by which `workflow.checksums` finds out
-    whether somebody else has replaced it. The job's source files are declared: netCDF files hold
-    their hash.
+    At the end of the job the file gets the checksums of its outputs for `workflow.checksums`. The
+    source files of the job are declared, since netCDF files hold their hash.
     """
     declare_sources(sources.read(__main__.snakemake.input.sources))
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)
-    # Snakemake itself leaves the output of scripts on the terminal. The descriptors are
-    # replaced, not sys.stdout: compiled libraries and the last traceback write to those.
+    # Compiled libraries and the last traceback write to the descriptors, not to sys.stdout.
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)

@@ -1,7 +1,4 @@
-"""Linear algebra on one thread, in jobs that measure wall times: their cores are for being alone.
-
-Imported before numpy, which reads this once.
-"""
+"""Linear algebra on one thread, for jobs that measure wall times; imported before numpy."""
 
 import os
 
