@@ -1,21 +1,23 @@
-"""`order_map`: orders of run-ups and signals, block by block; `orders`: of runs at constant speed.
+"""`order_map`: orders of run-ups and signals in blocks; `orders`: of runs at constant speed.
 
 The shaft angle is known, so that no window and no leakage enter: Fourier integrals over the angle
-are sums over samples. Between switches of the stiffness and contact events a motion is smooth. Each
-sample weighs as much as cubic polynomials through neighbouring samples give it; no polynomial
-reaches across a jump. Sums over every second sample tell the error.
+are sums over samples. Between switches of the stiffness and contact events a motion is smooth. The
+weights of the samples integrate cubic polynomials through neighbouring samples; no polynomial
+reaches across a jump. Sums over every second sample give an estimate of the error.
 
 Signals over time are interpolated at equal angles of the shaft by cubic splines. The angle is the
 integral of the speed, or that of a tacho of one pulse a revolution. Blocks of `order_map` are whole
-revolutions, so that orders on its grid do not leak into each other; of what lies between two of
-them a block sees up to 3.9 dB too little.
+revolutions, so that orders on its grid do not leak into each other; the amplitude of an order
+between two of them comes out up to 3.9 dB too small.
 """
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
@@ -26,10 +28,10 @@ from gearlib.models.from_values import model_of
 from gearlib.models.harmonics import Harmonics
 
 #: Phases, and revolutions, closer than this count as equal.
-SAME_PHASE = 1e-9
+PHASE_TOLERANCE = 1e-9
 #: Samples through which a polynomial goes, and a rule of Gauss that integrates it exactly.
 STENCIL = 4
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(2)
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(2)
 #: Amplitude of an order above 0 by the absolute value of its Fourier coefficient.
 _AMPLITUDES = {
     "rms": lambda c: math.sqrt(2.0) * c,
@@ -37,7 +39,7 @@ _AMPLITUDES = {
     "power": lambda c: 2.0 * c**2,
 }
 #: Highest mesh order by default.
-_MESH_ORDERS = 5
+_DEFAULT_MESH_ORDERS = 5
 #: Variables of runs that have orders -> (their scale in a run at constant speed, units).
 _VARIABLES = {
     "displacement": (lambda run: run.static_deflection, "m"),
@@ -45,18 +47,18 @@ _VARIABLES = {
     "acceleration": (lambda run: run.static_deflection * run.mesh_frequency**2, "m s-2"),
     "dynamic_force": (lambda run: run.force_scale, "N"),
 }
-#: Largest change of a coefficient with half of the samples, of the root mean square.
+#: Largest change of a coefficient with half of the samples, relative to the root mean square.
 MAX_CHANGE = 0.05
 #: Samples that the shortest wave of a signal must have. A cubic spline lowers it by the factor
 #: 3 sinc(f)^4 / (2 + cos(2 pi f)), f = 1 / samples: with four by 1.5 %, with ten by 0.02 %.
-_SAMPLES_PER_WAVE = 4.0
-#: Most samples of a signal in a revolution.
-_MAX_SAMPLES = 2**16
+_MIN_SAMPLES_PER_WAVE = 4.0
+#: Largest number of interpolated samples of a signal in a revolution.
+_MAX_SAMPLES_PER_REVOLUTION = 2**16
 
 
 @dataclass
 class Motion:
-    """One variable over the mesh phase, as `order_map` needs it."""
+    """Samples of one variable over the mesh phase, with the course of the speed."""
 
     phase: np.ndarray  #: mesh phase from the first sample on, shape (k,)
     values: np.ndarray  #: shape (k,), of trains (k, m)
@@ -65,13 +67,27 @@ class Motion:
     teeth: float  #: mesh periods in a revolution
     highest: float  #: highest order by default
     units: str
-    coords: dict  #: dimension of the values beside the phase -> its coordinate
-    attrs: dict  #: attributes that the order map keeps
-    begin: float = 0.0  #: time of the first sample, s
+    coords: dict = field(default_factory=dict)  #: dimensions of the values beside the phase
+    attrs: dict = field(default_factory=dict)  #: attributes of the order map
+    start_time: float = 0.0  #: of the first sample, s
+
+
+@dataclass
+class FourierSums:
+    """Fourier coefficients of blocks of a motion, with their changes with half of the samples."""
+
+    coefficients: np.ndarray  #: complex, shape (blocks, count, ...)
+    changes: np.ndarray  #: absolute values, the same shape
+    mean_squares: np.ndarray  #: of the values, shape (blocks, ...)
+
+    @property
+    def rms(self):
+        """Largest root mean square of the values, with which changes are compared."""
+        return math.sqrt(self.mean_squares.max())
 
 
 class Turning:
-    """A course of speed, rows of s and rpm; revolutions count from its first row."""
+    """Revolutions of a shaft over a course of speed, rows of s and rpm, from its first row on."""
 
     def __init__(self, rows):
         self._time, speed = np.array(rows, float).T
@@ -80,20 +96,21 @@ class Turning:
         self._turned = cumulative_trapezoid(self._rate, self._time, initial=0.0)
 
     def revolutions(self, time):
-        """Return how far the shaft has turned (array); behind the last row its speed stays."""
+        """Return the revolutions at times (array); behind the last row the speed is constant."""
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
         t = time - self._time[i]
         return self._turned[i] + (self._rate[i] + 0.5 * np.append(self._slope, 0.0)[i] * t) * t
 
     def at(self, revolutions):
-        """Return (time, speed in rpm) after so many revolutions (arrays)."""
+        """Return (time, speed in rpm) after numbers of revolutions (arrays)."""
         i = np.searchsorted(self._turned, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
-        first, ahead = self._rate[i], revolutions - self._turned[i]
-        rate = np.sqrt(np.maximum(first**2 + 2.0 * self._slope[i] * ahead, 0.0))
-        # From rest, the root of a difference would cancel.
-        passed = np.divide(2.0 * ahead, first + rate, where=ahead > 0.0, out=np.zeros(ahead.shape))
-        return self._time[i] + passed, 60.0 * rate
+        first_rate, turned = self._rate[i], revolutions - self._turned[i]
+        rate = np.sqrt(np.maximum(first_rate**2 + 2.0 * self._slope[i] * turned, 0.0))
+        # At a start from rest, the solution as a difference would cancel.
+        mean_rate, zeros = first_rate + rate, np.zeros(turned.shape)
+        time = np.divide(2.0 * turned, mean_rate, where=turned > 0.0, out=zeros)
+        return self._time[i] + time, 60.0 * rate
 
 
 def order_map(
@@ -107,31 +124,30 @@ def order_map(
     teeth=1,
     orders=None,
 ):
-    """Return how strong the orders of a run-up are, block of revolutions by block.
+    """Compute the amplitudes of the orders of a run-up in blocks of revolutions.
 
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. Its samples are
-        summed: with 128 in a mesh period the error is about 1e-6 of the largest amplitude of the
-        displacement, 1e-4 of that of the force, which jumps where the stiffness does. Times and
+        A result of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. With 128
+        samples in a mesh period the error is about 1e-6 of the largest amplitude of the
+        displacement, and 1e-4 of that of the force, which jumps where the stiffness does. Times and
         phases count from the first sample.
-        Or any signal over ``time`` (s) with ``speed`` (min-1), as of `gearlib.read_measured`: it is
-        interpolated at equal angles, by cubic splines.
+        Or any signal over ``time`` (s) with ``speed`` (min-1), for instance from
+        `gearlib.read_measured`: it is interpolated at equal angles by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
-        Of a signal its name.
+        For a signal the name of its variable.
     resolution : float, default 1
         Distance of orders, > 0 and <= 1: a block has as many revolutions as it takes, so that the
         distance obtained, ``order_resolution``, is 1 over a whole number.
     highest : float, optional
-        Highest order; by default 5 per tooth, of a signal the highest with four samples a wave.
+        Highest order; by default 5 per tooth, for a signal the highest with four samples a wave.
     amplitude : {"rms", "peak", "power"}
-        Of a sine: its root mean square, its amplitude, its mean square. Order 0 is the mean, or its
-        square.
+        Root mean square, amplitude or mean square of a sine. Order 0 is the mean, or its square.
     tacho : sequence of float, optional
-        Of a signal without speed: times of pulses, one a revolution, s.
+        For a signal without speed: times of pulses, one in each revolution, s.
     teeth : int, default 1
-        Of a signal: mesh periods in a revolution.
+        For a signal: mesh periods in a revolution.
     orders : sequence of float, optional
         Single orders, multiples of the distance of orders; by default all up to the highest.
 
@@ -139,10 +155,10 @@ def order_map(
     -------
     xarray.Dataset
         Over ``time`` (s, the middle of each block of whole revolutions) and ``order`` (waves per
-        revolution of the gear whose teeth count): amplitude, phase (rad, of a cosine of order times
-        the shaft angle from the start of the run), of trains over ``mesh`` too;
-        amplitude_error, an estimate; over ``time``: rpm, the mean speed, and overall, the root mean
-        square of all without the mean. Scalars order_resolution and teeth.
+        revolution of the gear whose teeth count): amplitude; phase (rad, of a cosine of order times
+        the shaft angle from the start of the run); amplitude_error, an estimate. Over ``time``:
+        rpm, the mean speed, and overall, the root mean square of the variable without its mean.
+        For trains over ``mesh`` too. Scalars order_resolution and teeth.
 
     Raises
     ------
@@ -162,34 +178,35 @@ def order_map(
     )
     revolutions = math.ceil(1.0 / resolution - 1e-12)
     turned = np.trapezoid(motion.speeds[:, 1], motion.speeds[:, 0]) / 60.0
-    blocks = int(turned / revolutions + SAME_PHASE)
+    blocks = int(turned / revolutions + PHASE_TOLERANCE)
     if blocks < 1:
         raise ValueError(
             f"resolution = {resolution!r} is not allowed for this run: a block must have "
             f"{revolutions} whole revolutions, and the run has {turned:.4g}"
         )
-    top = checks.finite_positive("highest", motion.highest if highest is None else highest)
+    highest = checks.finite_positive("highest", motion.highest if highest is None else highest)
     per_period = _samples_per_period(motion.phase)
-    most = 0.25 * per_period * motion.teeth
-    if top > most * (1.0 + SAME_PHASE):
+    max_order = 0.25 * per_period * motion.teeth
+    if highest > max_order * (1.0 + PHASE_TOLERANCE):
         raise ValueError(
-            f"highest = {top:g} is not allowed with samples_per_period = {per_period}: it must be "
-            f"at most {most:.4g}, orders with four samples a wave"
+            f"highest = {highest:g} is not allowed with samples_per_period = {per_period}: it must "
+            f"be at most {max_order:.4g}, orders with four samples a wave"
         )
-    count = int(top * revolutions + 1e-9) + 1
+    count = int(highest * revolutions + 1e-9) + 1
     step = 1.0 / (motion.teeth * revolutions)
     sums = fourier(motion.phase, motion.values, motion.jumps, math.tau / step, blocks, step, count)
-    # Noise changes a measured signal, and where it jumps is not known: its changes pass.
+    # Noise changes the coefficients of a measured signal: their changes are not checked.
     if motion.jumps is not None:
-        _check_change(sums, motion.phase)
-    number = np.arange(count)
+        _check_changes(sums, motion.phase)
+    indices = np.arange(count)
     if orders is not None:
-        number = np.array([_number(order, revolutions, count) for order in orders])
-    bounds = motion.begin + Turning(motion.speeds).at(revolutions * np.arange(blocks + 1.0))[0]
-    return _dataset(motion, variable, amplitude, sums, number, revolutions, bounds)
+        indices = np.array([_order_index(order, revolutions, count) for order in orders])
+    block_revolutions = revolutions * np.arange(blocks + 1.0)
+    bounds = motion.start_time + Turning(motion.speeds).at(block_revolutions)[0]
+    return _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds)
 
 
-def _motion(run, variable, highest, tacho, teeth):
+def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
     """Return the `Motion` of a run-up, of a run at constant speed or of a signal, checked."""
     names = set(getattr(run, "variables", ()))
     if "time" in names and "phase" not in names:
@@ -198,123 +215,140 @@ def _motion(run, variable, highest, tacho, teeth):
     if tacho is not None:
         raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
     scales = {"mesh_frequency", "static_deflection", "force_scale", "contact"}
-    simulated = names >= scales | {*_VARIABLES} and run.displacement.dims[0] == "phase"
-    if not simulated and not (
-        names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
-    ):
-        words = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
-        raise checks.refusal("run", _shown(run), words)
+    if names >= scales | {*_VARIABLES} and run.displacement.dims[0] == "phase":
+        _check_status(run)
+        return _motion_of_simulation(run, variable)
+    if not (names >= {variable, "time", "speed", "phase"} and "time" in run.sizes):
+        expected = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
+        raise checks.refusal("run", _name_of_run(run), expected)
     _check_status(run)
-    make = _course_of_simulation if simulated else _course_of_run_up
-    phase, values, marks, speeds, teeth, units, attrs = make(run, variable)
-    jumps = _jumps_of(run, variable, marks)
-    coords = {name: run[name].variable for name in run[variable].dims[1:]}
-    highest = _MESH_ORDERS * teeth
-    return Motion(phase, values, jumps, speeds, teeth, highest, units, coords, attrs)
+    return _motion_of_run_up(run, variable)
 
 
-def _shown(run):
-    """Return the words that stand for a run in a refusal."""
+def _name_of_run(run: Any) -> Any:
+    """Return the name of a run for an error message: its title, or its type."""
     return run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
 
 
-def _check_status(run):
-    """Refuse a run that could not go on."""
+def _check_status(run: xr.Dataset) -> None:
+    """Raise ValueError if a run could not go on."""
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
 
 
-def _course_of_run_up(run, variable):
-    """Return (phase, values, marks, speeds, teeth, units, attributes) of a run-up, see `Motion`.
-
-    Marks are phases at which its variable, or its slope, may jump beside switches of the stiffness.
-    """
+def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
+    """Return the `Motion` of a variable in a dataset of `gearlib.run_up`."""
     speed, time, phase = (run[name].values for name in ("speed", "time", "phase"))
     course = json.loads(run.attrs["parameters"])
-    marks = [row[0] for row in (*course["speed"], *course["load"])]
-    marks = np.array([*marks, *(run.event_time.values if "event_time" in run else ())])
-    teeth = _whole(phase, math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum())
-    marks = math.tau * teeth * Turning(course["speed"]).revolutions(marks)
-    attrs = _kept(run, "references", "gear_pair", "model", "parameters")
-    values, units = run[variable].values, run[variable].attrs["units"]
-    return phase, values, marks, np.array(course["speed"]), teeth, units, attrs
+    # Corners of the course and contact events, where the variable or its slope may jump.
+    times = [row[0] for row in (*course["speed"], *course["load"])]
+    times = np.array([*times, *(run.event_time.values if "event_time" in run else ())])
+    angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
+    teeth = _periods_per_revolution(phase, angle)
+    phases = math.tau * teeth * Turning(course["speed"]).revolutions(times)
+    return Motion(
+        phase,
+        run[variable].values,
+        _jumps(run, variable, phases),
+        np.array(course["speed"]),
+        teeth,
+        _DEFAULT_MESH_ORDERS * teeth,
+        run[variable].attrs["units"],
+        {name: run[name].variable for name in run[variable].dims[1:]},
+        _attributes(run, "references", "gear_pair", "model", "parameters"),
+    )
 
 
-def _course_of_simulation(run, variable):
-    """Return what `_course_of_run_up` does, of a run of `gearlib.simulate`."""
+def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
+    """Return the `Motion` of a variable in a dataset of `gearlib.simulate`."""
     phase, rpm = run.phase.values - run.phase.values[0], float(run.speed)
-    omega, marks, (scale, units) = float(run.mesh_frequency), _marks(run), _VARIABLES[variable]
-    teeth = _whole(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
-    speeds = np.array([[0.0, rpm], [marks[1] / omega, rpm]])
-    attrs = _kept(run, "references", "model", "gear_pair") | {"parameters": _course_text(speeds)}
-    return phase, run[variable].values * float(scale(run)), marks, speeds, teeth, units, attrs
+    omega, phases, (scale, units) = (
+        float(run.mesh_frequency),
+        _event_phases(run),
+        _VARIABLES[variable],
+    )
+    teeth = _periods_per_revolution(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
+    speeds = np.array([[0.0, rpm], [phases[1] / omega, rpm]])
+    attrs = _attributes(run, "references", "model", "gear_pair")
+    return Motion(
+        phase,
+        run[variable].values * float(scale(run)),
+        _jumps(run, variable, phases),
+        speeds,
+        teeth,
+        _DEFAULT_MESH_ORDERS * teeth,
+        units,
+        {name: run[name].variable for name in run[variable].dims[1:]},
+        attrs | {"parameters": _course_json(speeds)},
+    )
 
 
-def _marks(run):
-    """Return phases from the first sample on: the ends of the record of `simulate`, its events."""
+def _event_phases(run: xr.Dataset) -> np.ndarray:
+    """Return phases from the first sample on: both ends of a record of `simulate`, its events."""
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"]
     return np.array([0.0, end, *(run.event_phase.values - run.phase.values[0])])
 
 
-def _whole(phase, angle):
-    """Return the mesh periods in a revolution by the mesh phase and the angle of the shaft."""
+def _periods_per_revolution(phase: np.ndarray, angle: float) -> float:
+    """Return the mesh periods in a revolution, from the mesh phase and the angle of the shaft."""
     # One sample has no ratio, and no block either.
     ratio = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     return float(round(ratio)) if abs(ratio - round(ratio)) < 1e-6 * ratio else ratio
 
 
-def _kept(run, *names):
-    """Return these attributes of a run, as far as it has them."""
+def _attributes(run: xr.Dataset, *names: str) -> dict:
+    """Return those attributes of a run with these names that exist."""
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
-def _course_text(speeds):
-    """Return the attribute that tells a course of speed at constant load."""
+def _course_json(speeds: np.ndarray) -> str:
+    """Return a course of speed at constant load as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 
-def _motion_of_signal(data, variable, highest, tacho, teeth):
-    """Return the `Motion` of samples over time; `tacho` are times of pulses, one a revolution."""
-    time, values = _samples(data, variable)
-    turns, course = _turns_by_speed(data, time) if tacho is None else _turns_by_tacho(tacho)
+def _motion_of_signal(
+    data: xr.Dataset, variable: str, highest: float | None, tacho: Any, teeth: int
+) -> Motion:
+    """Return the `Motion` of a signal over time, by its speed or the times of tacho pulses."""
+    time, values = _signal(data, variable)
+    angle_at, course = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
     inside = (time >= course[0, 0]) & (time <= course[-1, 0])
     if inside.sum() < 4:
         raise ValueError("tacho is not allowed: it must have four samples or more between pulses")
     time, values = time[inside], values[inside]
-    angles = turns(time)
+    angles = angle_at(time)
     steps = np.diff(angles)
     if not (steps > 0.0).all():
         raise ValueError("speed is not allowed: it must be > 0 at all samples")
-    limit = 1.0 / (_SAMPLES_PER_WAVE * float(steps.max()))
-    if highest is not None and highest > limit:
+    max_order = 1.0 / (_MIN_SAMPLES_PER_WAVE * float(steps.max()))
+    if highest is not None and highest > max_order:
         raise ValueError(
-            f"highest = {highest!r} is not allowed: it must be at most {limit:.4g}, orders with "
-            f"{_SAMPLES_PER_WAVE:g} samples a wave at the highest speed"
+            f"highest = {highest!r} is not allowed: it must be at most {max_order:.4g}, orders "
+            f"with {_MIN_SAMPLES_PER_WAVE:g} samples a wave at the highest speed"
         )
-    count = min(2 * math.ceil(0.5 / float(steps.min())), _MAX_SAMPLES)
+    count = min(2 * math.ceil(0.5 / float(steps.min())), _MAX_SAMPLES_PER_REVOLUTION)
     turned = np.arange(int((angles[-1] - angles[0]) * count) + 1) / count
-    rows = course[course[:, 0] > time[0]]
-    rows = np.vstack([[time[0], float(np.interp(time[0], *course.T))], rows])
-    rows[:, 0] -= time[0]
-    # Straight lines between these turn by nearly as much: that many blocks there are.
-    whole = float(turns(course[-1, 0]) - angles[0])
-    rows[:, 1] *= whole / (np.trapezoid(rows[:, 1], rows[:, 0]) / 60.0)
+    speeds = course[course[:, 0] > time[0]]
+    speeds = np.vstack([[time[0], float(np.interp(time[0], *course.T))], speeds])
+    speeds[:, 0] -= time[0]
+    # The piecewise linear speed is scaled to the angle of the spline, so that blocks agree.
+    total_angle = float(angle_at(course[-1, 0]) - angles[0])
+    speeds[:, 1] *= total_angle / (np.trapezoid(speeds[:, 1], speeds[:, 0]) / 60.0)
     return Motion(
         math.tau * teeth * turned,
         CubicSpline(angles, values)(angles[0] + turned),
         None,
-        rows,
+        speeds,
         float(teeth),
-        limit,
+        max_order,
         data[variable].attrs.get("units", "1"),
-        {},
-        {"parameters": _course_text(rows)},
-        float(time[0]),
+        attrs={"parameters": _course_json(speeds)},
+        start_time=float(time[0]),
     )
 
 
-def _samples(data, variable):
-    """Return (time, values) of a signal, checked."""
+def _signal(data: xr.Dataset, variable: str) -> tuple:
+    """Return (time, values) of a signal in a dataset, checked."""
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
     time, values = (np.asarray(data[name].values, float) for name in ("time", variable))
@@ -327,8 +361,8 @@ def _samples(data, variable):
     return time, values
 
 
-def _turns_by_speed(data, time):
-    """Return (function of time that gives revolutions, rows of s and rpm)."""
+def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
+    """Return (shaft angle in revolutions as a function of time, speeds as rows of s and rpm)."""
     if "speed" not in data.variables or data["speed"].shape != time.shape:
         raise ValueError("tacho = None is not allowed for a dataset without speed")
     speed = np.asarray(data["speed"].values, float)
@@ -338,100 +372,117 @@ def _turns_by_speed(data, time):
     return CubicSpline(time, turned), np.column_stack([time, speed])
 
 
-def _turns_by_tacho(tacho):
-    """Return the same as `_turns_by_speed`, by the times of pulses."""
+def _angle_by_tacho(tacho: Any) -> tuple:
+    """Return the same as `_angle_by_speed` from times of pulses, one in each revolution."""
     pulses = np.array(checks.finite("tacho", tacho))
     if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
         raise ValueError("tacho is not allowed: it must be four times or more that rise")
-    turns = CubicSpline(pulses, np.arange(pulses.size))
-    return turns, np.column_stack([pulses, 60.0 * turns(pulses, 1)])
+    angle_at = CubicSpline(pulses, np.arange(pulses.size))
+    return angle_at, np.column_stack([pulses, 60.0 * angle_at(pulses, 1)])
 
 
-def _jumps_of(run, variable, marks):
-    """Return the rising phases at which a variable or its slope jumps; `marks` are some of them."""
+def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
+    """Return the rising phases at which a variable or its slope jumps.
+
+    These are phases of events, and switches of the stiffness if the run names its model.
+    """
     if variable in ("displacement", "velocity"):
         return np.empty(0)
+    phases = event_phases
     model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
         # Phases of run-ups count from the mesh phase 0.
         begin = 0.0 if "time" in run.dims else float(run.phase[0])
         end = float(run.phase[-1])
-        switches, period = _switches(model)
+        switches, period = _stiffness_switches(model)
         first, last = ((begin - math.tau) // period, (end + math.tau) // period)
-        turns = period * np.arange(first, last + 1.0)
-        marks = np.concatenate([marks, (turns[:, None] + switches).ravel() - begin])
-    marks = np.sort(marks)
-    return marks[np.diff(marks, prepend=-np.inf) > SAME_PHASE]
+        starts = period * np.arange(first, last + 1.0)
+        phases = np.concatenate([phases, (starts[:, None] + switches).ravel() - begin])
+    phases = np.sort(phases)
+    return phases[np.diff(phases, prepend=-np.inf) > PHASE_TOLERANCE]
 
 
-def _switches(model):
-    """Return the phases at which forces of a model may jump, and after which they repeat."""
+def _stiffness_switches(model: Any) -> tuple:
+    """Return (phases at which forces of a model may jump, phase after which they repeat)."""
     if model.equation is None:
         starts = model.system(1.0).starts
         return starts[:-1], starts[-1]
-    jumps = [[0.0]]
+    switches = [[0.0]]
     for side in (model.equation.near, model.equation.far):
-        before = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
-        jump = np.abs(np.roll(before, 1) - side.lines[:, 0])
-        jumps.append(side.breaks[:-1][jump > SAME_PHASE * np.abs(side.lines[:, 0]).max()])
-    return np.unique(np.concatenate(jumps)), math.tau
+        ends = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
+        jumps = np.abs(np.roll(ends, 1) - side.lines[:, 0])
+        switches.append(side.breaks[:-1][jumps > PHASE_TOLERANCE * np.abs(side.lines[:, 0]).max()])
+    return np.unique(np.concatenate(switches)), math.tau
 
 
-def fourier(phase, values, jumps, span, blocks, step, count):
-    """Return Fourier coefficients, their changes with half of the samples, and mean squares.
+def fourier(
+    phase: np.ndarray,
+    values: np.ndarray,
+    jumps: np.ndarray | None,
+    span: float,
+    blocks: int,
+    step: float,
+    count: int,
+) -> FourierSums:
+    """Return the `FourierSums` of samples over phases (k,), in blocks of a span of phase.
 
-    Shapes (blocks, count, ...), twice, and (blocks, ...). Block k begins at phase k span, and
-    coefficient n belongs to the wave number n step. Values or slopes jump at `jumps`, rising.
+    Block b begins at phase b span, and coefficient n belongs to the wave number n step. Values or
+    slopes jump at the rising phases `jumps`.
     """
     sums, squares = _block_sums(phase, values, jumps, span, blocks, step, count)
-    coarse, _ = _block_sums(phase[::2], values[::2], jumps, span, blocks, step, count)
-    return sums, np.abs(sums - coarse), squares
+    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, span, blocks, step, count)
+    return FourierSums(sums, np.abs(sums - coarse_sums), squares)
 
 
 def _block_sums(phase, values, jumps, span, blocks, step, count):
-    """Return coefficients and mean squares of `fourier`; without `jumps`, by trapezia."""
-    table, inner = values.reshape(len(values), -1), values.shape[1:]
+    """Return (coefficients, mean squares) of `fourier`; without known jumps by trapezia."""
+    table, inner_shape = values.reshape(len(values), -1), values.shape[1:]
     sums = np.zeros((blocks, count, table.shape[1]), complex)
     squares = np.zeros((blocks, table.shape[1]))
     if jumps is not None:
-        # The value at a jump is that of one of its sides, and nobody knows of which.
+        # The value at a jump may be that of either side, so it is left out.
         ends, after = np.concatenate([[-np.inf], jumps, [np.inf]]), np.searchsorted(jumps, phase)
-        smooth = np.minimum(phase - ends[after], ends[after + 1] - phase) > SAME_PHASE
-        phase, table = phase[smooth], table[smooth]
-    for k in range(blocks):
-        first, last = np.searchsorted(phase, (k * span - SAME_PHASE, (k + 1) * span - SAME_PHASE))
+        distances = np.minimum(phase - ends[after], ends[after + 1] - phase)
+        phase, table = phase[distances > PHASE_TOLERANCE], table[distances > PHASE_TOLERANCE]
+    for b in range(blocks):
+        bounds = b * span - PHASE_TOLERANCE, (b + 1) * span - PHASE_TOLERANCE
+        first, last = np.searchsorted(phase, bounds)
         if jumps is None:
-            # The next block begins where this one ends, or the signal is over.
-            near = np.append(np.arange(first, last), min(last, len(phase) - 1))
-            places = np.append(phase[first:last] - k * span, span)
-            weights = np.gradient(places)
+            # The next block begins where this one ends, unless the signal is over.
+            indices = np.append(np.arange(first, last), min(last, len(phase) - 1))
+            block_phase = np.append(phase[first:last] - b * span, span)
+            weights = np.gradient(block_phase)
             weights[[0, -1]] *= 0.5
         else:
-            near = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
-            places = phase[near] - k * span
-            weights = _weights(places, jumps - k * span, span)
-        part, weights = table[near], weights / span
-        weighted, wave = weights[:, None] * part, np.exp(-1j * step * places)
-        turned = np.ones(places.size, complex)
+            indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
+            block_phase = phase[indices] - b * span
+            weights = _integration_weights(block_phase, jumps - b * span, span)
+        samples, weights = table[indices], weights / span
+        weighted, wave = weights[:, None] * samples, np.exp(-1j * step * block_phase)
+        power = np.ones(block_phase.size, complex)
         for n in range(count):
-            # BLAS would wake threads for small sums.
-            sums[k, n] = np.einsum("i,im->m", turned, weighted)
-            turned *= wave
-        squares[k] = np.einsum("im,im->m", weighted, part)
-    return sums.reshape(blocks, count, *inner), squares.reshape(blocks, *inner)
+            # A matrix product would start the threads of BLAS for small sums.
+            sums[b, n] = np.einsum("i,im->m", power, weighted)
+            power *= wave
+        squares[b] = np.einsum("im,im->m", weighted, samples)
+    return sums.reshape(blocks, count, *inner_shape), squares.reshape(blocks, *inner_shape)
 
 
-def _weights(phase, jumps, span):
-    """Return weights of samples whose sum is the integral from 0 to span, shape (n,)."""
+def _integration_weights(phase: np.ndarray, jumps: np.ndarray, span: float) -> np.ndarray:
+    """Return weights (n,) of samples at phases (n,), whose sum is the integral from 0 to span.
+
+    Cubic polynomials go through neighbouring samples between the same jumps.
+    """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
-    marks = np.concatenate([[0.0, span], phase, jumps])
-    bounds = np.unique(marks[(marks >= 0.0) & (marks <= span)])
+    ends = np.concatenate([[0.0, span], phase, jumps])
+    bounds = np.unique(ends[(ends >= 0.0) & (ends <= span)])
     half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-    # Samples and intervals are numbered by the jumps before them.
-    of_sample, of_interval = np.searchsorted(jumps, phase), np.searchsorted(jumps, middle)
-    low = np.searchsorted(of_sample, of_interval, side="left")
-    high = np.searchsorted(of_sample, of_interval, side="right")
-    # Between jumps without a sample the neighbours on both sides stand in.
+    # Smooth pieces are numbered by the jumps before them.
+    piece_of_sample = np.searchsorted(jumps, phase)
+    piece_of_interval = np.searchsorted(jumps, middle)
+    low = np.searchsorted(piece_of_sample, piece_of_interval, side="left")
+    high = np.searchsorted(piece_of_sample, piece_of_interval, side="right")
+    # In a piece without samples the neighbours on both sides are used.
     empty = (low == high).astype(int)
     low, high = np.maximum(low - empty, 0), np.minimum(high + empty, phase.size)
     size = np.minimum(high - low, STENCIL)
@@ -439,93 +490,96 @@ def _weights(phase, jumps, span):
     weights = np.zeros(phase.size)
     for n in np.unique(size).tolist():
         rows = np.flatnonzero(size == n)
-        places = first[rows] + np.arange(n)[:, None]
-        x, at = phase[places] - middle[rows], half[rows] * NODES[:, None]
+        indices = first[rows] + np.arange(n)[:, None]
+        x, nodes = phase[indices] - middle[rows], half[rows] * GAUSS_NODES[:, None]
         for i in range(n):
-            lagrange = np.ones(at.shape)
+            lagrange = np.ones(nodes.shape)
             for j in range(n):
                 if j != i:
-                    lagrange *= (at - x[j]) / (x[i] - x[j])
-            integrals = half[rows] * (WEIGHTS @ lagrange)
-            weights += np.bincount(places[i], integrals, minlength=phase.size)
+                    lagrange *= (nodes - x[j]) / (x[i] - x[j])
+            integrals = half[rows] * (GAUSS_WEIGHTS @ lagrange)
+            weights += np.bincount(indices[i], integrals, minlength=phase.size)
     return weights
 
 
-def _samples_per_period(phase):
-    """Return how many samples a mesh period has, most of the time."""
+def _samples_per_period(phase: np.ndarray) -> int:
+    """Return the median number of samples in a mesh period."""
     return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
 
 
-def _size(squares):
-    """Return the root mean square with which changes of coefficients are compared."""
-    return math.sqrt(squares.max())
-
-
-def _check_change(sums, phase):
-    """Refuse the sums of `fourier` if half of the samples gives others."""
-    _, change, squares = sums
-    if change.max() > MAX_CHANGE * _size(squares):
+def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
+    """Raise ValueError if coefficients change too much with half of the samples."""
+    change = sums.changes.max()
+    if change > MAX_CHANGE * sums.rms:
         raise ValueError(
             f"samples_per_period = {_samples_per_period(phase)} is not allowed for these orders: "
-            f"with half of the samples one changes by {change.max() / _size(squares):.2g} of the "
+            f"with half of the samples one changes by {change / sums.rms:.2g} of the "
             f"root mean square, and it must be at most {MAX_CHANGE:g}"
         )
 
 
-def _number(order, revolutions, count):
-    """Return the number of an order in a map."""
-    number = round(order * revolutions)
-    if abs(number - order * revolutions) > 1e-9 * max(order, 1.0) or number >= count:
+def _order_index(order: float, revolutions: int, count: int) -> int:
+    """Return the index of an order among multiples of 1 / revolutions, checked."""
+    index = round(order * revolutions)
+    if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
         raise ValueError(
             f"orders = {order!r} is not allowed: it must be one of 0, "
             f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
         )
-    return number
+    return index
 
 
-def _dataset(motion, variable, amplitude, sums, number, revolutions, bounds):
-    """Return the order map of the orders with these numbers; blocks have these bounds in time."""
-    coefficients, error, squares = sums
-    overall = np.sqrt(np.maximum(squares - np.abs(coefficients[:, 0]) ** 2, 0.0))
-    coefficients, error = coefficients[:, number], error[:, number]
-    size, unit, words = np.abs(coefficients), motion.units, variable.replace("_", " ")
-    above = (number > 0).reshape(1, -1, *[1] * (size.ndim - 2))
-    mean, shown_unit = size, unit
+def _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds):
+    """Return the order map as a dataset, of the orders with these indices.
+
+    Blocks have `revolutions` each and the times `bounds`, shape (blocks + 1,), s.
+    """
+    mean = np.abs(sums.coefficients[:, 0])
+    overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
+    coefficients, changes = sums.coefficients[:, indices], sums.changes[:, indices]
+    size, unit, label = np.abs(coefficients), motion.units, variable.replace("_", " ")
+    is_wave = (indices > 0).reshape(1, -1, *[1] * (size.ndim - 2))
+    constant_level, level_unit = size, unit
     if amplitude == "power":
-        mean, shown_unit = size**2, f"({unit})2" if " " in unit else f"{unit}2"
-    levels = np.where(above, _AMPLITUDES[amplitude](size), mean)
-    errors = np.where(above, 2.0, 1.0) * error
+        constant_level, level_unit = size**2, f"({unit})2" if " " in unit else f"{unit}2"
+    levels = np.where(is_wave, _AMPLITUDES[amplitude](size), constant_level)
+    errors = np.where(is_wave, 2.0, 1.0) * changes
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
-    over, inner = ("time", "order", *motion.coords), ("time", *motion.coords)
-    shaft, level = "of a cosine of the order times the shaft angle", f"the {words} without its mean"
+    dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
+    angle = "of a cosine of the order times the shaft angle"
     table = {
-        "amplitude": (over, levels, shown_unit, f"{amplitude} of the orders of the {words}"),
-        "phase": (over, np.angle(coefficients), "rad", shaft),
-        "amplitude_error": (over, errors, unit, "estimated error, of a peak"),
+        "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
+        "phase": (dims, np.angle(coefficients), "rad", angle),
+        "amplitude_error": (dims, errors, unit, "estimated error, of a peak"),
         "rpm": ("time", rpm, "min-1", "mean speed in the block"),
-        "overall": (inner, overall, unit, f"root mean square of {level}"),
+        "overall": (
+            block_dims,
+            overall,
+            unit,
+            f"root mean square of the {label} without its mean",
+        ),
         "order_resolution": ((), 1.0 / revolutions, "1", "order spacing"),
         "teeth": ((), motion.teeth, "1", "mesh periods in a revolution"),
         "time": ("time", times, "s", "middle of the block"),
-        "order": ("order", number / revolutions, "1", "order, waves per revolution"),
+        "order": ("order", indices / revolutions, "1", "order, waves per revolution"),
     }
     data = {
         name: (dims, values, {"units": units, "long_name": long_name})
         for name, (dims, values, units, long_name) in table.items()
     }
     coords = {name: data.pop(name) for name in ("time", "order")} | motion.coords
-    title, by = f"Order map of the {words}", "Fourier sums over the shaft angle"
+    title, method = f"Order map of the {label}", "Fourier sums over the shaft angle"
     names = {"variable": variable, "amplitude": amplitude}
-    return result_of_many(title, data, coords, by, **names, **motion.attrs)
+    return result_of_many(title, data, coords, method, **names, **motion.attrs)
 
 
 def orders(run, *, count=None):
-    """Return the order spectrum of the mesh force and of the transmission error of a run.
+    """Compute the order spectrum of the mesh force and of the transmission error of a run.
 
     Parameters
     ----------
     run : xarray.Dataset
-        Of `gearlib.simulate`; its record has to hold whole revolutions, or whole orbits.
+        A result of `gearlib.simulate`, with a record of whole revolutions or whole orbits.
     count : int, optional
         Highest mesh order; by default 10, at most a quarter of the samples per period.
 
@@ -535,8 +589,8 @@ def orders(run, *, count=None):
         Over ``order`` (per revolution of the gear whose teeth count, from 0): mesh_order (order
         over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
-        order), force_amplitude_error and error_amplitude_error, estimates and no bounds: the
-        difference that every second sample makes; mean squares. Of a train over ``mesh`` too.
+        order); force_amplitude_error and error_amplitude_error, estimates (not bounds) by the
+        change with half of the samples; mean squares. For trains over ``mesh`` too.
 
     Raises
     ------
@@ -546,98 +600,109 @@ def orders(run, *, count=None):
     """
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
-        raise checks.refusal(
-            "run", _shown(run), "a dataset of gearlib.simulate, of gears that turn"
-        )
-    number, parts, sums = record_sums(run, count)
-    mesh_orders, teeth = number / parts, _teeth_of(run)
+        expected = "a dataset of gearlib.simulate, of gears that turn"
+        raise checks.refusal("run", _name_of_run(run), expected)
+    mesh_orders, sums = record_sums(run, count)
     dims = ("order", *run.displacement.dims[1:])
     shape = -1, *[1] * (len(dims) - 1)
-    # A period that begins later turns the phases only: they count from the mesh phase 0.
+    # Phases of the orders count from the mesh phase 0, not from the first sample.
     turn = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(shape)
-    peak = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(shape)
+    peak_factor = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(shape)
     data: dict = {"mesh_order": ("order", mesh_orders)}
-    for name, (values, *block) in sums.items():
-        _check_change(block, run.phase.values)
-        coefficients, change, _ = (array[0] for array in block)
-        data[f"{name}_amplitude"] = dims, peak * np.abs(coefficients)
+    for name, (values, block) in sums.items():
+        _check_changes(block, run.phase.values)
+        coefficients, changes = block.coefficients[0], block.changes[0]
+        data[f"{name}_amplitude"] = dims, peak_factor * np.abs(coefficients)
         data[f"{name}_phase"] = dims, np.angle(coefficients * turn)
-        data[f"{name}_amplitude_error"] = dims, peak * change
+        data[f"{name}_amplitude_error"] = dims, peak_factor * changes
         data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     data |= {name: run[name].values for name in ("tuning", "speed", "mesh_frequency", "period")}
-    coords = {"order": number * teeth / parts}
+    periods = _record_periods(run)
+    coords = {"order": np.arange(mesh_orders.size) * _teeth_of(run) / periods}
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     dataset["order"].attrs["long_name"] = (
         "order, waves per revolution of the gear whose teeth count"
     )
-    dataset.attrs |= _kept(run, "references", "gear_pair", "parameters")
+    dataset.attrs |= _attributes(run, "references", "gear_pair", "parameters")
     return dataset
 
 
-def _teeth_of(run):
+def _teeth_of(run: xr.Dataset) -> int:
     """Return the mesh periods in a revolution of a run of `simulate`."""
     return round(float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed)))
 
 
-def record_sums(run, count=None, fractions=True):
-    """Return the numbers of the orders of a run of `simulate`, orders per mesh order, and sums.
+def _record_periods(run: xr.Dataset) -> int:
+    """Return the mesh periods of the record of a run of `simulate`."""
+    return json.loads(run.attrs["parameters"])["record_periods"]
 
-    Sums has for "force" (N) and "error" (m) the values and what `fourier` returns of one block, the
-    record; without `fractions` only of the multiples of the mesh frequency. `count` is the highest
-    mesh order, at most a quarter of the samples per period.
+
+def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = True) -> tuple:
+    """Return (mesh orders, Fourier sums of the record) of a run of `simulate`.
+
+    The sums of "force" (N) and "error" (m) are (values at the samples, `FourierSums` of one block).
+    Mesh orders go up to `count`, in steps of one over the record's mesh periods, or of one without
+    `fractions`.
     """
     _check_status(run)
-    periods, teeth = json.loads(run.attrs["parameters"])["record_periods"], _teeth_of(run)
-    orbit = int(run.period)
-    repeats = orbit and periods % orbit == 0
+    periods, teeth = _record_periods(run), _teeth_of(run)
+    orbit_periods = int(run.period)
+    repeats = orbit_periods and periods % orbit_periods == 0
     if periods % teeth and not repeats:
         raise ValueError(
             f"record_periods = {periods} is not allowed: it must be a multiple of {teeth}, whole "
             "revolutions of the gear whose teeth count"
-            + (f", or of the {orbit} periods of the orbit" if orbit else "")
+            + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
-    most = max(run.phase.size // periods // 4, 1)
-    count = checks.integer("count", min(10, most) if count is None else count, 1, most)
+    max_count = max(run.phase.size // periods // 4, 1)
+    count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
     parts, span = periods if fractions else 1, math.tau * periods
     phase = run.phase.values - run.phase.values[0]
+    margin = 2 * STENCIL
     if repeats:
-        # An orbit goes on behind the record, and before it, as in it.
-        margin = 2 * STENCIL
+        # The record is continued periodically, so that polynomials at its ends are not one-sided.
         phase = np.concatenate([phase[-margin:] - span, phase, phase[:margin] + span])
     sums = {}
     for name, values, variable in (
         ("force", run.dynamic_force.values * float(run.force_scale), "dynamic_force"),
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
-        record, jumps = values, _jumps_of(run, variable, _marks(run))
+        record, jumps = values, _jumps(run, variable, _event_phases(run))
         if repeats:
             record = np.concatenate([values[-margin:], values, values[:margin]])
-        block = fourier(phase, record, jumps, span, 1, 1.0 / parts, count * parts + 1)
-        sums[name] = values, *block
-    return np.arange(count * parts + 1), parts, sums
+        sums[name] = (
+            values,
+            fourier(phase, record, jumps, span, 1, 1.0 / parts, count * parts + 1),
+        )
+    return np.arange(count * parts + 1) / parts, sums
 
 
-def mesh_order_amplitudes(run):
+def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
     """Return mesh orders from 1 on, and peaks of force (N) and error (m), nan if unreliable."""
-    mesh_orders, _, sums = record_sums(run, fractions=False)
+    mesh_orders, sums = record_sums(run, fractions=False)
     peaks = [
-        np.where(change[0] > MAX_CHANGE * _size(squares), math.nan, 2.0 * np.abs(coefficients[0]))
-        for _, coefficients, change, squares in sums.values()
+        np.where(
+            block.changes[0] > MAX_CHANGE * block.rms,
+            math.nan,
+            2.0 * np.abs(block.coefficients[0]),
+        )
+        for _, block in sums.values()
     ]
-    return mesh_orders[1:] + 0.0, *(peak[1:] for peak in peaks)
+    return mesh_orders[1:], *(peak[1:] for peak in peaks)
 
 
-def transmission_error(run):
-    """Return the transmission error at the samples, static deflections.
+def transmission_error(run: xr.Dataset) -> np.ndarray:
+    """Return the transmission error at the samples of a run, in static deflections.
 
-    Displacements of models with deviations of the flanks are those of the flanks.
+    If the model has a deviation of the flanks, the run's displacement is that of the flanks, and
+    the deviation is subtracted.
     """
-    x = run.displacement.values
+    displacement = run.displacement.values
     model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
-    given = model.get("deviation") if "profile" in model else None
-    if not given:
-        return x
+    deviation = model.get("deviation") if "profile" in model else None
+    if not deviation:
+        return displacement
     phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
-    waves = Harmonics(given["cosines"], given["sines"]).table(scale)
-    return x - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
+    waves = Harmonics(deviation["cosines"], deviation["sines"]).table(scale)
+    return displacement - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
