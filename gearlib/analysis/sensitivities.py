@@ -1,4 +1,4 @@
-"""`sensitivities`: derivatives of anything that a call returns, by differences of exact runs."""
+"""`sensitivities`: derivatives of the results of a call, by differences of exact runs."""
 
 import math
 import warnings
@@ -14,44 +14,53 @@ from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
 
-WIDTHS = 3e-3 / 3.0 ** np.arange(9)  #: half widths of the differences, as shares of a scale
-SAFETY = 5.0  #: factor on the last change of the Richardson value, for the error
-ROUNDING = 1e-13  #: share of an array's largest number below which its change is rounding
-MAX_ERROR = 1e-6  #: share of the derivative above which its error is worth a warning
+#: Half widths of the differences, as shares of a parameter's scale.
+WIDTHS = 3e-3 / 3.0 ** np.arange(9)
+MAX_RICHARDSON_STEPS = 3
+MIN_DIFFERENCES = 4
+#: Factor on the last change of the Richardson value that gives the error estimate.
+ERROR_FACTOR = 5.0
+#: Changes of an array below this share of its largest number are rounding.
+ROUNDING = 1e-13
+#: Share of the derivative above which its error causes a warning.
+MAX_ERROR = 1e-6
 
 
 def richardson(function: Callable, value: float, scale: float) -> tuple:
     """Differentiate an array by a number: return the derivative and an estimate of its error.
 
-    Of all widths, shares of `scale`, and up to three Richardson steps (Ridders, Advances in
-    Engineering Software 4 (1982) 75-76) those whose result changes least serve the whole array:
-    chosen number by number, lucky differences would win. Differences are one-sided where the
-    function raises ValueError, left out where it returns None; NaN with fewer than four.
+    Differences of several widths, shares of `scale`, are extrapolated by up to three Richardson
+    steps (Ridders, Advances in Engineering Software 4 (1982) 75-76). The width and the step whose
+    result changes least are chosen for the whole array: chosen number by number, differences that
+    agree by chance would win. Differences are one-sided where the function raises ValueError,
+    left out where it returns None; the result is NaN with fewer than four.
     """
     middle = np.asarray(function(value), float)
     pairs = [(width, _difference(function, value, width, middle)) for width in scale * WIDTHS]
-    pairs = [pair for pair in pairs if pair[1] is not None]
-    if len(pairs) < 4:
+    pairs = [(width, difference) for width, difference in pairs if difference is not None]
+    if len(pairs) < MIN_DIFFERENCES:
         return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
-    plain = table = np.array([difference for _, difference in pairs])
-    least, best, error = math.inf, table[0], math.inf
+    differences = table = np.array([difference for _, difference in pairs])
+    best_score, best, error = math.inf, table[0], math.inf
     size = np.abs(middle).max(initial=0.0)
-    for step in range(1, min(3, len(pairs) - 2) + 1):
+    for step in range(1, min(MAX_RICHARDSON_STEPS, len(pairs) - 2) + 1):
         table = (9.0**step * table[1:] - table[:-1]) / (9.0**step - 1.0)
         changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
-        # Rounding grows by 3 from width to width: a small change at a small width may be luck.
+        # Rounding grows by 3 from width to width, so a change at a small width may be small by
+        # chance.
         scores = np.nan_to_num(changes * 3.0 ** (step + np.arange(len(changes))), nan=np.inf)
         i = int(scores.argmin())
-        if scores[i] < least:
-            least, best = scores[i], table[i]
-            error = SAFETY * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
+        if scores[i] < best_score:
+            best_score, best = scores[i], table[i]
+            error = ERROR_FACTOR * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
             error += np.spacing(size) / pairs[i + step + 1][0]
-    same = 2.0 * pairs[0][0] * np.abs(plain[0]) <= ROUNDING * size
-    return np.where(same, 0.0, best), np.full(middle.shape, 0.0 if same.all() else error)
+    is_constant = 2.0 * pairs[0][0] * np.abs(differences[0]) <= ROUNDING * size
+    error = 0.0 if is_constant.all() else error
+    return np.where(is_constant, 0.0, best), np.full(middle.shape, error)
 
 
 def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
-    """Return a central difference, at the end of a range a one-sided one, or None."""
+    """Return a central difference quotient, at the end of a range a one-sided one, or None."""
     try:
         ahead = function(value + width)
     except ValueError:
@@ -67,9 +76,9 @@ def _difference(function: Callable, value: float, width: float, middle: np.ndarr
 
 
 def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
-    """Differentiate what a call returns by parameters of a model and by its other arguments.
+    """Differentiate the results of a call by parameters of a model and by its other arguments.
 
-    It warns where contacts change at all widths, and of errors above 1e-6 of the derivative.
+    It warns if contacts change at all widths, and of errors above 1e-6 of the derivative.
 
     Parameters
     ----------
@@ -77,14 +86,15 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         ``call(model, **arguments)`` returns a number, an array, a DataArray or a Dataset.
     model : Model
     parameters : str or sequence of str
-        Names in ``model.settable``, or of `arguments` that are numbers, as the tuning or the speed.
+        Names in ``model.settable``, or of `arguments` that are numbers, like tuning and speed.
     **arguments
         Other arguments of the call.
 
     Returns
     -------
     xarray.Dataset
-        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; without a name, ``d_value_d_``.
+        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; the variable of a result
+        without a name is ``value``.
 
     Raises
     ------
@@ -92,28 +102,33 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         Naming the argument, its value and the allowed range.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
-    given = {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
-    known = model.settable | {n: (u, model.long_names.get(n, w)) for n, (u, w) in given.items()}
+    described = {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
+    known = model.settable | {
+        name: (units, model.long_names.get(name, long_name))
+        for name, (units, long_name) in described.items()
+    }
     data: dict = {}
     for name in (parameters,) if isinstance(parameters, str) else parameters:
-        below, parameter = known[checks.one_of("parameters", name, known)]
+        parameter_units, parameter = known[checks.one_of("parameters", name, known)]
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
-        run = _runs(call, model, name, arguments)
-        scale = abs(value) or (1.0 if below == "1" else natural_scale(model, below))
+        run = _run_function(call, model, name, arguments)
+        is_ratio = parameter_units == "1"
+        scale = abs(value) or (1.0 if is_ratio else natural_scale(model, parameter_units))
         for variable, array in run(value)[0].items():
-            words = f"derivative of the {array.attrs.get('long_name', variable)} by {parameter}"
-            units = array.attrs.get("units", "1") + ("" if below == "1" else f"/({below})")
-            derivative, error = _derivative(run, variable, words, value, scale)
-            label, about = f"d_{variable}_d_{name}", {"units": units, "long_name": words}
-            data[label] = array.copy(data=derivative).assign_attrs(about)
-            about["long_name"] = f"error of the {words}"
-            data[f"{label}_error"] = array.copy(data=error).assign_attrs(about)
+            long_name = array.attrs.get("long_name", variable)
+            title = f"derivative of the {long_name} by {parameter}"
+            units = array.attrs.get("units", "1") + ("" if is_ratio else f"/({parameter_units})")
+            derivative, error = _derivative(run, variable, title, value, scale)
+            label, attrs = f"d_{variable}_d_{name}", {"units": units, "long_name": title}
+            data[label] = array.copy(data=derivative).assign_attrs(attrs)
+            attrs["long_name"] = f"error of the {title}"
+            data[f"{label}_error"] = array.copy(data=error).assign_attrs(attrs)
     return xr.Dataset(data)
 
 
-def _runs(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return the function of one parameter that gives a call's variables and contact events."""
+def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
+    """Return the function from a parameter to (variables of a call, contact events)."""
 
     @cache
     def run(value: float) -> tuple:
@@ -129,19 +144,20 @@ def _runs(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
     return run
 
 
-def _derivative(run: Callable, variable: Any, words: str, value: float, scale: float) -> tuple:
-    """Return derivative and error of one variable, and warn where they are not reliable."""
+def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
+    """Return derivative and error of a variable, and warn if they are not reliable."""
     shape, contacts = run(value)[0][variable].shape, run(value)[1]
 
-    def numbers(x: float, alike: bool = True) -> Any:
-        array, there = run(x)[0][variable].values, run(x)[1]
-        fits = not alike or there == contacts or [] in (there, contacts)
-        return array if fits and array.shape == shape else None
+    def array_at(parameter: float, same_contacts: bool = True) -> Any:
+        variables, new_contacts = run(parameter)
+        array = variables[variable].values
+        comparable = not same_contacts or new_contacts == contacts or [] in (new_contacts, contacts)
+        return array if comparable and array.shape == shape else None
 
-    derivative, error = richardson(numbers, value, scale)
+    derivative, error = richardson(array_at, value, scale)
     if np.isnan(error).any():
-        warnings.warn(f"contact events appear or vanish at all widths: {words}", stacklevel=3)
-        derivative, error = richardson(lambda x: numbers(x, False), value, scale)
+        warnings.warn(f"contact events appear or vanish at all widths: {title}", stacklevel=3)
+        derivative, error = richardson(lambda x: array_at(x, False), value, scale)
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
-        warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {words}", stacklevel=3)
+        warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {title}", stacklevel=3)
     return derivative, error
