@@ -46,8 +46,8 @@ def lowest(nu):
     top = meissner.orbit(FREE, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
     (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
-    edge = meissner.go(top, high, 0.0, nu, half_high)
-    return min(top[0], meissner.go(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+    edge = meissner.state_after(top, high, 0.0, nu, half_high)
+    return min(top[0], meissner.state_after(edge, low, 0.0, nu, 0.5 * whole_low)[0])
 
 
 def over_doubling(nu):

@@ -73,7 +73,7 @@ def test_grazing_problems_graze(depth):
     # The first arc alone, which turns at phase 0.9.
     for problem, x in ((short, depth), (past, -depth)):
         high = levels(problem.model.contact_ratio, problem.model.stiffness_ratio)[0]
-        turned = meissner.go(problem.state, high, 0.0, problem.tuning, 0.9)
+        turned = meissner.state_after(problem.state, high, 0.0, problem.tuning, 0.9)
         np.testing.assert_allclose(turned, (x, 0.0), rtol=0, atol=1e-15)
 
 

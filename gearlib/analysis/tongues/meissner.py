@@ -1,4 +1,4 @@
-"""Hill-Meissner equation of the mesh that never loses contact: tongues in closed form.
+"""Hill-Meissner equation of the mesh without loss of contact: tongues in closed form.
 
 In the time t = tau / nu deviations from the orbit without loss of contact obey
 
@@ -30,7 +30,8 @@ Bauzeitung 72 (1918) 95-98.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -41,26 +42,26 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Relative tolerance of roots, the smallest that the solver takes.
 MACHINE_PRECISION = 4.0 * np.finfo(float).eps
-#: Beyond this exponent exp is taken apart, so that nothing overflows.
+#: Exponent from which on the logarithm of a growth is computed without exp, which would overflow.
 _MAX_EXPONENT = 300.0
-#: Phase of the segment of C_min below which its angle is taken from the ends, not from its speed.
+#: Phase of the segment of C_min below which its angle is taken from the solution at its ends.
 _SMALL_ANGLE = 0.5
-#: Dampings at which the growth of a tongue is looked at to bracket the one that closes it.
+#: Damping ratios at which the growth of a tongue is computed to bracket the one that closes it.
 _SCANNED_DAMPINGS = 40
 
 
 class Meissner(NamedTuple):
-    """The equation of u: lengths of the half segments, q on them, and the damping ratio."""
+    """The equation u'' + q u = 0 in two segments, and the damping ratio."""
 
-    half_high: float
-    half_low: float
-    high: float
-    low: float
+    half_stiff: float  #: half the length of the segment of C_max
+    half_soft: float  #: half the length of the segment of C_min
+    q_stiff: float
+    q_soft: float
     damping: float
 
 
 class Tongue(NamedTuple):
-    """A tongue: where deviations grow, and by how much."""
+    """A range of tunings in which small deviations grow, with the largest growth."""
 
     order: int  #: half waves per mesh period, near nu = 2 / order; 0: not counted
     multiplier: int  #: on the edges: 1 or -1; 0: a complex pair
@@ -70,19 +71,19 @@ class Tongue(NamedTuple):
     peak: float  #: its tuning
 
 
-def equation(contact_ratio, stiffness_ratio, damping):
+def equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
     """Return the `Meissner` equation of contact ratio, stiffness ratio and damping ratio."""
-    half_high, whole_low = segment_lengths(contact_ratio)
-    high, low = np.array(levels(contact_ratio, stiffness_ratio)) - damping * damping
-    return Meissner(half_high, 0.5 * whole_low, float(high), float(low), damping)
+    half_stiff, soft = segment_lengths(contact_ratio)
+    q_stiff, q_soft = np.array(levels(contact_ratio, stiffness_ratio)) - damping * damping
+    return Meissner(half_stiff, 0.5 * soft, float(q_stiff), float(q_soft), damping)
 
 
-def equation_of(pair):
+def equation_of(pair: Any) -> Meissner:
     """Return the `Meissner` equation of a `GearPair`."""
     return equation(pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio)
 
 
-def pass_segment(q, time):
+def segment_solution(q: float, time: float) -> tuple:
     """Return (cos(w t), sin(w t) / w, s) of w^2 = q; for q < 0 both times exp(-s), s = |w t|."""
     w = math.sqrt(abs(q))
     angle = w * time
@@ -95,142 +96,155 @@ def pass_segment(q, time):
     return 1.0, time, 0.0
 
 
-def _halfway(m, k):
-    """Return (u1, u1', u2, u2', s) half a period on, all four times exp(-s); k = 1 / nu."""
-    c1, s1, e1 = pass_segment(m.high, k * m.half_high)
-    c2, s2, e2 = pass_segment(m.low, k * m.half_low)
+def _half_period_solutions(equation: Meissner, k: float) -> tuple:
+    """Return (u1, u1', u2, u2', s) after half a period, all four times exp(-s); k = 1 / nu."""
+    c1, s1, e1 = segment_solution(equation.q_stiff, k * equation.half_stiff)
+    c2, s2, e2 = segment_solution(equation.q_soft, k * equation.half_soft)
     return (
-        c1 * c2 - m.high * s1 * s2,
-        -m.low * s2 * c1 - m.high * s1 * c2,
+        c1 * c2 - equation.q_stiff * s1 * s2,
+        -equation.q_soft * s2 * c1 - equation.q_stiff * s1 * c2,
         s1 * c2 + c1 * s2,
-        c1 * c2 - m.low * s2 * s1,
+        c1 * c2 - equation.q_soft * s2 * s1,
         e1 + e2,
     )
 
 
-def _excess(m, k, order):
-    """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order."""
-    even, even_rate, odd, odd_rate, scale = _halfway(m, k)
-    product = 2.0 * even_rate * odd if order % 2 == 0 else -2.0 * even * odd_rate
-    return product, scale
+def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
+    """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order; k = 1 / nu."""
+    even, even_rate, odd, odd_rate, exponent = _half_period_solutions(equation, k)
+    return 2.0 * even_rate * odd if order % 2 == 0 else -2.0 * even * odd_rate, exponent
 
 
-def _growth(m, k, order):
-    """Return the logarithm of the largest multiplier in the gap of an order."""
-    return _log_multiplier(_excess(m, k, order), math.pi * m.damping * k)
+def _growth(equation: Meissner, k: float, order: int) -> float:
+    """Return the logarithm of the largest multiplier in the gap of an order; k = 1 / nu."""
+    return _log_multiplier(_scaled_excess(equation, k, order), math.pi * equation.damping * k)
 
 
-def _log_multiplier(scaled_excess, loss):
-    """Return the logarithm of the largest multiplier from a result of `_excess`."""
-    excess, scale = scaled_excess
+def _log_multiplier(scaled_excess: tuple, loss: float) -> float:
+    """Return the logarithm of the largest multiplier from a result of `_scaled_excess`.
+
+    `loss` is pi beta / nu, half the logarithm of the decay by damping.
+    """
+    excess, exponent = scaled_excess
     root = math.sqrt(0.5 * max(excess, 0.0))
-    if scale < _MAX_EXPONENT:
-        half = math.asinh(root * math.exp(scale))
+    if exponent < _MAX_EXPONENT:
+        half = math.asinh(root * math.exp(exponent))
     else:
-        half = scale + math.log(2.0 * root) if root > 0.0 else 0.0
+        half = exponent + math.log(2.0 * root) if root > 0.0 else 0.0
     return 2.0 * (half - loss)
 
 
-def _margin(scaled_excess, loss):
-    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled: > 0 where deviations grow."""
-    excess, scale = scaled_excess
-    sine = -0.5 * math.exp(loss - scale) * math.expm1(-2.0 * loss)
-    return excess - 2.0 * sine * sine
+def _instability_margin(scaled_excess: tuple, loss: float) -> float:
+    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled: positive where deviations grow."""
+    excess, exponent = scaled_excess
+    sinh = -0.5 * math.exp(loss - exponent) * math.expm1(-2.0 * loss)
+    return excess - 2.0 * sinh * sinh
 
 
-def angle(m, k, odd):
-    """Return the phase angle of u1 (or u2, odd) half a period on, continuous in k.
+def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
+    """Return the phase angle of u1 (or u2, odd) after half a period, continuous in k = 1 / nu.
 
     It passes n pi / 2 once, upwards, at an edge of the gap of order n.
     """
-    w = math.sqrt(m.high)
-    a = w * k * m.half_high
-    cosine, sine = math.cos(a), math.sin(a)
-    b = math.sqrt(max(m.low, 0.0)) * k * m.half_low
-    if b > _SMALL_ANGLE:
-        # On the segment of C_min the angle turns evenly once it is measured with its own speed.
-        ratio = math.sqrt(m.high / m.low) ** (-1.0 if odd else 1.0)
-        turn = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
-        return a + turn + b
-    even, even_rate, other, other_rate, _ = _halfway(m, k)
-    x, y = (other_rate, w * other) if odd else (even, -even_rate / w)
-    return a + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
+    w = math.sqrt(equation.q_stiff)
+    stiff_angle = w * k * equation.half_stiff
+    cosine, sine = math.cos(stiff_angle), math.sin(stiff_angle)
+    soft_angle = math.sqrt(max(equation.q_soft, 0.0)) * k * equation.half_soft
+    if soft_angle > _SMALL_ANGLE:
+        # On the segment of C_min the angle grows linearly if it is scaled by the frequency there.
+        ratio = math.sqrt(equation.q_stiff / equation.q_soft) ** (-1.0 if odd else 1.0)
+        change = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
+        return stiff_angle + change + soft_angle
+    u1, u1_rate, u2, u2_rate, _ = _half_period_solutions(equation, k)
+    x, y = (u2_rate, w * u2) if odd else (u1, -u1_rate / w)
+    return stiff_angle + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
 
 
-def _over_damped(m):
+def _is_over_damped(equation: Meissner) -> bool:
     """Return whether all segments are over-damped, so that there is no gap."""
-    return m.high <= 0.0 or (m.half_high == 0.0 and m.low <= 0.0)
+    stiff_is_empty = equation.half_stiff == 0.0
+    return equation.q_stiff <= 0.0 or (stiff_is_empty and equation.q_soft <= 0.0)
 
 
-def gap(m, order):
-    """Return (k, k), the ends of the gap of an order over k = 1 / nu, in rising order.
+def gap(equation: Meissner, order: int) -> tuple | None:
+    """Return the ends of the gap of an order over k = 1 / nu, in rising order.
 
-    None where all is over-damped. Equal up to rounding: the gap is a point.
+    None if all segments are over-damped. Equal up to rounding: the gap is a point.
     """
-    if _over_damped(m):
+    if _is_over_damped(equation):
         return None
     level = 0.5 * math.pi * order
     ends = []
     for odd in (False, True):
         high = float(order)
-        while angle(m, high, odd) <= level:
+        while phase_angle(equation, high, odd) <= level:
             high *= 2.0
-        miss = lambda k, odd=odd: angle(m, k, odd) - level  # noqa: E731
-        ends.append(root(miss, 1e-3 * order / high, high))
+
+        def difference(k, odd=odd):
+            return phase_angle(equation, k, odd) - level
+
+        ends.append(root(difference, 1e-3 * order / high, high))
     return min(ends), max(ends)
 
 
-def tongue(m, order):
-    """Return the `Tongue` of an order, None where all is over-damped."""
-    ends = gap(m, order)
+def tongue(equation: Meissner, order: int) -> Any:
+    """Return the `Tongue` of an order, None if all segments are over-damped."""
+    ends = gap(equation, order)
     if ends is None:
         return None
     low, high = ends
-    return within_gap(order, low, high, m.damping, lambda k: _excess(m, k, order))
+
+    def scaled_excess(k):
+        return _scaled_excess(equation, k, order)
+
+    return tongue_in_gap(order, low, high, equation.damping, scaled_excess)
 
 
-def within_gap(order, low, high, damping, excess):
-    """Return the `Tongue` within a gap, `low` to `high` over k = 1 / nu.
+def tongue_in_gap(
+    order: int, low: float, high: float, damping: float, scaled_excess: Callable
+) -> Tongue:
+    """Return the `Tongue` in a gap between two values of k = 1 / nu.
 
-    `excess` returns |T| / 2 - 1 at k as `_excess` does. Without damping the tongue is the gap.
+    `scaled_excess(k)` returns |T| / 2 - 1 like `_scaled_excess`. Without damping the tongue is the
+    gap.
     """
 
     def growth(k):
-        return _log_multiplier(excess(k), math.pi * damping * k)
+        return _log_multiplier(scaled_excess(k), math.pi * damping * k)
 
     def margin(k):
-        return _margin(excess(k), math.pi * damping * k)
+        return _instability_margin(scaled_excess(k), math.pi * damping * k)
 
     sign = -1 if order % 2 else 1
     closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
     if high - low <= 2.0 * MACHINE_PRECISION * high:
-        # A gap of width zero: without damping both edges lie there.
+        # Without damping both edges lie in a gap of width zero.
         return closed if damping else closed._replace(start=1.0 / high, stop=1.0 / low, growth=0.0)
-    largest, peak = strongest(growth, low, high)
-    if largest <= 0.0:
-        return closed._replace(growth=largest, peak=1.0 / peak)
+    largest_growth, peak = maximum(growth, low, high)
+    if largest_growth <= 0.0:
+        return closed._replace(growth=largest_growth, peak=1.0 / peak)
     if damping:
         low, high = edge(margin, peak, low), edge(margin, peak, high)
-    return Tongue(order, sign, 1.0 / high, 1.0 / low, largest, 1.0 / peak)
+    return Tongue(order, sign, 1.0 / high, 1.0 / low, largest_growth, 1.0 / peak)
 
 
-def strongest(growth, low, high):
-    """Return (largest value, its place) of a function that has one maximum in an interval."""
+def maximum(function: Callable, low: float, high: float) -> tuple:
+    """Return (largest value, its position) of a function with one maximum in an interval."""
     width = high - low
-    maximum = minimize_scalar(
-        # Shares of the interval: gaps may be narrower than the solver's own tolerance.
-        lambda share: -growth(low + share * width),
+    optimum = minimize_scalar(
+        # Shares of the interval: gaps may be narrower than the solver's tolerance.
+        lambda share: -function(low + share * width),
         bounds=(0.0, 1.0),
         method="bounded",
         options={"xatol": 1e-9},
     )
-    return -float(maximum.fun), low + float(maximum.x) * width
+    return -float(optimum.fun), low + float(optimum.x) * width
 
 
-def edge(margin, inside, outside):
-    """Return where a margin > 0 is lost between two places; `outside` if it is not.
+def edge(margin: Callable, inside: float, outside: float) -> float:
+    """Return where a positive margin becomes zero between two positions.
 
-    `inside` where only rounding tells the tongue from a closed one.
+    `outside` if the margin is positive there, `inside` if it is positive nowhere but by rounding.
     """
     if margin(outside) >= 0.0:
         return outside
@@ -239,38 +253,37 @@ def edge(margin, inside, outside):
     return root(margin, inside, outside)
 
 
-def root(function, low, high):
-    """Return a zero between two places of opposite signs, to the last place."""
+def root(function: Callable, low: float, high: float) -> float:
+    """Return a zero between two positions of opposite signs, to machine precision."""
     return float(brentq(function, low, high, xtol=1e-300, rtol=MACHINE_PRECISION))
 
 
-def orders(m, start, stop):
-    """Return the orders of the gaps that meet the tunings from `start` to `stop`, a range."""
-    if _over_damped(m):
+def orders(equation: Meissner, start: float, stop: float) -> range:
+    """Return the orders of the gaps that meet the tunings from `start` to `stop`."""
+    if _is_over_damped(equation):
         return range(0)
-    first = 2.0 / math.pi * min(angle(m, 1.0 / stop, odd) for odd in (False, True))
-    last = 2.0 / math.pi * max(angle(m, 1.0 / start, odd) for odd in (False, True))
+    first = 2.0 / math.pi * min(phase_angle(equation, 1.0 / stop, odd) for odd in (False, True))
+    last = 2.0 / math.pi * max(phase_angle(equation, 1.0 / start, odd) for odd in (False, True))
     return range(max(1, math.ceil(first)), math.floor(last) + 1)
 
 
-def closing_damping(contact_ratio, stiffness_ratio, order):
+def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) -> float:
     """Return the damping ratio from which the tongue of an order stays closed; 0: it is a point."""
 
     def growth(damping):
-        widest = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
-        return -math.inf if widest is None else widest.growth
+        damped_tongue = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
+        return -math.inf if damped_tongue is None else damped_tongue.growth
 
-    most = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
-    return closing(
-        growth, most * np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCANNED_DAMPINGS)])
-    )
+    max_damping = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
+    shares = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCANNED_DAMPINGS)])
+    return last_downward_zero(growth, max_damping * shares)
 
 
-def closing(growth, dampings):
+def last_downward_zero(growth: Callable, dampings: Any) -> float:
     """Return the largest damping ratio at which a growth passes 0 downwards; 0: none.
 
-    `growth` is the largest growth of a tongue by the damping ratio, `dampings` are where it is
-    looked at; rising, the last one closes the tongue.
+    `growth` is the largest growth of a tongue by the damping ratio, `dampings` the rising ratios at
+    which it is computed; the last one closes the tongue.
     """
     # Damping also changes q: a segment of C_min close to over-damping may open a closed tongue
     # again. So the last damping that leaves it open is bracketed.
@@ -280,62 +293,64 @@ def closing(growth, dampings):
     return 0.0
 
 
-def growth(contact_ratio, stiffness_ratio, damping, tuning):
+def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) -> np.ndarray:
     """Return the logarithm of the largest multiplier per mesh period; arrays are broadcast.
 
-    From the discriminant T, with complex speeds: under-damped, critical and over-damped segments
-    alike. Stable motion decays by it; between the tongues it is -2 pi beta / nu.
+    It follows from the discriminant T with complex frequencies, for under-damped, critical and
+    over-damped segments alike. Between the tongues it is -2 pi beta / nu.
     """
-    half_high, low_length = segment_lengths(np.asarray(contact_ratio, float))
-    high_length = 2.0 * half_high
+    half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
+    stiff_length = 2.0 * half_stiff
     stiffnesses = levels(contact_ratio, stiffness_ratio)
-    high, low = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
-    a, b = high * high_length, low * low_length
-    # sin(a) / a by numpy's sinc, which knows its limit.
-    sines = high_length * np.sinc(a / np.pi) * low_length * np.sinc(b / np.pi)
-    half = (np.cos(a) * np.cos(b) - 0.5 * (high**2 + low**2) * sines).real
-    return np.arccosh(np.maximum(np.abs(half), 1.0)) - 2.0 * np.pi * damping / tuning
+    stiff, soft = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
+    a, b = stiff * stiff_length, soft * soft_length
+    # numpy's sinc gives sin(a) / a also at 0.
+    sines = stiff_length * np.sinc(a / np.pi) * soft_length * np.sinc(b / np.pi)
+    half_trace = (np.cos(a) * np.cos(b) - 0.5 * (stiff**2 + soft**2) * sines).real
+    return np.arccosh(np.maximum(np.abs(half_trace), 1.0)) - 2.0 * np.pi * damping / tuning
 
 
 def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
     """Return (value, tuning) where the tongue of an order is a point without damping, shape (j, 2).
 
-    The value is that of the stiffness ratio for a given contact ratio, or the other way round. At
-    such a point the segment of C_max holds m half waves, m = 1 ... n - 1, the softer one the
-    others: sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
+    The value is the stiffness ratio for a fixed contact ratio, or the other way round. At such a
+    point the segment of C_max holds m half waves, m = 1 ... n - 1, the softer one the others:
+    sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
     points = []
     for m in range(1, order):
         if stiffness_ratio is None:
             if not 1.0 < contact_ratio < 2.0:
                 break
-            share, value = contact_ratio, (contact_ratio - 1.0) * (order - m)
-            kappa = value = (value / ((2.0 - contact_ratio) * m)) ** 2
+            epsilon, product = contact_ratio, (contact_ratio - 1.0) * (order - m)
+            kappa = value = (product / ((2.0 - contact_ratio) * m)) ** 2
         else:
-            kappa, root = stiffness_ratio, m * math.sqrt(stiffness_ratio)
-            share = value = 1.0 + root / (root + order - m)
+            kappa, product = stiffness_ratio, m * math.sqrt(stiffness_ratio)
+            epsilon = value = 1.0 + product / (product + order - m)
         if kappa < 1.0:
-            high, _ = levels(share, kappa)
-            points.append((value, 2.0 * (share - 1.0) * math.sqrt(high) / m))
+            stiff, _ = levels(epsilon, kappa)
+            points.append((value, 2.0 * (epsilon - 1.0) * math.sqrt(stiff) / m))
     return np.array(points).reshape(-1, 2)
 
 
-def go(state, stiffness, damping, tuning, phase):
+def state_after(
+    state: tuple, stiffness: float, damping: float, tuning: float, phase: float
+) -> tuple:
     """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
 
-    (x, dx/dtau) in static deflections; stiffness over its mean, damping ratio beta.
+    States are (x, dx/dtau) in static deflections; the stiffness is relative to its mean.
     """
     equilibrium = 1.0 / stiffness
     u, v = state[0] - equilibrium, tuning * state[1]
     time = phase / tuning
-    cosine, sine, scale = pass_segment(stiffness - damping * damping, time)
-    factor = math.exp(scale - damping * time)
+    cosine, sine, exponent = segment_solution(stiffness - damping * damping, time)
+    factor = math.exp(exponent - damping * time)
     cosine, sine = factor * cosine, factor * sine
     v, u = v * cosine - (damping * v + stiffness * u) * sine, u * cosine + (v + damping * u) * sine
     return equilibrium + u, v / tuning
 
 
-def period_map(model, tuning):
+def period_map(model: Any, tuning: float) -> tuple:
     """Return (M, b), shapes (2, 2) and (2,), of one mesh period without loss of contact."""
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
@@ -343,10 +358,11 @@ def period_map(model, tuning):
     return maps[0], shift
 
 
-def orbit(pair, tuning):
-    """Return the state at phase 0 of the orbit that repeats every mesh period.
+def orbit(pair: Any, tuning: float) -> tuple:
+    """Return the state at phase 0 of the orbit without loss of contact.
 
-    Where many do, as with constant stiffness at nu = 1 / n, that next to static deflection.
+    If there are many, as with constant stiffness at nu = 1 / n, it is the one next to static
+    deflection.
     """
     matrix, shift = period_map(pair, tuning)
     matrix = np.eye(2) - matrix
@@ -358,6 +374,6 @@ def orbit(pair, tuning):
     return tuple(map(float, state))
 
 
-def linear_pair(pair):
-    """Return a pair as the linear mesh: no backlash, the damping of contact everywhere."""
+def linear_pair(pair: Any) -> Any:
+    """Return a pair without backlash, so that its mesh is linear."""
     return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)

@@ -1,7 +1,8 @@
-"""Parametric resonance: where the motion without loss of contact is unstable."""
+"""`tongues`: parametric resonance, where the motion without loss of contact is unstable."""
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,18 @@ from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.runs.run_arguments import check_tuning
 
-#: What may vary beside the tuning.
+#: Parameters that may vary beside the tuning.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
 #: Smallest tuning: below it there are hundreds of tongues, and growth over a period overflows.
-LEAST_TUNING = 0.02
+MIN_TUNING = 0.02
+#: Variables of the dataset -> (field of `Tongue`, value where there is none).
+_COLUMNS = {
+    "tuning_from": ("start", math.nan),
+    "tuning_to": ("stop", math.nan),
+    "edge_multiplier": ("multiplier", 0),
+    "growth": ("growth", math.nan),
+    "growth_tuning": ("peak", math.nan),
+}
 
 
 def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002):
@@ -64,23 +73,23 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     Edges of closed form are those of the exact equation to about 1e-15, less next to the damping
     that closes a tongue, where they meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
-    start = checks.number("start", start, f">= {LEAST_TUNING}", lambda nu: LEAST_TUNING <= nu < 1e6)
+    start = checks.number("start", start, f">= {MIN_TUNING}", lambda nu: MIN_TUNING <= nu < 1e6)
     stop = check_tuning("stop", stop)
     if stop <= start:
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
-    pair, step = linear(pair), check_tuning("step", step)
+    pair, step = linear_model(pair), check_tuning("step", step)
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
         rows = [find(pair, start, stop, step)]
     else:
         checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
-        values = _values(values)
+        values = _checked_values(values)
         rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
-    six = pair.size > 2
-    data, coords = _table(rows, parameter, values, "tongue" if six else "order")
+    dimension = "tongue" if pair.size > 2 else "order"
+    data, coords = _variables(rows, parameter, values, dimension)
     if parameter is None and pair.mesh:
         closings = [closing_damping(pair, tongue) for tongue in rows[0]]
-        data["closing_damping"] = "tongue" if six else "order", np.array(closings, float)
+        data["closing_damping"] = dimension, np.array(closings, float)
     return result(
         "Tongues of parametric resonance",
         pair,
@@ -92,10 +101,10 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     )
 
 
-def linear(pair):
+def linear_model(pair: Any) -> Any:
     """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
-    gears = is_model(pair) and (pair.mesh or pair.mesh_names)
-    if not gears or (pair.size == 2 and pair.equation is None):
+    has_gears = is_model(pair) and (pair.mesh or pair.mesh_names)
+    if not has_gears or (pair.size == 2 and pair.equation is None):
         raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
     for name in pair.nonlinear:
         if getattr(pair, name):
@@ -106,26 +115,26 @@ def linear(pair):
     return pair.mesh if isinstance(pair.profile, Rectangular) else pair
 
 
-def find(pair, start, stop, step=0.002):
-    """Return the `Tongue`s that meet a range of tunings, of a model as of `linear`."""
+def find(pair: Any, start: float, stop: float, step: float = 0.002) -> list:
+    """Return the `Tongue`s of a linear model that meet a range of tunings."""
     if pair.mesh is pair:
         equation = meissner.equation_of(pair)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
     if pair.size > 2:
-        return hill_tongues.several_degrees(pair, start, stop, step)
-    return hill_tongues.one_degree(pair, start, stop)
+        return hill_tongues.tongues_of_several_degrees(pair, start, stop, step)
+    return hill_tongues.tongues_of_one_degree(pair, start, stop)
 
 
-def closing_damping(pair, tongue):
+def closing_damping(pair: Any, tongue: meissner.Tongue) -> float:
     """Return the damping ratio of the contact from which a tongue stays closed."""
     if pair.mesh is pair:
         return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
-    return (hill_tongues.closing_six if pair.size > 2 else hill_tongues.closing_damping)(
-        pair, tongue
-    )
+    if pair.size > 2:
+        return hill_tongues.closing_damping_of_six_degrees(pair, tongue)
+    return hill_tongues.closing_damping(pair, tongue)
 
 
-def varied(pair, parameter, value):
+def varied(pair: Any, parameter: str, value: float) -> Any:
     """Return a model with another stiffness ratio, contact ratio or damping ratio."""
     if pair.mesh_names:
         return pair.with_parameter(parameter, value)
@@ -141,32 +150,29 @@ def varied(pair, parameter, value):
     return hill_tongues.with_damping(pair, damping)
 
 
-def _values(values):
+def _checked_values(values: Any) -> list:
+    """Return the values of the second parameter, checked to be a sequence of finite numbers."""
     if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
         raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
     return checks.finite("values", values)
 
 
-def _table(rows, parameter, values, dimension):
-    """Return (data, coordinates) of the rows of tongues, one for each value; see `tongues`."""
+def _variables(rows: list, parameter: str | None, values: Any, dimension: str) -> tuple:
+    """Return (variables, coordinates) of lists of tongues, one for each value of a parameter.
+
+    `dimension` is "order", or "tongue" if tongues have no order.
+    """
     if dimension == "order":
         numbers = sorted({tongue.order for row in rows for tongue in row})
-        numbered = [{tongue.order: tongue for tongue in row} for row in rows]
+        numbered_rows = [{tongue.order: tongue for tongue in row} for row in rows]
     else:
         numbers = range(1, 1 + max(map(len, rows)))
-        numbered = [dict(enumerate(row, 1)) for row in rows]
-    columns = {
-        "tuning_from": ("start", math.nan),
-        "tuning_to": ("stop", math.nan),
-        "edge_multiplier": ("multiplier", 0),
-        "growth": ("growth", math.nan),
-        "growth_tuning": ("peak", math.nan),
-    }
-    data = {}
-    for name, (field, absent) in columns.items():
-        table = [[getattr(row.get(n), field, absent) for n in numbers] for row in numbered]
-        kind = np.int8 if name == "edge_multiplier" else float
-        data[name] = ((parameter, dimension), np.array(table, kind).reshape(len(rows), -1))
+        numbered_rows = [dict(enumerate(row, 1)) for row in rows]
+    data: dict = {}
+    for name, (field, missing) in _COLUMNS.items():
+        table = [[getattr(row.get(n), field, missing) for n in numbers] for row in numbered_rows]
+        dtype = np.int8 if name == "edge_multiplier" else float
+        data[name] = ((parameter, dimension), np.array(table, dtype).reshape(len(rows), -1))
     coordinates = {dimension: np.array(numbers, np.int32)}
     if parameter is None:
         data = {name: (dimension, table[0]) for name, (_, table) in data.items()}

@@ -91,7 +91,7 @@ def _grazing(depth):
     # Backwards from the turning point; a depth in the backlash differs from one in contact by
     # depth times itself.
     high = levels(_FREE.contact_ratio, _FREE.stiffness_ratio)[0]
-    start = meissner.go((-depth, 0.0), high, 0.0, tuning, -phase)
+    start = meissner.state_after((-depth, 0.0), high, 0.0, tuning, -phase)
     side = "past" if depth > 0.0 else "short of"
     size = f"{abs(depth):.0e}".replace("e-0", "e-")
     words = f"grazing, {size} {side} the flank line"
