@@ -99,7 +99,7 @@ def contact_loss(pairs, tuning, start, stop, run):
     """
     low, high = _NEXT_TONGUES
     bounds = {"start": min(start, low * tuning), "stop": max(stop, high * tuning)}
-    bounds["start"] = max(search.LEAST_TUNING, bounds["start"])
+    bounds["start"] = max(search.MIN_TUNING, bounds["start"])
     models = [GearPair(**parameters) for parameters in pairs.values()]
     every = [search.tongues(model, **bounds) for model in models]
     parts = [
