@@ -13,9 +13,10 @@ _MODEL_WORDS = {
 }
 #: Changes beyond these are drawn at the edges of the panels.
 _LIMITS = (1e-6, 100.0)
-#: Words stand within bars that are longer than these changes, without and with rounding.
-_MAX_BAR_BESIDE_WORDS = (10.0, 1.0)
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
+_LABEL = """largest change of an observable (dashed: tolerance of the scene);
+extrema: share of the height of the orbit, or of the force; fractions and bounces: 1
+cost: components of the state advanced per mesh period"""
 
 
 @style.styled()
@@ -30,42 +31,32 @@ def draw(comparisons, scenes):
     figure = style.page(_HEAD + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
     for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
-        for i in range(data.sizes["model"]):
-            _draw_bar(axes, data.isel(model=i), i)
         axes.axvline(data.tolerance, color=_ORANGE, linewidth=0.8, linestyle="--")
         axes.set(xscale="log", xlim=_LIMITS)
-        # Inward ticks would lie in the bars and before the words.
+        for i in range(data.sizes["model"]):
+            _draw_bar(axes, data.isel(model=i), i)
+        # Inward ticks would lie in the bars.
         axes.tick_params(axis="y", length=0)
         names = [_MODEL_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
         axes.invert_yaxis()
         axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
-    rows[-1].set_xlabel(
-        "largest change of an observable (dashed: tolerance of the scene);\n"
-        "extrema: share of the height of the orbit, or of the force; fractions and bounces: 1\n"
-        "cost: components of the state advanced per mesh period",
-        fontsize=7,
-    )
+    rows[-1].set_xlabel(_LABEL, fontsize=7)
     return figure
 
 
 def _draw_bar(axes, model, place):
-    """Draw the change of one model, its range where rounding decides, and its words."""
+    """Draw the change of one model, its range where rounding decides, and words at the edge."""
     change, chosen = float(model.change), model.model.item() == model.chosen.item()
     certain = bool(model.change_free_of_rounding)
-    end = np.clip(np.nan_to_num(change, nan=0.0), *_LIMITS)
-    axes.barh(place, end, color=_BLUE if chosen else "white", edgecolor=_BLUE, height=0.7)
-    words = "the largest model" if np.isnan(change) else "rounding decides"
-    if not (np.isnan(change) or certain):
-        ends = np.clip([model.change_low, model.change_high], None, _LIMITS[1])
-        axes.plot(ends, [place, place], color=_ORANGE, linewidth=2.0)
-        end = max(end, ends[1])
-    elif not np.isnan(change):
-        words = f"{change:.2g}"
+    words = f"{change:.2g}" if certain else "rounding decides"
+    if np.isnan(change):
+        words = "the largest model"
+    else:
+        face = _BLUE if chosen else "white"
+        axes.barh(place, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
+        if not certain:
+            axes.plot([model.change_low, model.change_high], [place] * 2, color=_ORANGE, lw=2.0)
     words += ", used for the scene" if chosen else ""
     words += f", cost {float(model.cost):.3g}" if certain else ""
-    # Beside the bar, or within it where the words would leave the panel.
-    inside = end > _MAX_BAR_BESIDE_WORDS[certain]
-    shift, side = ((-4, 0), "right center") if inside else ((4, 0), "left center")
-    # The dashed line would run through the words.
-    style.note(axes, words, (end, place), shift, side, white=(0.1,))
+    style.note(axes, words, (_LIMITS[1], place), (-4, 0), "right center", white=(0.1,))

@@ -1,10 +1,6 @@
 """Fig. 2: motion over stiffness for some dampings, lag of the harmonics, lag over the tuning."""
 
-import numpy as np
-
 from gearlib.figures import panels, style
-
-_HATCHES = ("", "//", "..", "xx")
 
 
 @style.styled()
@@ -13,25 +9,19 @@ def draw(lags):
     figure = style.page(6.4)
     places = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
     axes = figure.subplot_mosaic(places, height_ratios=(1.0, 1.6, 1.8))
-    styles = panels.curve_styles(lags.damping)
-    # The first sample again at the end of the mesh period.
-    courses = panels.in_mesh_periods(lags.pad(phase=(0, 1), mode="wrap"))
-    courses = courses.assign_coords(
-        phase=courses.phase.where(np.arange(courses.phase.size) < lags.phase.size, 1.0)
-    )
+    told = {"colour": "damping", "styles": panels.curve_styles(lags.damping)}
+    periods = panels.in_mesh_periods(lags)
     steps = {"color": "black", "drawstyle": "steps-post"}
-    panels.draw_curves(axes["stiffness"], courses, "phase", "stiffness", **steps)
-    curves = {"colour": "damping", "styles": styles}
-    entries = panels.draw_curves(axes["motion"], courses, "phase", "displacement", **curves)
-    axes["stiffness"].sharex(axes["motion"])
-    axes["stiffness"].set_xlabel("")
-    axes["stiffness"].set_title(panels.value_label(lags.shown_tuning))
-    axes["motion"].set_xlim(0.0, 1.0)
-    _draw_bars(axes["bars"], lags, styles.values())
+    panels.draw_curves(axes["stiffness"], periods, "phase", "stiffness", **steps)
+    entries = panels.draw_curves(axes["motion"], periods, "phase", "displacement", **told)
+    axes["stiffness"].set(xlabel="", title=panels.value_label(lags.shown_tuning))
+    for name in ("stiffness", "motion"):
+        axes[name].set_xlim(0.0, 1.0)
+    _draw_bars(axes["bars"], lags, told["styles"].values())
     # A lag that wraps from 270 to -90 degrees is no line across the picture.
     wraps = abs(lags.first_lag.diff("tuning")).reindex_like(lags, fill_value=0.0) > 180.0
-    gaps = lags.assign(first_lag=lags.first_lag.where(~wraps).assign_attrs(lags.first_lag.attrs))
-    panels.draw_curves(axes["tuning"], gaps, "tuning", "first_lag", **curves)
+    gaps = lags.assign(first_lag=lags.first_lag.where(~wraps))
+    panels.draw_curves(axes["tuning"], gaps, "tuning", "first_lag", **told)
     axes["tuning"].axvline(lags.shown_tuning, color="black", linewidth=0.6, linestyle=":")
     style.legend(figure, entries, 4)
     return figure
@@ -42,8 +32,7 @@ def _draw_bars(axes, lags, styles):
     width = 0.8 / len(styles)
     for i, (look, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
         middle = lags.harmonic + (i - 0.5 * (len(styles) - 1)) * width
-        hatch = {"hatch": _HATCHES[i % len(_HATCHES)], "edgecolor": "white"}
-        axes.bar(middle, lag, width, color=look["color"], **hatch)
+        axes.bar(middle, lag, width, color=look["color"], edgecolor="white")
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set(xlabel=panels.axis_label(lags.harmonic), ylabel=panels.axis_label(lags.lag))
     axes.set_xticks(lags.harmonic.values)
