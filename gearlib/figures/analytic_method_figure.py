@@ -1,23 +1,21 @@
 """The analytic method: iterations and range of convergence; errors and resonance curve."""
 
 import numpy as np
-import xarray as xr
-from matplotlib.colors import TwoSlopeNorm
+from matplotlib.colors import LogNorm
 
 from gearlib.figures import panels, style
 
 _GREY = "#4D4D4D"
-#: Iterations whose courses are drawn, and their colours; -1 is the exact orbit.
-_COURSES = {-1: "black", 0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
+#: Iterations whose courses are drawn, and their colours.
+_COURSES = {0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
 #: Method -> (words, colour, marker, face of the marker).
 _METHODS = {
     "balance": ("harmonic balance", "#0072B2", "o", "#0072B2"),
     "schmidt": ("E. Schmidt", "#D55E00", "s", "white"),
 }
 _DASHES = {"displacement": "-", "velocity": style.LONG_DASHES}
+_MESHES = ("mesh that never loses contact", "gear pair with backlash")
 _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
-#: Contraction factors are coloured within these.
-_LIMITS = (0.01, 10.0)
 
 
 def draw(data):
@@ -32,55 +30,50 @@ def draw_convergence(data):
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
     _draw_courses(above, data)
     grid = panels.draw_panels(data, "iteration", "iterate_error", panel="shown", figure=middle)
-    marks = {"marker": "o", "color": "#D55E00", "markersize": 3.5}
     for i, axes in enumerate(grid[0]):
-        steps = data.isel(shown=i, iteration=data.algebraic_step.values[i].astype(bool))
-        axes.plot(steps.iteration, steps.iterate_error, linestyle="none", **marks)
+        error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
+        words = "a step of the degenerate part follows"
+        style.dots(axes, data.iteration, error, "o", "#D55E00", 3.5, label=words)
         axes.set(yscale="log", title="")
-    words = "a step of the degenerate part follows"
-    style.legend(middle, [style.entry(words, marks.pop("color"), "none", **marks)], 1)
+    style.legend(middle, grid[0, 0], 1)
     _draw_range(below, data)
     return figure
 
 
 def _draw_courses(figure, data):
     """Draw iterates over the exact orbit, a panel for each tuning."""
-    exact = data.exact_displacement.expand_dims(iteration=[-1])
-    courses = xr.concat([exact, data.iterate_displacement], "iteration")
-    courses = panels.in_mesh_periods(data.drop_dims("iteration").assign(courses=courses))
-    styles = {
-        n: {"color": colour, "linewidth": 0.9, "label": f"iteration {n}"}
-        for n, colour in _COURSES.items()
-        if n in courses.iteration
-    }
-    styles[-1] |= {"linewidth": 2.2, "label": "exact orbit"}
+    numbers = [number for number in _COURSES if number in data.iteration]
+    styles = {n: {"color": _COURSES[n], "label": f"iteration {n}"} for n in numbers}
     told = {"panel": "shown", "colour": "iteration", "styles": styles}
-    grid = panels.draw_panels(courses, "phase", "courses", figure=figure, **told)
-    for axes, count in zip(grid[0], data.degenerate_chosen.values, strict=True):
-        axes.set_title(f"{axes.get_title()}, degenerate harmonics: {count:.0f}")
+    courses = panels.in_mesh_periods(data)
+    grid = panels.draw_panels(courses, "phase", "iterate_displacement", figure=figure, **told)
+    for i, axes in enumerate(grid[0]):
+        exact = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
+        axes.plot(courses.phase, data.exact_displacement[i], **exact)
+        count = int(data.degenerate_chosen[i])
+        axes.set_title(f"{axes.get_title()}, degenerate harmonics: {count}")
+        axes.set_ylabel(panels.axis_label(data.exact_displacement, 24) if i == 0 else "")
 
 
 def _draw_range(figure, data):
     """Draw contraction factors over tuning and degenerate harmonics."""
     grid = figure.subplots(2, 1, sharex=True)
-    norm = TwoSlopeNorm(0.0, *np.log10(_LIMITS))
-    tuning, counts = data.tuning.values, data.degenerate_count.values
-    for k, axes in enumerate(grid):
-        factor = np.log10(np.clip(data.contraction.values[k], *_LIMITS))
-        shades = axes.pcolormesh(tuning, counts, factor, cmap="RdBu_r", norm=norm, rasterized=True)
-        diverged = ~data.converged.values[k].astype(bool) & np.isfinite(factor)
-        rows, columns = np.nonzero(diverged)
-        style.dots(axes, tuning[columns], counts[rows], "x", "black", 3, markeredgewidth=0.7)
-        axes.plot(tuning, data.automatic.values[k], color="black", drawstyle="steps-mid")
-        axes.set_yticks(counts)
-        axes.set(ylim=(-0.5, counts[-1] + 0.5), ylabel=panels.axis_label(data.degenerate_count))
-        axes.set_title("mesh that never loses contact" if k == 0 else "gear pair with backlash")
-    grid[-1].set_xlabel(panels.axis_label(data.tuning))
-    bar = figure.colorbar(shades, ax=list(grid), ticks=[-2, -1, 0, 1], extend="both")
-    bar.ax.set_yticklabels(["0.01", "0.1", "1", "10"])
-    bar.set_label("contraction factor of an iteration")
-    diverged = style.entry("diverged", line="", marker="x", markersize=4)
-    style.legend(figure, [diverged, style.entry("automatic choice")], 2)
+    counts = data.degenerate_count.values
+    for k, (axes, title) in enumerate(zip(grid, _MESHES, strict=True)):
+        mesh = data.isel(contact_loss=k)
+        look = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
+        shades = axes.pcolormesh(data.tuning, counts, mesh.contraction, **look)
+        rows, columns = np.nonzero((mesh.converged == 0) & mesh.contraction.notnull())
+        points = data.tuning.values[columns], counts[rows]
+        style.dots(axes, *points, "x", "black", 3, markeredgewidth=0.7, label="diverged")
+        steps = {"color": "black", "drawstyle": "steps-mid", "label": "automatic choice"}
+        panels.draw_curves(axes, mesh, "tuning", "automatic", **steps)
+        axes.set(yticks=counts, ylim=(-0.5, counts[-1] + 0.5), title=title)
+        axes.set_ylabel(panels.axis_label(data.degenerate_count))
+        axes.label_outer()
+    label = "contraction factor of an iteration"
+    figure.colorbar(shades, ax=list(grid), extend="both", label=label)
+    style.legend(figure, grid[0], 2)
 
 
 @style.styled()
@@ -123,12 +116,12 @@ def _draw_errors(axes, data):
 def _draw_resonance(figure, data):
     """Draw extrema of harmonic balance over exact sweeps."""
     axes = figure.subplots()
-    stable = data.stable.astype(bool)
-    for i, (colour, marker) in enumerate(_DIRECTIONS.values()):
+    for direction, (colour, marker) in _DIRECTIONS.items():
+        sweep = data.sel(direction=direction)
         for end in ("max", "min"):
-            axes.plot(data.tuning, data[f"displacement_{end}"][i], color=colour, linewidth=0.9)
-            for chosen, face in ((stable, colour), (~stable, "white")):
-                extrema = data[f"balance_{end}"].where(chosen)[i]
+            axes.plot(data.tuning, sweep[f"displacement_{end}"], color=colour, linewidth=0.9)
+            for stable, face in ((1, colour), (0, "white")):
+                extrema = sweep[f"balance_{end}"].where(sweep.stable == stable)
                 look = {"markerfacecolor": face, "markeredgewidth": 0.6}
                 style.dots(axes, data.tuning, extrema, marker, colour, 3, **look)
     style.shade_areas(axes, float(data.backlash_ratio), "y")

@@ -1,13 +1,13 @@
 """Draw what a fit compared, measured and fitted."""
 
-import math
-
 import numpy as np
 
 from gearlib.figures import style
 
 _MEASURED, _FITTED = "#8C8C8C", style.PALETTE[0]
-_HEIGHT = 2.0
+_ROW_HEIGHT = 2.0
+#: Half a 95 % interval in standard deviations.
+_INTERVAL = 1.96
 
 
 @style.styled()
@@ -31,61 +31,45 @@ def fit(found, *, figure=None):
     ValueError
         If it is no fit.
     """
-    _check(found)
-    every = found.curves()
-    curves = [one for one in every if hasattr(one, "at")]
-    places = [one for one in every if not hasattr(one, "at")]
-    count = len(curves) + bool(places)
-    rows = math.ceil(count / 2)
+    if not hasattr(found, "redchi"):
+        raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
+    curves = [curve for curve in found.curves() if hasattr(curve, "at")]
+    speeds = [speed for speed in found.curves() if not hasattr(speed, "at")]
+    rows = -(-(len(curves) + bool(speeds)) // 2)
     if figure is None:
         from matplotlib import pyplot
 
-        size = (style.PAGE_WIDTH, _HEIGHT * rows)
+        size = (style.PAGE_WIDTH, _ROW_HEIGHT * rows)
         figure = pyplot.figure(figsize=size, layout="constrained")
-    panels = [figure.add_subplot(rows, 2, i + 1) for i in range(count)]
-    for axes, curve in zip(panels, curves, strict=False):
-        _draw_curve(axes, curve)
-    if places:
-        _draw_places(panels[-1], places)
-    if curves:
-        panels[0].legend()
+    for i, curve in enumerate(curves):
+        _draw_curve(figure.add_subplot(rows, 2, i + 1), curve)
+    if speeds:
+        _draw_speeds(figure.add_subplot(rows, 2, len(curves) + 1), speeds)
+    figure.axes[0].legend()
     return figure
 
 
 def _draw_curve(axes, curve):
+    """Draw a measured curve as dots and the fitted one as a line, dotted where the speed falls."""
     measured, fitted = curve.heights
     scale, unit = 1.0, curve.units
     if unit == "m":
         scale, unit = style.length_unit(np.nanmax(np.abs(measured)))
     style.dots(axes, curve.at, measured / scale, ".", _MEASURED, 2.5, label="measured")
-    label = "fitted"
-    for part, line in ((~curve.falls, "-"), (curve.falls, ":")):
+    for part, dashes, label in ((~curve.falls, "-", "fitted"), (curve.falls, ":", "speed falls")):
         if part.any():
-            y = np.where(part, fitted / scale, np.nan)
-            axes.plot(curve.at, y, color=_FITTED, ls=line, lw=0.9, label=label)
-            label = None
+            line = {"color": _FITTED, "linestyle": dashes, "linewidth": 0.9, "label": label}
+            axes.plot(curve.at, np.where(part, fitted / scale, np.nan), **line)
     axes.set_xlabel("speed (rpm)" if curve.over == "speed" else "mesh periods")
     axes.set_ylabel(curve.name + (f" ({unit})" if unit not in ("", "1") else ""))
 
 
-def _draw_places(axes, places):
-    at = np.arange(len(places))
-    apart = [one.fitted - one.measured for one in places]
-    axes.errorbar(
-        at,
-        np.zeros(len(places)),
-        yerr=[1.96 * one.deviation for one in places],
-        fmt=".",
-        color=_MEASURED,
-        capsize=3,
-        label="measured",
-    )
-    style.dots(axes, at, apart, "o", _FITTED, 4, label="fitted", mfc="none")
-    axes.set_xticks(at, [f"{one.name}\n{one.measured:.6g}" for one in places])
-    axes.set_xlim(-0.5, len(places) - 0.5)
-    axes.set_ylabel("fitted less measured (rpm)")
-
-
-def _check(found):
-    if not hasattr(found, "redchi"):
-        raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
+def _draw_speeds(axes, speeds):
+    """Draw how far fitted speeds of jumps lie from the measured ones, with their intervals."""
+    places = np.arange(len(speeds))
+    bars = {"fmt": ".", "color": _MEASURED, "capsize": 3, "label": "measured"}
+    axes.errorbar(places, 0.0 * places, yerr=[_INTERVAL * x.deviation for x in speeds], **bars)
+    differences = [speed.fitted - speed.measured for speed in speeds]
+    style.dots(axes, places, differences, "o", _FITTED, 4, label="fitted", mfc="none")
+    axes.set_xticks(places, [f"{speed.name}\n{speed.measured:.6g}" for speed in speeds])
+    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel="fitted less measured (rpm)")

@@ -1,7 +1,5 @@
 """Beside Fig. 6: where the motion from rest jumps, and how far each choice moves the jump."""
 
-import textwrap
-
 import numpy as np
 
 from gearlib.figures import panels, style
@@ -18,8 +16,6 @@ _KINDS = {
 }
 #: Shifts below this, in tuning, are drawn on a linear scale.
 MAX_LINEAR_SHIFT = 1e-7
-#: Characters of the small print that fit above a panel.
-_TITLE_WIDTH = 75
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
@@ -33,20 +29,16 @@ def draw(jumps, marked=()):
     without a jump in the scan is named above its panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
-    # Rounded up.
-    rows = -(-len(kinds) // 2)
-    heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * rows
+    heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
     figure = style.page(sum(heights))
-    grid = figure.add_gridspec(1 + rows, 2, height_ratios=heights)
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
-    first = None
     for i, kind in enumerate(kinds):
+        first = figure.axes[1] if i else None
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first)
-        first = first or axes
         chosen = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
         _draw_kind(axes, chosen, np.array(marked) - float(jumps.jump[0]), *_KINDS[kind])
         axes.set_ylabel("shift of the jump\n(tuning)" if i % 2 == 0 else "")
-        axes.tick_params(labelleft=i % 2 == 0)
     if kinds and (jumps.switches.values > 1).any():
         figure.supxlabel("cross: several jumps in the scan", fontsize=6, x=0.99, ha="right")
     return figure
@@ -75,8 +67,6 @@ def _draw_kind(axes, jumps, marked_shifts, label, scale):
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # The panel also holds the values without a jump.
-    axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     # Stems, no line from value to value: what the jump does in between is not known.
     axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
     axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
@@ -84,12 +74,12 @@ def _draw_kind(axes, jumps, marked_shifts, label, scale):
     for chosen, marker, size in ((~several, "o", 3), (several, "x", 4)):
         style.dots(axes, value[chosen], shift[chosen], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
-    if scale == "log" and value[-1] < 1000.0 * value[0]:
-        panels.plain_ticks(axes.xaxis)
+    # The panel also holds the values without a jump.
+    axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
     lacking = ", ".join(f"{v:g}" for v in value[np.isnan(jumps.jump.values)])
     if lacking:
         # Above the frame, where no point can lie.
         title = f"no jump in the scan where {label.split(' (')[0]} = {lacking}"
-        axes.set_title(textwrap.fill(title, _TITLE_WIDTH), fontsize=6, loc="left", pad=2.0)
+        axes.set_title(title, fontsize=6, loc="left", pad=2.0)

@@ -48,16 +48,15 @@ def draw_courses(courses, *, colours=None):
     courses: one or several; colours: those of the dampings by name.
     """
     places = [
-        panels.in_mesh_periods(
-            panels.in_mesh_periods(data.isel(course=i, observable=j)), "point_phase"
-        )
+        data.isel(course=i, observable=j)
         for data in courses
         for i, j in np.ndindex(data.sizes["course"], data.sizes["observable"])
     ]
     rows = max(1, -(-len(places) // 2))
     figure = style.page(2.6 * rows + 0.5)
     styles = panels.curve_styles(courses[0].damping, colours)
-    for k, data in enumerate(places):
+    for k, place in enumerate(places):
+        data = panels.in_mesh_periods(panels.in_mesh_periods(place), "point_phase")
         axes = figure.add_subplot(rows, 2, k + 1)
         style.dots(axes, data.point_phase, data.point, ".", _POINT_COLOUR, 2.0, zorder=1)
         panels.draw_curves(axes, data, "phase", "computed", colour="damping", styles=styles)

@@ -51,9 +51,10 @@ def _draw_tongues(axes, plane, largest):
     shade = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **look)
     for damping, colour in zip(plane.damping, _COLOURS * plane.damping.size, strict=False):
         tongues = plane.sel(damping=damping).transpose("row", ...)
-        first, *_ = axes.plot(tongues.tuning_from, plane.value, color=colour, linewidth=0.8)
-        axes.plot(tongues.tuning_to, plane.value, color=colour, linewidth=0.8)
-        first.set_label(f"edges, $\\beta$ = {float(damping):.3g}")
+        look = {"color": colour, "linewidth": 0.8}
+        axes.plot([], [], label=f"edges, $\\beta$ = {float(damping):.3g}", **look)
+        axes.plot(tongues.tuning_from, plane.value, **look)
+        axes.plot(tongues.tuning_to, plane.value, **look)
     axes.set(xscale="log", xlim=plane.tuning.values[[0, -1]], ylim=plane.value.values[[0, -1]])
     panels.plain_ticks(axes.xaxis)
     return shade

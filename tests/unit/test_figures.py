@@ -171,17 +171,6 @@ def test_characteristics_of_all_places_are_within_common_limits():
     assert above.get_ylim() == beside.get_ylim() and above.get_ylim()[1] > 9.0
 
 
-def test_steady_orbits_are_drawn_once():
-    phase = np.arange(8 * 32) * 2.0 * np.pi / 32
-    for growth, count in ((1.0, 32 + 1), (2.0, phase.size)):
-        size = np.linspace(1.0, growth, phase.size)
-        course = {"displacement": size * np.cos(phase), "velocity": -size * np.sin(phase)}
-        course = {name: ("phase", values) for name, values in course.items()}
-        orbit = nonlinear_damping_figure._orbit(xr.Dataset(course, {"phase": phase}))
-        assert orbit.shape == (2, count)
-        assert growth > 1.0 or orbit[:, 0] == pytest.approx(orbit[:, -1], abs=1e-9)
-
-
 def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
     phase = np.arange(24) * math.tau / 8
     x = np.cos(phase / 2)  # of period 2, recorded for three
