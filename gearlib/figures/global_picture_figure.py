@@ -59,9 +59,9 @@ def _mark_attractor(axes, attractor, colour, marker):
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     name = f"period {int(attractor.period)}" if kind == 0 else _KINDS[kind]
     words = f"{name}: {share:.1f} ± {100.0 * float(attractor.share_error):.2f} %"
-    states = attractor.state.values.T if kind == 0 else ([], [])
+    x, v = attractor.state.values.T if kind == 0 else ([], [])
     edge = "white" if kind == 0 else "grey"
-    style.dots(axes, *states, marker, colour, 5.5, markeredgecolor=edge, label=words)
+    style.dots(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=words)
 
 
 def _label_plane(axes, word=""):
