@@ -23,7 +23,7 @@ _POINT = {"line": "none", "markersize": 3}
 
 @style.styled()
 def draw_sweep(curves):
-    """Draw dynamic factors and times in contact of `gearlib.studies.trains.over_speed.compute`."""
+    """Draw dynamic factors and times in contact of `gearlib.studies.trains.over_speed`."""
     figure = style.page(5.2)
     styles = _thinning_lines(panels.curve_styles(curves.mesh))
     part = schematic.with_train(figure, curves, {n: look["color"] for n, look in styles.items()})
@@ -37,7 +37,7 @@ def draw_sweep(curves):
 
 @style.styled()
 def draw_reducer(characteristics):
-    """Draw a column for each case of `gearlib.studies.trains.reducer.compute`."""
+    """Draw a column for each case of `gearlib.studies.trains.reducer`."""
     data = characteristics
     figure = style.page(6.8)
     branches = dict(zip(data.mesh.values, data.mesh_branch.values, strict=True))

@@ -86,22 +86,8 @@ def growth_percent(pair, tuning):
     return 100.0 * (np.abs(found).max() - 1.0)
 
 
-def test_the_chart_marks_the_pinched_tongues_that_it_shows(facts):
-    pair = GearPair(**PARAMETERS)
-    planes, values, tunings = chart._points(pair, [2, 3, 5], 0.3)
-    expected = {"stiffness_ratio": [], "contact_ratio": []}
-    for order in (2, 3, 5):
-        own = meissner.coexistence(order, contact_ratio=pair.contact_ratio)
-        expected["stiffness_ratio"] += [tuple(point) for point in own if point[0] >= 0.3]
-        own = meissner.coexistence(order, stiffness_ratio=pair.stiffness_ratio)
-        expected["contact_ratio"] += map(tuple, own)
-    for plane, points in expected.items():
-        shown = zip(values[planes == plane], tunings[planes == plane], strict=True)
-        assert points and sorted(shown) == sorted(points)
-
-
 def test_damping_narrows_every_tongue_of_the_chart():
-    data = chart.compute(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
+    data = stability.chart(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
     width = data.tuning_to - data.tuning_from
     # Circles of the stiffness ratio at this contact ratio, as of the closed form.
     circles = zip(data.point_value.values, data.point_tuning.values, strict=True)
