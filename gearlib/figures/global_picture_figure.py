@@ -119,7 +119,7 @@ def draw_bifurcation(diagram, shares, branches=None):
     middle.set_ylabel(panels.axis_label(diagram.exponent, 24))
     _draw_family_shares(bottom, shares)
     bottom.set(xlabel=panels.axis_label(diagram.tuning), xlim=diagram.tuning.values[[0, -1]])
-    style.add_scale(top, diagram.tuning.values, diagram.speed.values, "speed (rpm)")
+    style.second_scale(top, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
     return figure
 
 

@@ -30,7 +30,8 @@ def draw_sweep(curves):
     rows = [(name, styles) for name in ("dynamic_factor", "fraction_normal")]
     grid = _draw_columns(part, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
-    style.add_scale(grid[0, 0], curves.speed.values, curves.tuning.values, style.OWN_TUNING)
+    tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])
+    style.second_scale(grid[0, 0], tuning_per_speed, style.OWN_TUNING)
     style.legend(figure, panels.legend_entries(styles) + _common_entries(), 4)
     return figure
 
@@ -64,9 +65,8 @@ def draw_reducer(characteristics):
         _mark_single_branches(column[0], case)
         column[0].set_title(panels.value_label(case.case))
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
-        style.add_scale(
-            column[0], data.tuning.values, data.speed.values, "speed of the input (rpm)"
-        )
+        speed_per_tuning = float(data.speed[-1] / data.tuning[-1])
+        style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
     handles = panels.legend_entries(stages[1]) + _common_entries()
     for _, marker, words in _SINGLE_BRANCH_MARKS.values():
         handles.append(style.entry(words, marker=marker, **_POINT))
