@@ -37,7 +37,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         Mesh phase of the section, from 0 to less than 2 pi. Of models other than a `GearPair` a
         multiple of one degree.
     max_events : int
-        As of `gearlib.simulate`.
+        Largest number of contact events in one mesh period.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def bifurcation_diagram(
         Mesh phase at which states are taken, as of `gearlib.poincare_section`.
     initial_state : tuple of float
     max_events : int
-        As of `gearlib.simulate`.
+        Largest number of contact events in one mesh period.
 
     Returns
     -------

@@ -5,26 +5,27 @@ In static deflections and mesh phase, Eq. (3) for one degree of freedom reads
     x'' + f(tau, x, x') = e(tau),    f = damping + c(tau) k(g(x)) / nu^2,
 
 sought with a period of n mesh periods: x = sum_k X_k exp(i k tau / n). Forces are evaluated on a
-grid of phases and taken back to harmonics by FFT (alternating frequency and time).
+grid of phases and transformed to harmonics by FFT (alternating frequency and time).
 
-The mesh stiffness enters by its exact Fourier coefficients as far as the grid carries them, so
+The mesh stiffness has its exact Fourier coefficients up to the highest harmonic of the grid, so
 that without loss of contact the products are those of Galerkin's method, free of aliasing. At a
-flank line contact counts by the share of the grid cell in which the flanks touch, the motion
-taken as straight within the cell: forces stay continuous in (x, x') where damping jumps, Newton's
-method has a derivative, and the jump enters that derivative as the impulse it is.
+flank line the contact is the share of the grid cell in which the flanks touch, with a motion that
+is linear within the cell: forces stay continuous in (x, x') where damping jumps, Newton's method
+has a derivative, and the jump is an impulse in that derivative.
 """
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-#: Samples per harmonic, at least: the product of c and x is then free of aliasing.
-LEAST_SAMPLES = 4
-#: Samples per harmonic by default: flank crossings are resolved finer than the motion.
+#: Smallest number of samples per harmonic: the product of c and x is then free of aliasing.
+MIN_SAMPLES = 4
+#: Samples per harmonic by default: the grid then resolves flank crossings.
 _DEFAULT_SAMPLES = 16
-_TINY = 1e-300
-#: Signs with which contact at the far flank adds to the six numbers of `_flank` at the near one.
+#: Smallest width of a flank crossing, which avoids a division by zero.
+_MIN_WIDTH = 1e-300
+#: Signs with which contact at the far flank adds to the six rows of `_flank` at the near one.
 _FAR_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
 
 
@@ -32,8 +33,8 @@ class Force(NamedTuple):
     """Forces f on the grid and their derivatives, shape (samples,)."""
 
     value: np.ndarray
-    slope: np.ndarray  #: by displacement, of the mesh force
-    impulse: np.ndarray  #: by displacement, of damping that jumps at a flank line
+    slope: np.ndarray  #: derivative of the mesh force by displacement
+    impulse: np.ndarray  #: derivative by displacement of damping that jumps at a flank line
     by_velocity: np.ndarray
     share: np.ndarray  #: of contact, 0 to 1
 
@@ -49,8 +50,10 @@ class MeshEquation:
         self.pair, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = samples or default_samples(harmonics)
-        law, added = model.law(tuning), np.array([added_damping, 0.0, 0.0])
-        self.law = law._replace(material=law.material + added, oil=law.oil + added)
+        law, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
+        self.law = law._replace(
+            material=law.material + linear_damping, oil=law.oil + linear_damping
+        )
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
@@ -66,54 +69,54 @@ class MeshEquation:
         self.symbol = self.unit - self.orders**2 + 1j * self.rate * self.orders
 
     @cached_property
-    def stiffness(self):
-        """c / nu^2 on the grid, cut after the harmonics that the grid carries."""
+    def stiffness(self) -> np.ndarray:
+        """Stiffness c / nu^2 on the grid, without harmonics above the highest of the grid."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
         coefficients = _stiffness_coefficients(self.law, highest)
         spectrum[: highest * self.period + 1 : self.period] = coefficients
         return np.fft.irfft(spectrum * self.samples, self.samples)
 
-    def on_grid(self, coefficients):
-        """Return harmonics, shape (..., harmonics + 1), on the grid, shape (..., samples)."""
+    def on_grid(self, coefficients: np.ndarray) -> np.ndarray:
+        """Transform harmonics, shape (..., harmonics + 1), to the grid, shape (..., samples)."""
         return np.fft.irfft(coefficients, self.samples, norm="forward")
 
-    def to_harmonics(self, values):
-        """Return values on the grid as harmonics; the higher ones are dropped."""
+    def to_harmonics(self, values: np.ndarray) -> np.ndarray:
+        """Transform values on the grid to harmonics; those above the highest are dropped."""
         return np.fft.rfft(values, norm="forward")[..., : self.harmonics + 1]
 
-    def motion(self, coefficients):
-        """Return displacement and dx/dtau on the grid."""
+    def motion(self, coefficients: np.ndarray) -> tuple:
+        """Return displacement and dx/dtau on the grid of a motion given by its harmonics."""
         return self.on_grid(coefficients), self.on_grid(1j * self.orders * coefficients)
 
-    def force(self, coefficients):
+    def force(self, coefficients: np.ndarray) -> Force:
         """Return the `Force` on the grid, damping and mesh, of a motion given by its harmonics."""
         law, (x, v) = self.law, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
         contact = _flank(x, v, step) + _FAR_SIGNS * _flank(-(x + law.gap), -v, step)
-        touch, touch_x, touch_v, depth, depth_x, depth_v = contact
+        share, share_x, share_v, depth, depth_x, depth_v = contact
         material, material_v = _damping(law.material, v)
         oil, oil_v = _damping(law.oil, v)
         p2, p3 = law.powers
         mesh = depth * (1.0 + p2 * np.abs(depth) + p3 * depth**2)
         slope = self.stiffness * (1.0 + 2.0 * p2 * np.abs(depth) + 3.0 * p3 * depth**2)
         return Force(
-            oil + touch * (material - oil) + self.stiffness * mesh,
+            oil + share * (material - oil) + self.stiffness * mesh,
             slope * depth_x,
-            touch_x * (material - oil),
-            oil_v + touch * (material_v - oil_v) + touch_v * (material - oil) + slope * depth_v,
-            touch,
+            share_x * (material - oil),
+            oil_v + share * (material_v - oil_v) + share_v * (material - oil) + slope * depth_v,
+            share,
         )
 
-    def variation(self, coefficients):
-        """Return (a, h, b) of the equation of small deviations, y'' + a y' + (h y)' + b y = 0.
+    def variation(self, coefficients: np.ndarray) -> tuple:
+        """Return (a, h, b) on the grid for small deviations, y'' + a y' + (h y)' + b y = 0.
 
         Damping that jumps at a flank line would leave an impulse in b where y' jumps, a product
-        that no grid carries. With j(v) the jump and p = j / v, H the contact,
+        that no grid can represent. With the jump j(v), p = j / v and contact H,
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
 
-        has none: with linear damping the last two terms vanish.
+        has no impulse: with linear damping the last two terms vanish.
         """
         force, law = self.force(coefficients), self.law
         v, share = self.motion(coefficients)[1], force.share
@@ -125,29 +128,29 @@ class MeshEquation:
             force.slope - share * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
         )
 
-    def residual(self, coefficients, force):
-        """Return x'' + f - e on the harmonics."""
+    def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
+        """Return the residual x'' + f - e on the harmonics."""
         inertia = -(self.orders**2) * coefficients
         return inertia + self.to_harmonics(force.value) - self.excitation
 
-    def size(self, residual):
-        """Return the largest value of a residual over the period, in loads."""
+    def size(self, residual: np.ndarray) -> float:
+        """Return the largest value of a residual over the period, relative to the load."""
         return float(np.abs(self.on_grid(residual)).max() / self.unit)
 
-    def jacobian(self, force):
-        """Return the derivative of the residual by the harmonics, both as of `real_parts`."""
+    def jacobian(self, force: Force) -> np.ndarray:
+        """Return the derivative of the residual by the harmonics, both as `real_parts`."""
         k = np.arange(self.harmonics + 1)
-        b = np.fft.fft(force.slope + force.impulse, norm="forward")
-        a = np.fft.fft(force.by_velocity, norm="forward")
-        rate, plus, minus = 1j * self.orders, k[:, None] - k, k[:, None] + k
-        direct = b[plus] + a[plus] * rate - np.diag(self.orders**2)
-        mirrored = b[minus] - a[minus] * rate
-        mirrored[:, 0] = 0.0
-        changes = np.hstack([direct + mirrored, 1j * (direct - mirrored)[:, 1:]])
+        by_x = np.fft.fft(force.slope + force.impulse, norm="forward")
+        by_v = np.fft.fft(force.by_velocity, norm="forward")
+        rate, differences, sums = 1j * self.orders, k[:, None] - k, k[:, None] + k
+        direct = by_x[differences] + by_v[differences] * rate - np.diag(self.orders**2)
+        conjugate = by_x[sums] - by_v[sums] * rate
+        conjugate[:, 0] = 0.0
+        changes = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
         return real_parts(changes.T).T
 
-    def weights(self, force):
-        """Return how much each harmonic of the kernel can enlarge a deviation.
+    def weights(self, force: Force) -> np.ndarray:
+        """Return a bound of the factor by which each harmonic of the kernel enlarges a deviation.
 
         |G_k| (sup |n_x| + k sup |n_v|), where n = f - 2 d x' - w^2 x is the force that the
         mean-stiffness oscillator lacks, n_x and n_v its derivatives. Damping that jumps at a flank
@@ -159,53 +162,53 @@ class MeshEquation:
             return (by_x + self.orders * by_v) / np.abs(self.symbol)
 
 
-def default_samples(harmonics):
-    """Return the grid points for a number of harmonics: a power of two, 16 each at least."""
+def default_samples(harmonics: int) -> int:
+    """Return the default number of grid points: a power of two, at least 16 per harmonic."""
     return 1 << int(np.ceil(np.log2(_DEFAULT_SAMPLES * max(harmonics, 1))))
 
 
-def real_parts(coefficients):
-    """Return the real parts of harmonics 0 ... h, then the imaginary ones of 1 ... h."""
+def real_parts(coefficients: np.ndarray) -> np.ndarray:
+    """Return the real parts of harmonics 0 ... h, then the imaginary parts of 1 ... h."""
     return np.concatenate([coefficients.real, coefficients[..., 1:].imag], axis=-1)
 
 
-def from_real_parts(parts):
-    """Return the harmonics whose `real_parts` are given."""
+def from_real_parts(parts: np.ndarray) -> np.ndarray:
+    """Return complex harmonics from their `real_parts`."""
     half = parts.shape[-1] // 2 + 1
     coefficients = parts[..., :half].astype(complex)
     coefficients[..., 1:] += 1j * parts[..., half:]
     return coefficients
 
 
-def _flank(x, v, step):
-    """Return contact with a flank at x = 0, touched for x > 0, as (share, depth) with derivatives.
+def _flank(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
+    """Return contact with a flank at x = 0, touched for x > 0, on a grid of phases.
 
     Rows: share of contact, its derivatives by x and v, elastic deflection, its derivatives. The
-    deflection is its mean over the cell of the grid. The share of contact is weighted with a
-    hat over two cells: its derivative, an impulse, then has the right place between two points.
+    deflection is the mean over a grid cell. The share of contact is weighted with a hat function
+    over two cells: its derivative, an impulse, then has the right position between two points.
     """
-    reach = np.maximum(np.abs(v) * step, _TINY)
-    by_v = np.sign(v) * step
-    u = np.clip(x / reach, -1.0, 1.0)
+    width = np.maximum(np.abs(v) * step, _MIN_WIDTH)
+    width_v = np.sign(v) * step
+    u = np.clip(x / width, -1.0, 1.0)
     share = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
-    slope = (1.0 - np.abs(u)) / reach
-    cell = np.clip(0.5 + x / reach, 0.0, 1.0)
-    cut = (cell > 0.0) & (cell < 1.0)
-    depth = np.where(cut, 0.5 * reach * cell**2, np.maximum(x, 0.0))
-    depth_v = 0.5 * cell * (1.0 - cell) * by_v
-    return np.array([share, slope, -slope * u * by_v, depth, cell, depth_v])
+    slope = (1.0 - np.abs(u)) / width
+    touching = np.clip(0.5 + x / width, 0.0, 1.0)
+    is_crossed = (touching > 0.0) & (touching < 1.0)
+    depth = np.where(is_crossed, 0.5 * width * touching**2, np.maximum(x, 0.0))
+    depth_v = 0.5 * touching * (1.0 - touching) * width_v
+    return np.array([share, slope, -slope * u * width_v, depth, touching, depth_v])
 
 
-def _damping(d, v):
-    """Return d1 v + d2 |v| v + d3 v^3 and its derivative."""
+def _damping(d: np.ndarray, v: np.ndarray) -> tuple:
+    """Return the damping force d1 v + d2 |v| v + d3 v^3 and its derivative by v."""
     size = np.abs(v)
     return v * (d[0] + d[1] * size + d[2] * v**2), d[0] + 2.0 * d[1] * size + 3.0 * d[2] * v**2
 
 
-def _stiffness_coefficients(law, highest):
+def _stiffness_coefficients(law: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of c / nu^2 of a `Law`.
 
-    They follow from the jumps of value and slope at the breaks of the straight pieces.
+    They follow from the jumps of value and slope between the linear pieces.
     """
     n = np.arange(1, highest + 1)
     lengths = np.diff(law.breaks)
@@ -213,10 +216,10 @@ def _stiffness_coefficients(law, highest):
     coefficients = np.zeros(highest + 1, complex)
     coefficients[0] = np.sum((law.pieces[:, 0] + ends) / 2.0 * lengths) / (2.0 * np.pi)
     jumps = law.pieces[:, 0] - np.roll(ends, 1)
-    kinks = law.pieces[:, 1] - np.roll(law.pieces[:, 1], 1)
-    for phase, jump, kink in zip(law.breaks[:-1], jumps, kinks, strict=True):
-        turn = np.exp(-1j * n * phase) / (2.0 * np.pi)
-        coefficients[1:] += turn * (jump / (1j * n) - kink / n**2)
+    slope_jumps = law.pieces[:, 1] - np.roll(law.pieces[:, 1], 1)
+    for phase, jump, slope_jump in zip(law.breaks[:-1], jumps, slope_jumps, strict=True):
+        wave = np.exp(-1j * n * phase) / (2.0 * np.pi)
+        coefficients[1:] += wave * (jump / (1j * n) - slope_jump / n**2)
     for order, cosine, sine in law.stiffness:
         if order <= highest:
             coefficients[int(order)] += (cosine - 1j * sine) / 2.0

@@ -1,18 +1,20 @@
-"""Harmonic balance: all harmonics at once by Newton's method, forces by alternating domains.
+"""`harmonic_balance`: all harmonics of a periodic motion at once by Newton's method.
 
-The residual of x'' + f(tau, x, x') = e on the harmonics is brought to zero. Forces are taken on a
-grid (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics follows from the
-FFT of f_x and f_v, a Toeplitz matrix, so that nothing is differenced.
+The residual of x'' + f(tau, x, x') = e on the harmonics is brought to zero. Forces are evaluated on
+a grid of phases (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics follows
+from the FFT of f_x and f_v, a Toeplitz matrix, without differences.
 
 Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability is
 that of Hill's method.
 """
 
+from typing import Any
+
 import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.harmonics.equation import (
-    LEAST_SAMPLES,
+    MIN_SAMPLES,
     MeshEquation,
     from_real_parts,
     real_parts,
@@ -23,12 +25,13 @@ from gearlib.data.motions import floats
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_tuning
 
-#: Residual over the load that counts as none; times the size of the inertia terms if larger.
-_RESIDUAL = 1e-11
-_MAX_NEWTON, _MAX_HALVINGS = 60, 12
-#: Damping forces x' added on the way to a first guess, from a motion that hardly moves down to
-#: that of the mesh itself; on so many harmonics, enough to tell contacts, to so small an error.
-_ADDED_DAMPING = (1.0, 0.3, 0.1, 0.03, 0.0)
+#: Largest residual of a solution, relative to the load or to larger inertia terms.
+_MAX_RESIDUAL = 1e-11
+_MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
+#: Damping forces x' that are added on the way to a first guess, from a motion that hardly moves
+#: down to that of the mesh itself.
+_ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
+#: Harmonics and tolerance of the first guess: enough to distinguish contact states.
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
@@ -67,11 +70,11 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     equation = check_problem(pair, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for stage, tolerance in stages(equation, guess, _RESIDUAL):
-        first = resized(coefficients, stage)
-        coefficients, size, more_steps, more_evaluations = _newton(stage, first, tolerance)
-        steps, evaluations = steps + more_steps, evaluations + more_evaluations
-    if not size <= _negligible_residual(equation, coefficients, _RESIDUAL):
+    for stage, tolerance in stages(equation, guess, _MAX_RESIDUAL):
+        start = resized(coefficients, stage)
+        coefficients, size, new_steps, new_evaluations = _newton(stage, start, tolerance)
+        steps, evaluations = steps + new_steps, evaluations + new_evaluations
+    if not size <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "
             f"tuning = {equation.tuning!r}, the best residual is {size:.2g}: guess the solution of "
@@ -91,12 +94,16 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     )
 
 
-def _newton(equation, coefficients, tolerance):
-    """Return (coefficients, residual, steps, evaluations) where Newton's method ends."""
+def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
+    """Solve the equation by Newton's method with halved steps.
+
+    Return (coefficients, size of the residual, steps, evaluations of the force) of the last
+    iterate.
+    """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
     size, steps, evaluations = equation.size(residual), 0, equation.samples
-    while steps < _MAX_NEWTON and size > _negligible_residual(equation, coefficients, tolerance):
+    while steps < _MAX_NEWTON_STEPS and size > _max_residual(equation, coefficients, tolerance):
         try:
             step = np.linalg.solve(equation.jacobian(force), -real_parts(residual))
         except np.linalg.LinAlgError:
@@ -117,13 +124,15 @@ def _newton(equation, coefficients, tolerance):
     return coefficients, size, steps, evaluations
 
 
-def _negligible_residual(equation, coefficients, tolerance):
-    """Return the residual that counts as none."""
+def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
+    """Return the largest residual that counts as zero: a tolerance times the inertia terms."""
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.unit
     return tolerance * max(1.0, inertia)
 
 
-def check_problem(model, tuning, harmonics, samples, period):
+def check_problem(
+    model: Any, tuning: float, harmonics: int, samples: int | None, period: int
+) -> MeshEquation:
     """Return the `MeshEquation` of checked arguments, else ValueError."""
     if not (is_model(model) and model.one_mesh):
         raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
@@ -131,29 +140,29 @@ def check_problem(model, tuning, harmonics, samples, period):
     period = checks.integer("period", period, 1)
     harmonics = checks.integer("harmonics", harmonics, period)
     if samples is not None:
-        samples = checks.integer("samples", samples, LEAST_SAMPLES * harmonics + 1)
+        samples = checks.integer("samples", samples, MIN_SAMPLES * harmonics + 1)
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
-def stages(equation, guess, tolerance):
+def stages(equation: MeshEquation, guess: Any, tolerance: float) -> list:
     """Return the equations that are solved one after the other, each with its tolerance.
 
-    Without a guess these are first, roughly and of few harmonics, those of a strongly damped mesh.
+    If there is no guess, meshes with added damping come first, with few harmonics.
     """
     pair, tuning, period = equation.pair, equation.tuning, equation.period
     harmonics = min(equation.harmonics, _GUESS_HARMONICS * period)
-    damped = [
-        (MeshEquation(pair, tuning, harmonics, None, period, added), _GUESS_TOLERANCE)
-        for added in (_ADDED_DAMPING if guess is None else ())
+    damped_stages = [
+        (MeshEquation(pair, tuning, harmonics, None, period, damping), _GUESS_TOLERANCE)
+        for damping in (_ADDED_DAMPINGS if guess is None else ())
     ]
-    return [*damped, (equation, tolerance)]
+    return [*damped_stages, (equation, tolerance)]
 
 
-def first_coefficients(equation, guess):
-    """Return the harmonics from which a search starts, shape (harmonics + 1,).
+def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
+    """Return the harmonics of a guess, shape (harmonics + 1,), checked.
 
     The guess is a `PeriodicSolution` of the same period; displacements at n equal steps of
-    phase over the period; or None, the static deflection. A ValueError names it.
+    phase over the period; or None, the static deflection.
     """
     if guess is None:
         return resized(np.ones(1, complex), equation)
@@ -170,12 +179,12 @@ def first_coefficients(equation, guess):
             f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
             "finite displacements over the period"
         )
-    # The highest harmonic of an even number of points has no phase: left out.
+    # The highest harmonic of an even number of points has no phase and is left out.
     return resized(np.fft.rfft(values, norm="forward")[: (values.size + 1) // 2], equation)
 
 
-def resized(coefficients, equation):
-    """Return harmonics cut, or filled with zeros, to those of an equation."""
+def resized(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
+    """Return harmonics truncated, or extended by zeros, to those of an equation."""
     result = np.zeros(equation.harmonics + 1, complex)
     count = min(coefficients.size, result.size)
     result[:count] = coefficients[:count]

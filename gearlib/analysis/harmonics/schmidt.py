@@ -1,12 +1,13 @@
-"""The paper's analytic method: an integral equation, its kernel split after E. Schmidt.
+"""`schmidt`: the paper's analytic method, an integral equation with its kernel split.
 
 With the periodic Green's function G of the mean-stiffness oscillator, on harmonics one over its
 symbol 1 / nu^2 - k^2 + 2 i beta k / nu, the periodic problem is the equation
 
     x(tau) = int G(tau - sigma) [e(sigma) - n(sigma, x, x')] dsigma,
 
-n all that this oscillator lacks: the variable part of the mesh stiffness, loss of contact, inverse
-mesh, nonlinear damping. G = S + R, S of finite rank on the near-resonant harmonics, R the rest:
+where n is the force that this oscillator lacks: the variable part of the mesh stiffness, loss of
+contact, inverse mesh, nonlinear damping. G = S + R, S of finite rank on the near-resonant
+harmonics, R the remainder:
 
 * the remainder x_R = R [e - n(x_S + x_R)] by successive approximations, the Neumann series of R;
 * the degenerate part x_S from as many algebraic equations as S has terms, by Newton's method,
@@ -18,13 +19,14 @@ by FFT: an iteration costs as little as samples times their logarithm, however m
 E. Schmidt, Math. Ann. 64 (1907) 161-174; Hortel, Skuderova (2007), references [1-4] there.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics.equation import Force, from_real_parts, real_parts
+from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_parts, real_parts
 from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
     first_coefficients,
@@ -33,15 +35,16 @@ from gearlib.analysis.harmonics.harmonic_balance import (
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 
-#: Bound of the norm of the remainder that the automatic choice of degenerate terms keeps.
+#: Largest bound of the norm of the remainder that the automatic choice of harmonics leaves.
 _MAX_NORM = 0.5
-#: Successive approximations stop for a step of the algebraic system at this share of its residual.
+#: Correction of the remainder, as a share of the algebraic residual, after which the algebraic
+#: system takes a step.
 _REMAINDER_SHARE = 0.01
 #: Accuracy of the Neumann series in the derivative; more would only spare a step at the end.
 _SERIES_TOLERANCE = 1e-6
 _MAX_SERIES_TERMS, _MAX_HALVINGS = 200, 8
-#: Growth of the motion over the static deflection that counts as divergence.
-_DIVERGED = 1e6
+#: Size of the motion, in static deflections, from which on the iteration has diverged.
+_MAX_SIZE = 1e6
 #: Powers of the kernel from which its spectral radius is estimated.
 _POWERS = 60
 
@@ -53,7 +56,7 @@ class SchmidtSolution(PeriodicSolution):
     converged: bool
     degenerate: tuple  #: harmonics of the degenerate part
     norm_bound: float  #: of the norm of the remainder, in mean squares, along the motion
-    contraction: float  #: by which each iteration shrinks a deviation: spectral radius of R n'
+    contraction: float  #: factor of a deviation in each iteration: spectral radius of R n'
 
     @property
     def status(self):
@@ -65,7 +68,7 @@ class SchmidtSolution(PeriodicSolution):
         """Real terms of the degenerate kernel: one for the mean, two for each harmonic."""
         return sum(1 if k == 0 else 2 for k in self.degenerate)
 
-    def _facts(self):
+    def _method_variables(self):
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
@@ -127,32 +130,44 @@ def schmidt(
     terms = degenerate_harmonics(equation, degenerate)
     automatic = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
-    count, evaluations = 0, 0
+    iterations, evaluations = 0, 0
     for stage, accuracy in stages(equation, guess, tolerance):
-        first, left = resized(coefficients, stage), max_iterations - count
-        resolved = terms[terms <= stage.harmonics]
-        coefficients, more, converged, applications = search(
-            stage, first, resolved, automatic, accuracy, left
+        coefficients, new_terms, converged, applications = search(
+            stage,
+            resized(coefficients, stage),
+            terms[terms <= stage.harmonics],
+            automatic,
+            accuracy,
+            max_iterations - iterations,
         )
-        terms = np.union1d(terms, more)
-        count, evaluations = count + applications, evaluations + applications * stage.samples
-    return _solution(equation, coefficients, terms, converged, count, evaluations)
+        terms = np.union1d(terms, new_terms)
+        iterations += applications
+        evaluations += applications * stage.samples
+    return _solution(equation, coefficients, terms, converged, iterations, evaluations)
 
 
-def search(equation, coefficients, degenerate, automatic, tolerance, max_applications):
-    """Return (coefficients, degenerate, whether they converged, applications of the kernel).
+def search(
+    equation: MeshEquation,
+    coefficients: np.ndarray,
+    degenerate: np.ndarray,
+    automatic: bool,
+    tolerance: float,
+    max_applications: int,
+) -> tuple:
+    """Iterate until convergence.
 
-    If the choice is `automatic`, harmonics become degenerate as the motion asks.
+    Return (coefficients, degenerate harmonics, whether they converged, applications of the kernel).
+    If the choice is `automatic`, further harmonics become degenerate where the motion needs it.
     """
     count, steps = 0, iterate(equation, coefficients, degenerate, tolerance)
     while count < max_applications:
         step = next(steps)
         coefficients, count = step.coefficients, count + step.applications
-        if not _norm(coefficients) < _DIVERGED:
+        if not _norm(coefficients) < _MAX_SIZE:
             break
-        more = _resonant(equation, step.force) if automatic else degenerate
-        if np.setdiff1d(more, degenerate).size:
-            degenerate = np.union1d(degenerate, more)
+        resonant = _resonant(equation, step.force) if automatic else degenerate
+        if np.setdiff1d(resonant, degenerate).size:
+            degenerate = np.union1d(degenerate, resonant)
             steps = iterate(equation, coefficients, degenerate, tolerance)
         elif step.correction <= tolerance and step.algebraic <= tolerance:
             return coefficients, degenerate, True, count
@@ -160,7 +175,7 @@ def search(equation, coefficients, degenerate, automatic, tolerance, max_applica
 
 
 class Iterate(NamedTuple):
-    """A step of the method."""
+    """One step of the iteration."""
 
     coefficients: np.ndarray  #: after the step
     force: Force  #: before it
@@ -169,33 +184,35 @@ class Iterate(NamedTuple):
     applications: int  #: of the kernel in this step
 
 
-def iterate(equation, coefficients, degenerate, tolerance):
-    """Yield the steps of the method from first coefficients, without end; see `Iterate`."""
+def iterate(
+    equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, tolerance: float
+) -> Iterator[Iterate]:
+    """Yield the `Iterate`s from first coefficients, without end."""
     gain = _remainder_gain(equation, degenerate)
     algebraic = np.inf if len(degenerate) else 0.0
-    # The last step of the degenerate part: from where, and the residual that it left.
-    base, step, least, halvings = coefficients, np.zeros_like(coefficients), np.inf, 0
-    cost = 0
+    # Start of the last step of the degenerate part, the step, and the residual at its start.
+    base, step, base_residual = coefficients, np.zeros_like(coefficients), np.inf
+    halvings = applications = 0
     while True:
         force = equation.force(coefficients)
-        balance = equation.excitation - _missing(equation, coefficients, force.value)
+        balance = equation.excitation - _lacking_force(equation, coefficients, force.value)
         residual = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
         new = gain * balance
         new[degenerate] = coefficients[degenerate]
         correction, coefficients = _norm(new - coefficients), new
-        yield Iterate(coefficients, force, correction, algebraic, cost + 1)
-        cost = 0
+        yield Iterate(coefficients, force, correction, algebraic, applications + 1)
+        applications = 0
         if not len(degenerate) or correction > max(tolerance, _REMAINDER_SHARE * residual):
             continue
-        if residual > least and halvings < _MAX_HALVINGS:
+        if residual > base_residual and halvings < _MAX_HALVINGS:
             step, halvings = 0.5 * step, halvings + 1
         else:
-            base, least, halvings = coefficients, residual, 0
-            step, cost = _algebraic_step(equation, base, degenerate, gain)
+            base, base_residual, halvings = coefficients, residual, 0
+            step, applications = _algebraic_step(equation, base, degenerate, gain)
         coefficients, algebraic = base + step, _norm(step)
 
 
-def _remainder_gain(equation, degenerate):
+def _remainder_gain(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarray:
     """Return the kernel of the remainder on the harmonics: 0 on the degenerate ones."""
     gain = np.zeros(equation.harmonics + 1, complex)
     remainder = np.delete(np.arange(gain.size), degenerate)
@@ -203,47 +220,51 @@ def _remainder_gain(equation, degenerate):
     return gain
 
 
-def _algebraic_step(equation, coefficients, degenerate, gain):
-    """Return Newton's step of the degenerate part with the remainder that follows, and its cost."""
+def _algebraic_step(
+    equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, gain: np.ndarray
+) -> tuple:
+    """Return (Newton step of the degenerate part and the remainder, applications of the kernel)."""
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    # Unit changes of the real parts, and of the imaginary parts but that of the mean.
+    # Unit changes of all real parts, and of all imaginary parts but that of the mean.
     unknowns = np.concatenate([degenerate, equation.harmonics + degenerate[degenerate > 0]])
     units = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
     units[np.arange(unknowns.size), unknowns] = 1.0
     units = from_real_parts(units)
-    follow, terms = np.zeros_like(units), 0
+    remainder, terms = np.zeros_like(units), 0
     while terms < _MAX_SERIES_TERMS:
-        # Neumann's series of (1 + R n')^-1, summed as successive approximations.
-        new = -gain * _missing_change(equation, force, units + follow)
-        change = np.abs(new - follow).max()
-        follow, terms = new, terms + 1
-        if not _SERIES_TOLERANCE < change < _DIVERGED:
+        # Neumann series of (1 + R n')^-1, summed as successive approximations.
+        new = -gain * _lacking_force_change(equation, force, units + remainder)
+        change = np.abs(new - remainder).max()
+        remainder, terms = new, terms + 1
+        if not _SERIES_TOLERANCE < change < _MAX_SIZE:
             break
-    whole = units + follow
-    effect = equation.symbol * whole + _missing_change(equation, force, whole)
+    directions = units + remainder
+    effect = equation.symbol * directions + _lacking_force_change(equation, force, directions)
     matrix = real_parts(effect)[:, unknowns].T
-    share, *_ = np.linalg.lstsq(matrix, -real_parts(residual)[unknowns], rcond=None)
-    return share @ whole, 1 + (terms + 1) * len(units)
+    step, *_ = np.linalg.lstsq(matrix, -real_parts(residual)[unknowns], rcond=None)
+    return step @ directions, 1 + (terms + 1) * len(units)
 
 
-def _missing(equation, coefficients, force):
+def _lacking_force(
+    equation: MeshEquation, coefficients: np.ndarray, force: np.ndarray
+) -> np.ndarray:
     """Return n, the force that the mean-stiffness oscillator lacks, on the harmonics."""
     linear = (equation.unit + 1j * equation.rate * equation.orders) * coefficients
     return equation.to_harmonics(force) - linear
 
 
-def _missing_change(equation, force, changes):
+def _lacking_force_change(equation: MeshEquation, force: Force, changes: np.ndarray) -> np.ndarray:
     """Return the change of n by changes of the harmonics, shape (m, harmonics + 1)."""
     x, v = equation.motion(changes)
     by_displacement = force.slope + force.impulse
-    return _missing(equation, changes, by_displacement * x + force.by_velocity * v)
+    return _lacking_force(equation, changes, by_displacement * x + force.by_velocity * v)
 
 
-def contraction(equation, coefficients, degenerate):
+def contraction(equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray) -> float:
     """Return the spectral radius of R n' along a motion: below 1 the method converges there.
 
-    By 60 powers from a fixed start, of which the last 20 count: good to about a percent.
+    It is estimated by power iteration from a fixed start, to about a percent.
     """
     force, gain = equation.force(coefficients), _remainder_gain(equation, degenerate)
     change = np.where(np.arange(gain.size) % 2, 1.0, 0.7 + 0.4j) * np.abs(gain)
@@ -254,38 +275,38 @@ def contraction(equation, coefficients, degenerate):
         sizes.append(size)
         if size == 0.0:
             return 0.0
-        change = gain * _missing_change(equation, force, change / size)
+        change = gain * _lacking_force_change(equation, force, change / size)
     return float(np.exp(np.mean(np.log(sizes[-(_POWERS // 3) :]))))
 
 
-def degenerate_harmonics(equation, degenerate):
-    """Return the harmonics that an argument `degenerate` means, rising, else ValueError."""
+def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
+    """Return the rising harmonics that the argument `degenerate` of `schmidt` selects, checked."""
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if np.ndim(degenerate) == 0:
         count = checks.integer("degenerate", degenerate, 0, equation.harmonics + 1)
         return np.sort(np.argsort(np.abs(equation.symbol), kind="stable")[:count])
-    listed = [checks.integer("degenerate", k, 0, equation.harmonics) for k in degenerate]
-    return np.unique(np.array(listed, int))
+    harmonics = [checks.integer("degenerate", k, 0, equation.harmonics) for k in degenerate]
+    return np.unique(np.array(harmonics, int))
 
 
-def _resonant(equation, force):
+def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
     """Return the harmonics on which the kernel may enlarge a deviation too much."""
     return np.flatnonzero(equation.weights(force) > _MAX_NORM)
 
 
-def _norm(coefficients):
-    """Return the root of the mean square over the period."""
+def _norm(coefficients: np.ndarray) -> float:
+    """Return the root mean square over the period of a motion given by its harmonics."""
     squares = np.abs(coefficients) ** 2
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
 def _solution(equation, coefficients, degenerate, converged, iterations, evaluations):
-    """Return the `SchmidtSolution` where a search ended; without numbers if it has diverged."""
+    """Return the `SchmidtSolution` at the end of a search; NaN for multipliers if it diverged."""
     force = equation.force(coefficients)
     multipliers, norm_bound, factor = np.full(2, np.nan, complex), np.nan, np.nan
-    if _norm(coefficients) < _DIVERGED:
+    if _norm(coefficients) < _MAX_SIZE:
         multipliers = hill_multipliers(equation, coefficients)
         # Below 1 the Neumann series of the remainder converges.
         norm_bound = float(np.delete(equation.weights(force), degenerate).max(initial=0.0))

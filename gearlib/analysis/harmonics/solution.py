@@ -1,14 +1,14 @@
-"""A periodic motion as harmonics: its course, flank crossings, errors, multipliers, as a dataset.
+"""Periodic motions over harmonics: course, flank crossings, errors, multipliers, dataset.
 
 Floquet multipliers are those of Hill's method. Small deviations obey
 y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0, the terms of which are those of
 `MeshEquation.variation`. With y = exp(l tau) sum_k y_k exp(i k tau / n), cut at |k| <= K, this is a
-quadratic eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two mean something: every
-exponent l returns as l + i k / n, the worse the farther from the middle. The two whose eigenvectors
-are the most symmetric about k = 0 count (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517),
+quadratic eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every
+exponent l returns as l + i k / n, with an error that grows with |k|. The two whose eigenvectors are
+the most symmetric about k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517),
 paired so that the product of their multipliers is that of Liouville's formula: at a real
-negative multiplier an exponent and its conjugate are equally symmetric, and only the product tells
-two multipliers from one that is met twice.
+negative multiplier an exponent and its conjugate are equally symmetric, and only the product
+distinguishes two multipliers from one that occurs twice.
 """
 
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ from gearlib.data.result import result
 from gearlib.engines.pair.motion import contact_of
 from gearlib.runs.simulation import simulate
 
-#: Newton steps that polish a flank crossing.
+#: Newton steps that refine a flank crossing.
 _CROSSING_STEPS = 8
-#: Phases per mesh period at which courses are compared: at least, and for each harmonic. The
-#: error of many harmonics lies within a wavelength of the last from the jumps of the stiffness.
-_PHASES, _PER_HARMONIC = 512, 16
-#: Harmonics of the variations at most: the matrix costs their number cubed.
+#: Phases per mesh period at which courses are compared: the smallest number, and those for each
+#: harmonic. The error of many harmonics lies within the shortest wave of a stiffness jump.
+_MIN_PHASES, _PHASES_PER_HARMONIC = 512, 16
+#: Largest number of harmonics of the variations: the cost is their number cubed.
 _MAX_VARIATION_HARMONICS = 100
-#: Exponents among which the two are sought.
+#: Exponents that are computed, from which two are chosen.
 _CANDIDATES = 8
 #: Restarts of ARPACK; without strong damping four are enough.
 _MAX_RESTARTS = 10
@@ -59,8 +59,8 @@ class PeriodicSolution:
         return self.coefficients.size - 1
 
     @property
-    def orders(self):
-        """Orders of the harmonics in the mesh phase: k / period."""
+    def orders(self) -> np.ndarray:
+        """Orders of the harmonics relative to the mesh phase: k / period."""
         return np.arange(self.harmonics + 1) / self.period
 
     @property
@@ -73,30 +73,30 @@ class PeriodicSolution:
         """Displacement and dx/dtau at tau = 0, shape (2,)."""
         return np.array(self.at(0.0))
 
-    def _doubled(self):
+    def _real_factors(self) -> tuple:
         """Return the factors of exp(i k tau / period) in x = Re sum, and in dx/dtau."""
-        doubled = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
-        return doubled, 1j * self.orders * doubled
+        factors = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
+        return factors, 1j * self.orders * factors
 
     def at(self, phase):
         """Return displacement and dx/dtau at phases (rad), each of the shape of `phase`."""
         waves = np.exp(1j * np.asarray(phase, float)[..., None] * self.orders)
-        return tuple((waves @ factors).real for factors in self._doubled())
+        return tuple((waves @ factors).real for factors in self._real_factors())
 
     def courses(self, samples_per_period):
         """Return displacement and dx/dtau at equal steps of phase over the whole period."""
         points = samples_per_period * self.period
-        fold = -(-(2 * self.harmonics + 1) // points)
+        refinement = -(-(2 * self.harmonics + 1) // points)
         return tuple(
-            np.fft.irfft(values, fold * points, norm="forward")[::fold]
+            np.fft.irfft(values, refinement * points, norm="forward")[::refinement]
             for values in (self.coefficients, 1j * self.orders * self.coefficients)
         )
 
     def crossings(self):
         """Return the phases of the flank crossings, rad, rising, and contact codes (from, to).
 
-        They lie between the points of a grid and are polished by Newton's method on the harmonics:
-        two crossings within one cell of the grid are not seen.
+        They are bracketed on a grid and refined by Newton's method on the harmonics; two crossings
+        within one cell of the grid are not detected.
         """
         x, _ = self.courses(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
@@ -106,8 +106,8 @@ class PeriodicSolution:
                 continue
             above = x >= line
             for i in np.flatnonzero(above != np.roll(above, -1)):
-                a, b = x[i] - line, x[(i + 1) % x.size] - line
-                phase = (i + a / (a - b)) * length / x.size
+                before, after = x[i] - line, x[(i + 1) % x.size] - line
+                phase = (i + before / (before - after)) * length / x.size
                 for _ in range(_CROSSING_STEPS):
                     displacement, velocity = self.at(phase)
                     phase -= (displacement - line) / velocity if velocity else 0.0
@@ -123,13 +123,13 @@ class PeriodicSolution:
         """
         x, v = self.courses(samples_per_period)
         contact = [contact_of(self.pair.backlash_ratio, a, b) for a, b in zip(x, v, strict=True)]
-        doubled, _ = self._doubled()
+        factors, _ = self._real_factors()
         data = {
             "displacement": ("phase", x),
             "velocity": ("phase", v),
             "contact": ("phase", np.array(contact, np.int8)),
-            "cosine": ("harmonic", doubled.real),
-            "sine": ("harmonic", -doubled.imag),
+            "cosine": ("harmonic", factors.real),
+            "sine": ("harmonic", -factors.imag),
             "multiplier_real": ("multiplier", self.multipliers.real),
             "multiplier_imaginary": ("multiplier", self.multipliers.imag),
             "stable": np.int8(self.stable),
@@ -138,7 +138,7 @@ class PeriodicSolution:
             "evaluations": np.int64(self.evaluations),
             "period": np.int32(self.period),
             "tuning": self.tuning,
-            **self._facts(),
+            **self._method_variables(),
         }
         if orbit is not None:
             differences = errors(self, orbit)
@@ -155,13 +155,13 @@ class PeriodicSolution:
             samples=self.samples,
         )
 
-    def _facts(self):
-        """Return variables that a method adds to the dataset."""
+    def _method_variables(self) -> dict:
+        """Return the variables that a method adds to the dataset."""
         return {}
 
 
 class Errors(NamedTuple):
-    """Largest differences from the exact orbit."""
+    """Largest differences of a periodic solution from the exact orbit."""
 
     displacement: float  #: over the period, static deflections
     velocity: float  #: of dx/dtau over the period
@@ -170,16 +170,16 @@ class Errors(NamedTuple):
     multiplier: float  #: of the largest |Floquet multiplier|
 
 
-def errors(solution, orbit=None):
-    """Return the `Errors` of a `PeriodicSolution` against the exact `Orbit`.
+def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
+    """Return the `Errors` of a `PeriodicSolution` against an exact `Orbit`.
 
-    By default it is the orbit that shooting finds from the state of the solution, or NoOrbit.
+    Without an orbit shooting computes it from the state of the solution.
     """
     if orbit is None:
         orbit = periodic_orbit(
             solution.pair, solution.tuning, guess=solution.state, period=solution.period
         )
-    count = max(_PHASES, _PER_HARMONIC * solution.harmonics // solution.period)
+    count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
     exact_x, exact_v, exact_phases, exact_codes = exact_course(orbit, count)
     x, v = solution.courses(count)
     phases, codes = solution.crossings()
@@ -196,8 +196,8 @@ def errors(solution, orbit=None):
     )
 
 
-def exact_course(orbit, samples_per_period):
-    """Return displacement and dx/dtau over the period of an orbit, its events and their codes."""
+def exact_course(orbit: Any, samples_per_period: int) -> tuple:
+    """Return (displacement, dx/dtau, phases of events, their codes) of an exact orbit."""
     run = simulate(
         orbit.pair,
         orbit.tuning,
@@ -211,30 +211,30 @@ def exact_course(orbit, samples_per_period):
 
 
 def hill_multipliers(equation, coefficients, harmonics=_MAX_VARIATION_HARMONICS):
-    """Return the two Floquet multipliers of a motion, largest first, from so many harmonics."""
+    """Return the two Floquet multipliers of a motion by Hill's method, largest first."""
     highest = min(equation.harmonics, harmonics)
     k = np.arange(-highest, highest + 1)
     variation = equation.variation(coefficients)
     a, h, b = (np.fft.fft(part, norm="forward")[k[:, None] - k] for part in variation)
-    # With u = (l + i k) y + h y: linear in l for (y, u).
+    # With u = (l + i k) y + h y the problem is linear in l for (y, u).
     rate = np.diag(1j * k / equation.period)
     matrix = np.block([[-rate - h, np.eye(k.size)], [a @ h - b, -rate - a]])
-    # Liouville: the two exponents lie on either side of minus half the mean damping, and the
-    # copies of either farther from there than itself.
-    mean = np.mean(variation[0] + variation[1])
+    # By Liouville's formula the two exponents lie on either side of minus half the mean damping,
+    # and their copies farther from there.
+    mean_damping = np.mean(variation[0] + variation[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
-    shift = -mean / 2.0 + _SHIFT_OFFSET
+    shift = -mean_damping / 2.0 + _SHIFT_OFFSET
     count = min(_CANDIDATES, 2 * k.size - 2)
     try:
         exponents, vectors = eigs(matrix, count, sigma=shift, v0=start, maxiter=_MAX_RESTARTS)
     except ArpackNoConvergence:
-        # The copies of strongly damped exponents are nearly equally far from the middle.
+        # The copies of strongly damped exponents are nearly equally far from the shift.
         exponents, vectors = np.linalg.eig(matrix)
     share = np.abs(vectors[: k.size]) ** 2
-    skew = np.abs(k @ share) / share.sum(axis=0)
+    asymmetry = np.abs(k @ share) / share.sum(axis=0)
     length = 2.0 * np.pi * equation.period
-    first, *others = np.exp(length * exponents[np.argsort(skew, kind="stable")])
-    product = np.exp(-length * mean)
-    misses = np.abs(first * np.array(others) - product)
-    pair = np.array([first, others[int(np.argmin(misses))]])
+    first, *others = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
+    liouville_product = np.exp(-length * mean_damping)
+    differences = np.abs(first * np.array(others) - liouville_product)
+    pair = np.array([first, others[int(np.argmin(differences))]])
     return pair[np.argsort(-np.abs(pair), kind="stable")]

@@ -48,7 +48,7 @@ def continue_orbit(
     Parameters
     ----------
     orbit : Orbit
-        As of `gearlib.periodic_orbit`.
+        A result of `gearlib.periodic_orbit`.
     parameter : str
         tuning, damping, backlash_damping, backlash, contact_ratio or stiffness_ratio, which are
         dimensionless; of a `OneDegreePair` also its quadratic_damping and the like, of a
@@ -66,8 +66,9 @@ def continue_orbit(
         Largest step, in static deflections; the way from the orbit's value to `to` counts as one.
         Where orbits are higher than 4 static deflections the steps grow with them.
     max_points : int
+        Largest number of points.
     max_events : int
-        As of `gearlib.simulate`.
+        Largest number of contact events in one mesh period.
 
     Returns
     -------
@@ -283,11 +284,11 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     pair : GearPair, OneDegreePair or SixDegreePair
         The model whose orbit was continued.
     branch : xarray.Dataset
-        As of `continue_orbit`.
+        A result of `gearlib.continue_orbit`.
     point : int
         Number of a point labelled "period doubling".
     max_events : int
-        As of `gearlib.simulate`.
+        Largest number of contact events in one mesh period.
 
     Returns
     -------

@@ -114,7 +114,7 @@ def locus(
     pair : GearPair, OneDegreePair or SixDegreePair
         The model whose orbit was continued.
     branch : xarray.Dataset
-        Of `gearlib.continue_orbit`.
+        A result of `gearlib.continue_orbit`.
     point : int
         Number of a point labelled "fold", "period doubling" or "grazing".
     parameter : str
@@ -126,8 +126,10 @@ def locus(
     step : float
         Largest step; one is a static deflection, the range of the branch, the way to `to`. Where
         the state is larger than 2 static deflections the steps grow with it.
-    max_points, max_events : int
-        As of `gearlib.simulate`.
+    max_points : int
+        Largest number of points.
+    max_events : int
+        Largest number of contact events in one mesh period.
 
     Returns
     -------

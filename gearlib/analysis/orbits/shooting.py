@@ -107,7 +107,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         Mesh periods after which the orbit repeats, or a multiple of them; with run-out a multiple
         of its own. What is returned has its least period.
     max_events : int
-        As of `gearlib.simulate`.
+        Largest number of contact events in one mesh period.
 
     Returns
     -------
