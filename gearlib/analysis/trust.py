@@ -80,10 +80,11 @@ def trust(
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     periods, record_periods : int
-        As of `gearlib.simulate`; the longer run takes four times the periods. With run-out at least
-        a repeat of it is recorded, and `periods` have to hold two beside the transient.
+        Mesh periods of a run, and of its recorded end; the longer run takes four times the periods.
+        With run-out at least one repeat of it is recorded, and `periods` must be longer than two
+        repeats and the transient.
     initial_state : tuple of float
-        As of `gearlib.simulate`.
+        Displacement in static deflections and dx/dtau at tau = 0.
     disturbance : float
         Added to the initial displacement in the disturbed run, static deflections.
     exponent_periods : int

@@ -17,7 +17,7 @@ from flint import arb
 
 import gearlib
 from gearlib.analysis.proofs.balls import digits_of
-from gearlib.analysis.proofs.orbits import REACH
+from gearlib.analysis.proofs.orbits import MAX_DISTANCE
 from tests.paper import PAPER
 from tests.proofs.candidates import extrema_apart, mostly_wrong, never_right, random_orbit
 from tests.proofs.checker import faults
@@ -129,8 +129,8 @@ def test_random_orbits_and_wrong_candidates(seed):
         other = gearlib.certify(candidate)
         if other:
             # Proven all the same: then a true orbit lies that close, and the second program knows.
-            assert other.moved <= REACH and other.pattern == candidate.pattern
-            assert abs(float(other.displacement) - candidate.state[0]) <= 1.01 * REACH
+            assert other.moved <= MAX_DISTANCE and other.pattern == candidate.pattern
+            assert abs(float(other.displacement) - candidate.state[0]) <= 1.01 * MAX_DISTANCE
             assert seed % 4 or checked(other, share=1e-3) == []
 
 

@@ -18,7 +18,7 @@ from gearlib.analysis.proofs.arc_laws import ArcLaws
 from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import numbers_of
-from gearlib.analysis.proofs.orbits import REACH, Proof, listed_contacts
+from gearlib.analysis.proofs.orbits import MAX_DISTANCE, Proof, listed_contacts
 from gearlib.analysis.proofs.path import Path
 from gearlib.analysis.proofs.signs import bounds_of, check_contacts
 from tests.independent.certificates import Motion
@@ -247,7 +247,7 @@ def test_wrong_candidates_are_refused(case):
         # Where no coast side is met the backlash says nothing.
         if refused:
             assert candidate.pair.meshes[0].backlash != orbit.pair.meshes[0].backlash
-            assert refused.moved <= REACH and -1 not in orbit.pattern
+            assert refused.moved <= MAX_DISTANCE and -1 not in orbit.pattern
         else:
             assert refused.status in ("distance", "contacts"), refused
 

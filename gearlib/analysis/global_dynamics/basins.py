@@ -50,7 +50,7 @@ def basins(
         With damping. Grids of a `GearPair` are fast; of the others take thousands of states, not
         millions; a `DeadZoneOscillator` has its own unit of length instead of the static
         deflection. Of six degrees the grid is the plane of states in which the bearings are in
-        their initial deflection, as of `gearlib.simulate`.
+        their initial deflection, like in `gearlib.simulate`.
     tuning : float
     grid : tuple
         Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
@@ -62,8 +62,10 @@ def basins(
         Whether a run ends in a trapping ellipse. False runs all periods, as a check of these.
     seed : int, default 0
         Of the choice of states that are looked at first for attractors.
-    max_events, threads
-        As of `gearlib.sweep`.
+    max_events : int
+        Largest number of contact events in one mesh period.
+    threads : int, optional
+        All processors by default.
 
     Returns
     -------
@@ -182,7 +184,7 @@ def basin_stability(
         Initial states at each tuning, rounded up to a square: one at random in each of as many
         equal cells, so that shares err less than with states that are all random.
     periods, max_events, threads
-        As of `gearlib.basins`.
+        The same arguments as those of `gearlib.basins`.
     seed : int, default 0
 
     Returns

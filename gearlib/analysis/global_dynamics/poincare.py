@@ -152,11 +152,12 @@ def bifurcation_diagram(
     tuning : float, optional
         Where another parameter is varied.
     direction : {"cold", "up", "down"}
-        As of `gearlib.sweep`; six degrees of freedom go cold.
+        Whether each run starts from the initial state, or where the last one ended, for rising or
+        falling values; six degrees of freedom start cold.
     settle, strobes : int
         Mesh periods before the record, and recorded.
     phase : float, default 0
-        Mesh phase at which states are taken, as of `gearlib.poincare_section`.
+        Mesh phase at which states are recorded, like in `gearlib.poincare_section`.
     initial_state : tuple of float
     max_events : int
         Largest number of contact events in one mesh period.
@@ -165,7 +166,7 @@ def bifurcation_diagram(
     -------
     xarray.Dataset
         Over the parameter under its name, in the order given: displacement, velocity
-        (parameter, strobe); period as of `gearlib.sweep`, 0 if none; final_state; status.
+        (parameter, strobe); period in mesh periods, 0 if none; final_state; status.
 
     Raises
     ------

@@ -104,13 +104,13 @@ def schmidt(
     harmonics : int, default 1024
         Harmonics of the kernel kept.
     samples : int, optional
-        As of `gearlib.harmonic_balance`.
+        Like in `gearlib.harmonic_balance`.
     tolerance : float, default 1e-10
         Last correction, static deflections (root of the mean square over the period).
     max_iterations : int, default 2000
         Applications of the kernel after which the search has diverged.
     guess : PeriodicSolution or array_like of float, optional
-        As of `gearlib.harmonic_balance`.
+        Like in `gearlib.harmonic_balance`.
     period : int, default 1
         Mesh periods after which the motion repeats.
 

@@ -118,9 +118,10 @@ def locus(
     point : int
         Number of a point labelled "fold", "period doubling" or "grazing".
     parameter : str
-        Another parameter than the branch's, as of `gearlib.continue_orbit`.
+        Another parameter of `gearlib.continue_orbit` than the branch's.
     to : float
-        Value of it at which the locus ends; also where it comes back to the pair's own value.
+        Value of this parameter at which the locus ends; it also ends where it comes back to the
+        pair's value.
     limits : tuple of float
         The locus also ends where the branch's parameter leaves this interval.
     step : float

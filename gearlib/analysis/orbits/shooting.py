@@ -101,11 +101,11 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     guess : array_like of float, shape (2,) or (n,), optional
-        Displacement and dx/dtau at tau = 0, or a full state; by default where the motion from
-        rest is after 400 mesh periods.
+        Displacement and dx/dtau at tau = 0, or a full state; by default the state of the motion
+        from rest after 400 mesh periods.
     period : int, default 1
         Mesh periods after which the orbit repeats, or a multiple of them; with run-out a multiple
-        of its own. What is returned has its least period.
+        of the mesh periods after which that repeats. The result has its smallest period.
     max_events : int
         Largest number of contact events in one mesh period.
 
@@ -118,7 +118,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     ValueError
         Naming the argument, its value and the allowed range.
     NoOrbit
-        If there is none near the guess; the message says what to try.
+        If there is no orbit near the guess; the message says what to try.
     """
     choose(pair, None, None)
     tuning = check_tuning("tuning", tuning)

@@ -16,15 +16,15 @@ from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, numbers_of
 from gearlib.engines.codes import BACKLASH, INVERSE
 from gearlib.models.trains.elastic import linear
 
-#: Of the largest entry: a free motion is free up to this, a thousand roundings of floats.
+#: Largest force on a free motion, relative to the largest entry: a thousand roundings.
 FREE_MOTION_TOLERANCE = 1e-13
-#: A time with a larger radius moves a state by the mean value of its speed.
-_THIN_TIME = 2.0**-30
+#: Largest radius of a time for which the exponential itself is enclosed.
+_MAX_TIME_RADIUS = 2.0**-30
 
 
 def moved(law, columns, time):
-    """Return exp(A t) times columns; a wide time moves them by the mean value of their speed."""
-    if not time.rad() > _THIN_TIME:
+    """Return exp(A t) times columns; for a wide time by the mean value theorem."""
+    if not time.rad() > _MAX_TIME_RADIUS:
         return (law * time).exp() * columns
     middle = time.mid()
     columns, difference = (law * middle).exp() * columns, time - middle
@@ -32,9 +32,9 @@ def moved(law, columns, time):
 
 
 class ArcLaws:
-    """All laws of a model at a tuning.
+    """The matrices A of a model at a tuning, for all contact codes and segments.
 
-    ``retained``, ``fixed``    numbers of the coordinates y, and of those that they are counted from
+    ``retained``, ``fixed``    indices of the coordinates y, and of their references
     ``state_count``, ``size``  components of (y, dy/dtheta), and of z
     ``wave_columns``           frequency of a harmonic -> component of z that is its cosine
     ``basis``, ``basis_inverse``  of the modal components, shape (size, size)
@@ -63,7 +63,7 @@ class ArcLaws:
         ]
 
     def _take_out_free_motions(self, free):
-        """Set which coordinates are retained, and what takes all coordinates to them."""
+        """Set the retained coordinates and the matrix from all coordinates to them."""
         numbers, n = self.numbers, len(self.numbers.coordinates)
         self.fixed = _fixed_coordinates(free)
         self.retained = [i for i in range(n) if i not in self.fixed]
@@ -87,7 +87,7 @@ class ArcLaws:
         self._mobility = self.reduction * matrix_of(numbers.mass).inv()
 
     def _check_free_motions(self, motions):
-        """Refuse a train whose free motions are resisted by a stiffness or a damping."""
+        """Refuse a train in which a stiffness or a damping acts on a free motion."""
         numbers, n = self.numbers, len(self.numbers.coordinates)
         mesh_rows = np.array([row for mesh in numbers.meshes for row in mesh.rows])
         for rows in (numbers.stiffness, numbers.damping, mesh_rows):
@@ -98,17 +98,17 @@ class ArcLaws:
                 raise Uncertain("model", text)
 
     def _set_basis(self, shapes, frequencies):
-        """Set the modal basis, exact floats, and its inverse; frequencies are by the tuning's."""
+        """Set the modal basis, exact floats, and its inverse; frequencies are relative."""
         e, basis = len(self.retained), np.eye(self.size)
         shapes = np.array(self.reduction.tolist(), float) @ shapes
-        # Of like size, so that all components are.
+        # Shapes are scaled to the same size, so that all components are of the same size.
         shapes = shapes / np.abs(shapes).max(axis=0)
         basis[:e, :e], basis[e : 2 * e, e : 2 * e] = shapes, shapes * frequencies
         self.basis = matrix_of(basis)
         self.basis_inverse = self.basis.inv()
 
     def _distance(self, mesh, side):
-        """Return the distance over the flanks of a side, a row (1, size); None without flanks."""
+        """Return the functional of the distance between flanks, (1, size); None without flanks."""
         if mesh.constants[side] is None:
             return None
         row, length = np.zeros(self.size, object), self.numbers.length
@@ -152,13 +152,13 @@ class ArcLaws:
         return self._laws[states]
 
     def _law_of_mesh(self, j, code, level=0, sliding_sign=0):
-        """Return the change of the law by a mesh, (size, size): without contact by its oil."""
+        """Return the contribution of a mesh to A, (size, size); without contact that of its oil."""
         mesh, omega = self.numbers.meshes[j], self.numbers.frequency
         side = COAST if code == INVERSE else DRIVE
         rate = self.distances[j][side] * self._without_meshes
         if not code:
             return self._law_of_force(mesh.rows[DRIVE], rate * (mesh.backlash_damping / omega))
-        # Where the rates of both sides are the same, what is not damped is so exactly.
+        # If the rates of both sides are equal, undamped motions stay exactly undamped.
         has_film = side == COAST and mesh.clearance_varies
         damping = mesh.damping[side] - (mesh.backlash_damping if has_film else 0)
         elastic = self.distances[j][side] * (mesh.stiffness[side][level] / omega**2)
@@ -171,7 +171,7 @@ class ArcLaws:
         return change
 
     def _law_of_force(self, row, force):
-        """Return the rates of z by a force, a functional of z, that acts against a row (n,)."""
+        """Return the contribution to A of a force, a functional of z, against a direction (n,)."""
         e, column = len(self.retained), np.zeros((self.size, 1), object)
         column[e : 2 * e] = self._accelerations(-np.array(row)[:, None])
         return self.basis_inverse * matrix_of(column) * force
@@ -203,7 +203,7 @@ class ArcLaws:
 
 
 def _modes(model, numbers):
-    """Return free motions, frequencies by the unit of the tuning, and shapes, in contact."""
+    """Return (free motions, eigenfrequencies as tunings, shapes) of a model in contact."""
     if model.train is None:
         (mesh,), ground = numbers.meshes, numbers.stiffness[0, 0]
         stiffness = float(ground) + max(map(float, mesh.stiffness[DRIVE]))
@@ -218,11 +218,11 @@ def _modes(model, numbers):
 
 
 def _fixed_coordinates(motions):
-    """Return the numbers of as many coordinates as motions, which tell the motions apart."""
+    """Return the indices of as many coordinates as free motions, which determine the motions."""
     coordinates, remaining = [], np.array(motions)
     while remaining.shape[1]:
         size = np.abs(remaining).max(axis=1)
-        # The first that is large enough, not the largest: rounding decides nothing.
+        # The first that is large enough, not the largest, which would depend on rounding.
         row = int(np.argmax(size >= 0.5 * size.max()))
         column = int(np.abs(remaining[row]).argmax())
         shares = remaining[row] / remaining[row, column]

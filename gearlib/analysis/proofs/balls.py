@@ -1,4 +1,4 @@
-"""Ball arithmetic: `flint` where it is installed, numbers in and decimals out.
+"""Ball arithmetic by python-flint, with conversions from numbers and to decimals.
 
 A ball is a midpoint with a radius; every operation of Arb widens the radius so that it holds all
 results of the numbers that it stands for (Johansson, IEEE Transactions on Computers 66 (2017)
@@ -24,7 +24,7 @@ def flint():
 
 @contextmanager
 def precision(bits):
-    """Compute with a number of bits; yield the class of balls."""
+    """Set the precision of ball arithmetic in bits for a block; yield the class of balls."""
     with flint().ctx.workprec(bits):
         yield flint().arb
 
@@ -55,7 +55,7 @@ def identity(n):
 
 
 def norm(matrix):
-    """Return the largest sum of magnitudes in a row, an upper bound."""
+    """Return an upper bound of the maximum norm of a matrix, its largest row sum."""
     return max(sum(map(abs, row), flint().arb(0)).upper() for row in matrix.tolist())
 
 
@@ -79,7 +79,7 @@ class Enclosure:
         exact = Context(prec=400)
         centre = exact.divide(exact.add(self.low, self.high), Decimal(2))
         radius = Context(prec=2, rounding="ROUND_UP").divide(width, Decimal(2))
-        # Digits of the centre that mean something, and one more.
+        # All significant digits of the centre, and one more.
         shown = Context(prec=max(1, centre.adjusted() - radius.adjusted() + 2)).plus(centre)
         off = abs(exact.subtract(shown, centre))
         radius = Context(prec=2, rounding="ROUND_UP").add(radius, off)
@@ -99,7 +99,7 @@ def enclosure(ball, digits):
 
 
 def digits_of(ball):
-    """Return the decimal digits that a ball decides, behind the point where it is below 1."""
+    """Return the number of correct decimal digits of a ball, behind the point if it is below 1."""
     share = ball.rad() / max(1, abs(ball.mid()))
     if share == 0:
         return 10**6

@@ -13,7 +13,7 @@ _EXACT = "tuning", "start", "stop", "derived", "pieces"
 
 @dataclass(frozen=True)
 class Refusal:
-    """Nothing is proven; false where a truth value is asked for."""
+    """Result of a proof that failed, with the reason; its truth value is false."""
 
     status: str  #: the step that failed: model, contacts, distance, fold, derivative,
     #: switch, together, grazing, jammed, period, precision or stability
@@ -50,7 +50,7 @@ class _Claim:
     claim = ""
 
     def as_dict(self):
-        """Return all of it as plain values: enclosures as two decimals, exact floats as bits."""
+        """Convert the claim for JSON: enclosures to two decimals, exact floats to hexadecimal."""
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}
@@ -183,7 +183,7 @@ def _complex(real, imaginary):
 
 
 def plain(value, exact=False):
-    """Return a value as JSON has it; exact numbers as texts that say all their bits."""
+    """Convert a value for JSON; exact numbers become hexadecimal texts with all their bits."""
     if isinstance(value, Enclosure):
         return [str(value.low), str(value.high)]
     if isinstance(value, (ContactEvent, Piece)):

@@ -1,4 +1,4 @@
-"""Zeros of systems of equations, proven by Krawczyk's test; eigenvalues, and what they say.
+"""Zeros of systems of equations, proven by Krawczyk's test; eigenvalues and stability.
 
 With Y near the inverse of the derivative at m, if K(X) = m - Y F(m) + (I - Y F'(X)) (X - m) lies in
 the interior of a box X about m, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
@@ -13,11 +13,11 @@ from gearlib.analysis.proofs.balls import column_of, flint, identity
 from gearlib.analysis.proofs.certificate_files import Uncertain
 
 _MAX_NEWTON_STEPS = 12
-#: Boxes that are tried for the largest one with a single zero, and the largest radius of one.
+#: Number of boxes that are tried for uniqueness, and the radius of the largest one.
 _MAX_BOXES, _MAX_RADIUS = 60, 0.1
-#: A derivative whose inverse is larger than this is singular.
-_SINGULAR = 1e13
-#: Status and sentence where the library is at fault, and where the derivative is singular.
+#: Largest entry of the inverse of a derivative that does not count as singular.
+_MAX_INVERSE = 1e13
+#: Status and sentence for an error of the library, and for a singular derivative.
 WRONG = (
     "derivative",
     "the derivative of the equations is not that of their differences: a fault of the library",
@@ -26,12 +26,12 @@ FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
 )
-#: Where the enclosures of multipliers decide nothing.
+#: Status and sentence for multipliers that may lie on either side of the unit circle.
 UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system, start):
-    """Return (midpoints of a zero near `start`, inverse of the derivative there); no proof."""
+    """Return (zero near `start` by Newton's method, inverse of the derivative), without proof."""
     module = flint()
     zero = [value.mid() for value in start]
     # A step this small squares its error to less than rounding.
@@ -42,7 +42,7 @@ def polish(system, start):
             inverse = module.arb_mat(rows).mid().inv().mid()
         except ZeroDivisionError:
             raise Uncertain(*FOLD) from None
-        if not max(map(abs, inverse.entries())) < _SINGULAR:
+        if not max(map(abs, inverse.entries())) < _MAX_INVERSE:
             raise Uncertain(*FOLD)
         steps = [step.mid() for step in times(inverse, residuals)]
         zero = [(value - step).mid() for value, step in zip(zero, steps, strict=True)]
@@ -55,12 +55,12 @@ def polish(system, start):
 
 
 def times(matrix, values):
-    """Return the product of a matrix and a list."""
+    """Return the product of a matrix and a list as a list."""
     return (matrix * column_of(values)).entries()
 
 
 def box_of(centre, radii):
-    """Return the balls about the numbers of a centre."""
+    """Return balls with these centres and radii."""
     return list(map(flint().arb, centre, radii))
 
 
@@ -78,9 +78,13 @@ def inside(shift, radii):
 
 
 def check_derivative(system, centre, residuals):
-    """Hold the derivative against a difference of the residuals, along all unknowns at once."""
+    """Compare the derivative with a difference of the residuals; refuse if they differ.
+
+    The difference goes along all unknowns at once.
+    """
     module, n = flint(), len(centre)
-    # So far that differences have many digits, and so near that the derivative hardly changes.
+    # A step so large that differences have many digits, and so small that the derivative hardly
+    # changes.
     unit = module.arb(2) ** -(0.4 * module.ctx.prec)
     steps = [unit * max(1, abs(m)) * (n + i) / n for i, m in enumerate(centre)]
     moved = [(m + step).mid() for m, step in zip(centre, steps, strict=True)]
@@ -111,7 +115,7 @@ def enclose(system, centre, inverse):
 
 
 def uniqueness_radius(system, centre, inverse):
-    """Return a radius, a float: the box of it about `centre` has exactly one zero."""
+    """Return a radius, a float, of a box about `centre` that has exactly one zero."""
     radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
@@ -121,16 +125,16 @@ def uniqueness_radius(system, centre, inverse):
             radius *= 0.1
             continue
         if inside(shift, radii):
-            # Half of it leaves room for a second program, whose enclosures are others.
+            # Half of it leaves room for the enclosures of a second program.
             return 0.5 * radius
         share = float(max(abs(s) for s in shift).upper()) / radius
-        # The share falls with the radius; where it has no bound, a much smaller box is tried.
+        # The share decreases with the radius; if it is not bounded, a much smaller box is tried.
         radius *= 0.1 if not share < 1e3 else min(0.5, 0.5 / share)
     raise Uncertain(*FOLD)
 
 
 def eigenvalues(matrix):
-    """Return complex balls of all eigenvalues, the largest first, by the discs of Gershgorin."""
+    """Return enclosures of all eigenvalues by Gershgorin discs, complex, the largest first."""
     module = flint()
     complex_matrix = module.acb_mat(matrix)
     _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
@@ -143,7 +147,7 @@ def eigenvalues(matrix):
         radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))
         ball = module.arb(0, radius.upper())
         disc = row[i] + module.acb(ball, ball)
-        # Discs that hang together hold as many eigenvalues as they are, each none, one or more.
+        # Overlapping discs together contain as many eigenvalues as there are discs.
         touching = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
         clusters = [cluster for cluster in clusters if cluster not in touching]
         clusters.append([disc, *chain(*touching)])
@@ -154,7 +158,7 @@ def eigenvalues(matrix):
 
 
 def _real(value, values):
-    """Return an eigenvalue, made real if its conjugate can be no other eigenvalue."""
+    """Return an eigenvalue, as a real ball if its conjugate can be no other eigenvalue."""
     conjugate = flint().acb(value.real, -value.imag)
     if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
         return flint().acb(value.real)
@@ -162,7 +166,10 @@ def _real(value, values):
 
 
 def verdict(multipliers, matrix, determinant):
-    """Return (stability, reason); two multipliers of a known determinant by Jury's conditions."""
+    """Return (stability, reason) by enclosures of the Floquet multipliers.
+
+    For two multipliers with a known determinant Jury's conditions decide.
+    """
     outside = any(abs(value) > 1 for value in multipliers)
     inside, name = all(abs(value) < 1 for value in multipliers), "all"
     if matrix.nrows() == 2 and determinant is not None:

@@ -1,4 +1,4 @@
-"""`certify` and `certify_range`: orbits proven to exist, with contacts, multipliers, stability.
+"""`certify` and `certify_range`: proofs that orbits exist, with contacts and stability.
 
 A range of tunings is cut into pieces, on each of which 1 / nu is a ball that holds them all. Where
 two pieces meet, the orbit lies in the boxes of both, in each of which it is the only one.
@@ -30,23 +30,23 @@ from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Farthest that the proven state may lie from the candidate's, in static deflections.
-REACH = 1e-8
+#: Largest distance of the proven state from the candidate's, in static deflections.
+MAX_DISTANCE = 1e-8
 #: Bits beyond the digits asked for, where contacts come together too, because windows of contacts
 #: at once widen from one to the next; how often the bits are doubled.
 _GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
 #: How often contacts at nearly one phase are put into another order.
 _MAX_ORDERS = 4
-#: By how much derivatives in an order and through windows may differ.
+#: Largest relative difference of derivatives with ordered contacts and through windows.
 _DERIVATIVE_TOLERANCE = 2.0**-32
 #: Bits in which ranges are proven.
 _RANGE_BITS = 128
-#: Least radius of a box: far above the rounding of its centre to a float.
+#: Smallest radius of a box: far above the rounding of its centre to a float.
 _MIN_RADIUS = 1e-12
-#: Share of a box in which the test has to end: a second program's enclosures are wider.
+#: Share of a box in which its image must lie: the enclosures of a second program are wider.
 _IMAGE_SHARE = 0.8
-#: First piece and shortest piece, as shares of the range; how pieces grow; most pieces.
-_FIRST, _SHORTEST, _GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
+#: First and shortest piece of a range, as shares of the range; ratio of neighbouring pieces.
+_FIRST_PIECE, _MIN_PIECE, _PIECE_GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
 
 
 def certify(orbit, digits=30):
@@ -55,9 +55,9 @@ def certify(orbit, digits=30):
     Parameters
     ----------
     orbit : Orbit
-        The candidate, of `gearlib.periodic_orbit`, of a `GearPair`, of another model of one degree
-        of freedom with linear phases of contact, of a `SixDegreePair` or a `GearTrain`; nothing it
-        says is believed.
+        The candidate, a result of `gearlib.periodic_orbit`, of a `GearPair`, of another model of
+        one degree of freedom with linear phases of contact, of a `SixDegreePair` or a `GearTrain`;
+        none of its numbers is trusted.
     digits : int, default 30
         Decimal digits of the enclosures, 10 to 300.
 
@@ -93,7 +93,7 @@ def certify(orbit, digits=30):
 
 
 def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
-    """Return the certificate at the first precision at which it reaches the digits."""
+    """Prove an orbit with doubled precision until the enclosures have the digits."""
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
         try:
@@ -110,7 +110,7 @@ def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
 
 
 def listed_contacts(orbit):
-    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
+    """Compute (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
 
     Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
     """
@@ -142,12 +142,12 @@ def listed_contacts(orbit):
 
 
 def pattern_of(codes, events):
-    """Return the contact codes in the order met, as those of an `Orbit`."""
+    """Return the contact codes in the order in which they occur, like `Orbit.pattern`."""
     return (events[0][2], *(event[3] for event in events)) if events else tuple(codes)
 
 
 class Proof:
-    """The steps of the proof of one orbit, at the present precision."""
+    """The proof of one orbit at the current precision of ball arithmetic."""
 
     def __init__(self, orbit, codes, events):
         self.orbit, self.codes = orbit, tuple(codes)
@@ -166,9 +166,9 @@ class Proof:
         #: Enclosure of the state at tau = 0, and of the contacts' phases where there is no window.
         self.box = krawczyk.enclose(system, centre, inverse)
         self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
-        if not self.distance < REACH:
+        if not self.distance < MAX_DISTANCE:
             text = f"{float(self.distance):.2g} static deflections from the candidate"
-            text = f"the nearest orbit found lies {text}; {REACH:g} is allowed"
+            text = f"the nearest orbit found lies {text}; {MAX_DISTANCE:g} is allowed"
             raise Uncertain("distance", text)
         if windows.any():
             _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
@@ -182,7 +182,10 @@ class Proof:
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows, centre):
-        """Hold the derivative through windows, too wide for differences, against the path's."""
+        """Compare the derivative through windows with that of the path; refuse if they differ.
+
+        Enclosures through windows are too wide to compare them with differences.
+        """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
         ordered, n = self.path.monodromy(rows), self.laws.state_count
@@ -193,7 +196,7 @@ class Proof:
                 raise Uncertain(*krawczyk.WRONG)
 
     def _polished(self, state, events):
-        """Return (midpoints of a zero, inverse of the derivative); the contacts in their order."""
+        """Return (midpoints of a zero, inverse of the derivative) with contacts in their order."""
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.laws, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, [*state, *self.path.guess])
@@ -206,7 +209,7 @@ class Proof:
         return centre, inverse
 
     def _check_period(self):
-        """Refuse an orbit that repeats earlier: the states at the ends of its repeats differ."""
+        """Refuse an orbit that may repeat earlier, because its state returns before the end."""
         period, n = self.orbit.period, self.laws.state_count
         for count, node in enumerate(self.path.period_ends, start=1):
             part = count * self.laws.common_period
@@ -274,21 +277,21 @@ class Proof:
 
 
 def certify_range(orbit, *, to):
-    """Prove that an orbit lives on at every tuning up to another one, with the same contacts.
+    """Prove that an orbit exists at every tuning up to another one, with the same contacts.
 
     Parameters
     ----------
     orbit : Orbit
-        Of `gearlib.periodic_orbit`, of a model as of `gearlib.certify` without harmonics of load,
-        deviation or run-out; nothing it says is believed.
+        A result of `gearlib.periodic_orbit`, of a model that `gearlib.certify` takes, without
+        harmonics of load, deviation or run-out; none of its numbers is trusted.
     to : float
         Tuning at which the range ends, above or below that of the orbit.
 
     Returns
     -------
     RangeCertificate or Refusal
-        The refusal says at which tuning the proof came to its end: where the orbit grazes, where
-        its branch turns round, where its stability changes, or a contact meets a switch.
+        A refusal says at which tuning the proof ended, because the orbit grazes, its branch turns
+        round, its stability changes, or a contact meets a switch.
 
     Raises
     ------
@@ -305,13 +308,13 @@ def certify_range(orbit, *, to):
     try:
         contacts = listed_contacts(orbit)
         with precision(_RANGE_BITS):
-            return _Range(orbit, *contacts).upto(to)
+            return _Range(orbit, *contacts).prove_up_to(to)
     except Uncertain as reason:
         return Refusal(*reason.args)
 
 
 class _Range:
-    """The branch of an orbit, piece by piece."""
+    """The proof of a branch over a range of tunings, piece by piece."""
 
     def __init__(self, orbit, codes, events):
         if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
@@ -331,10 +334,10 @@ class _Range:
         events = [(at, *event[1:]) for at, event in zip(phases, self.events, strict=True)]
         return Path(self.laws, self.codes, events, self.orbit.period, scale)
 
-    def upto(self, to):
-        """Return the certificate of the range from the orbit to a tuning."""
+    def prove_up_to(self, to):
+        """Prove all pieces from the orbit to a tuning and return the `RangeCertificate`."""
         arb, start = flint().arb, float(self.orbit.tuning)
-        at, step = start, _FIRST * (to - start)
+        at, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
         pieces: list = []
         while at != to:
@@ -346,13 +349,13 @@ class _Range:
                 stability, self.reached, box = self._piece(scale, 1 / arb(end), stability)
             except Uncertain as failed:
                 step *= 0.5
-                if abs(step) < _SHORTEST * abs(to - start) or len(pieces) == _MAX_PIECES:
+                if abs(step) < _MIN_PIECE * abs(to - start) or len(pieces) == _MAX_PIECES:
                     status, message = failed.args
                     proven = f"from nu = {start!r} to {at:.9g} it is proven, there: "
                     raise Uncertain(status, proven + message) from None
                 continue
             pieces.append(Piece(min(at, end), max(at, end), *box))
-            at, step = end, _GROWTH * step
+            at, step = end, _PIECE_GROWTH * step
         return RangeCertificate(
             self.orbit.pair,
             min(start, to),
@@ -366,7 +369,7 @@ class _Range:
         )
 
     def _piece(self, scale, end, stability_before):
-        """Return (stability and reason, enclosure at the end, box as of `Piece`) of a piece."""
+        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii))."""
         path, n = self.path(scale), self.laws.state_count
         zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
         # As exact floating-point numbers, for a second program.

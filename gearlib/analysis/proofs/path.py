@@ -1,4 +1,4 @@
-"""An orbit as a system of equations: its state, all phases of its contacts, and their derivatives.
+"""The equations of an orbit, with its state and all phases of its contacts as unknowns.
 
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contacts gained
 and lost at unknown ones. Unknowns are the state at tau = 0, (y, dy/dtheta) of its laws, and the
@@ -20,16 +20,15 @@ from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc
 from gearlib.engines.codes import NORMAL
 
-#: Most arcs of an orbit.
+#: Largest number of arcs of an orbit.
 MAX_ARCS = 1000
-#: By how much wider a window is than what is known of its contacts; more where signs next to it
-#: are to be proven.
-_WIDTH, _PROOF_WIDTH = 4, 32
+#: Ratio of a window to the uncertainty of its contacts, and where signs next to it are proven.
+_WINDOW_RATIO, _PROOF_WINDOW_RATIO = 4, 32
 _NO_CROSSINGS = "together", "contacts that come together are not proven to be crossings"
 
 
 class Node(NamedTuple):
-    """Where one arc ends and the next begins: a contact gained or lost, a switch, or the end."""
+    """End of an arc: a contact that is gained or lost, a switch of stiffness, or the end."""
 
     law: Any  #: of the arc that ends here
     phase: Any = None  #: a ball; None: that of a contact, unknown
@@ -40,12 +39,12 @@ class Node(NamedTuple):
     after: int = 0
 
     def crosses(self, rate):
-        """Return whether a rate of the distance is that of the contact gained or lost."""
+        """Return whether a rate of the distance has the sign of the contact change."""
         return rate > 0 if self.after > self.before else rate < 0
 
 
 class Arc(NamedTuple):
-    """An arc in the frames of its ends: modal components = frame * framed components."""
+    """An arc in orthonormal frames at its ends: modal components = frame * framed components."""
 
     time: Any  #: near to that of the arc, exact
     transition: Any  #: by this time, from the frame of the arc before to the one of this arc
@@ -54,7 +53,7 @@ class Arc(NamedTuple):
     frame_inverse: Any
 
     def moved(self, columns, time):
-        """Return columns in the frame before at the end of the arc, in its frame."""
+        """Propagate columns from the frame at the start of the arc to the frame at its end."""
         return moved(self.law, self.transition * columns, time - self.time)
 
 
@@ -117,13 +116,13 @@ class Path:
             last_phase = phase
 
     def _frame(self, node, columns):
-        """Return the frame at a node from what the frame before has become there."""
+        """Return the orthonormal frame at a node from the propagated frame of the last node."""
         n, frame = self.laws.state_count, np.eye(self.laws.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
-        # The longest direction first: it decides how the box lies.
+        # The longest direction comes first, because it decides the orientation of the box.
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
         if node.phase is None:
-            # Across the flank line first, so that a contact fixes this component.
+            # The normal of the flank line comes first, so that a contact fixes this component.
             across = [float(value) for value in node.distance.entries()[:n]]
             axes = np.column_stack([across, axes])
         frame[:n, :n], _ = np.linalg.qr(axes)
@@ -167,10 +166,10 @@ class Path:
                 residual, *slopes = (row * columns).entries()
                 residuals.append(residual)
                 rows.append(slopes)
-                columns = _on_line(row) * columns
+                columns = _projection_to_line(row) * columns
             state = arc.frame * first_column(columns)
             if node.phase is None:
-                # The later the next arc begins, the less of it there is.
+                # A later contact shortens the next arc.
                 speed = self.nodes[i + 1].law * state * scale
                 columns -= arc.frame_inverse * speed * unit
             ends.append(state)
@@ -182,7 +181,7 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows):
-        """Return the map of small deviations of y and dy/dtheta, with all phases eliminated."""
+        """Return the monodromy matrix of y and dy/dtheta, with all phases eliminated."""
         arb_mat, n = flint().arb_mat, self.laws.state_count
         k = len(rows) - n
         by_state = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
@@ -196,13 +195,13 @@ class Path:
         return by_state - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs):
-        """Return the determinant of the map of deviations by Liouville: that of saltation is 1."""
+        """Return the determinant of the monodromy matrix by Liouville's formula."""
         both = zip(self.nodes, arcs, strict=True)
         return sum((node.law.trace() * time for node, (_, time) in both), flint().arb(0)).exp()
 
 
-def _on_line(row):
-    """Return what puts a framed state, whose first axis goes across the line, on the flank line."""
+def _projection_to_line(row):
+    """Return the projection of framed states to the flank line, along their first axis."""
     across, *others = row.entries()
     matrix = identity(len(others) + 1)
     for i, value in enumerate([0, *(-value / across for value in others)]):
@@ -211,16 +210,16 @@ def _on_line(row):
 
 
 def smallest_interval():
-    """Return how near contacts come to each other that share a window, in phase."""
+    """Return the phase interval below which neighbouring contacts share a window."""
     return flint().arb(2) ** -(flint().ctx.prec // 2)
 
 
 class Windows:
-    """The nodes of a `Path`, with windows in place of contacts at exact `phases` in their order."""
+    """A `Path` with windows of time around contacts that come together."""
 
     def __init__(self, path, phases):
         self.path, self.laws = path, path.laws
-        #: (Numbers of the nodes that are passed at once, phase).
+        #: (Numbers of the nodes that are passed together, phase).
         self.groups: list = []
         last = None
         for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
@@ -232,11 +231,11 @@ class Windows:
             last = phase if is_contact else None
 
     def any(self):
-        """Return whether any contacts come together."""
+        """Return whether there are contacts that come together."""
         return any(len(numbers) > 1 for numbers, _ in self.groups)
 
     def equations(self, unknowns):
-        """Return (residuals, derivatives, a row each) of the return, by (y, dy/dtheta)."""
+        """Return (residuals, rows of their derivatives) of the return to the initial state."""
         ends, rows, *_ = self.run(unknowns)
         for i, row in enumerate(rows):
             row[i] -= 1
@@ -257,7 +256,9 @@ class Windows:
             end, half = phase * path.scale, 0
             if node.phase is None:
                 near = arc.frame * arc.moved(first_column(columns), end - time)
-                half = self._half_width(numbers, near, _PROOF_WIDTH if prove else _WIDTH)
+                half = self._half_width(
+                    numbers, near, _PROOF_WINDOW_RATIO if prove else _WINDOW_RATIO
+                )
             duration = end - half - time
             if not duration > 0:
                 text = "from others, a switch of a stiffness or the start of the orbit"
@@ -283,19 +284,19 @@ class Windows:
         rows = (laws.basis * arc.frame * columns).tolist()[:n]
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switches
 
-    def _half_width(self, numbers, state, width):
-        """Return half the length of a window about contacts, by a modal state near to them."""
+    def _half_width(self, numbers, state, ratio):
+        """Return half the length of a window around contacts from a modal state near them."""
         largest = flint().arb(2) ** -(0.7 * flint().ctx.prec)
         for node in (self.path.nodes[i] for i in numbers):
             distance = (node.distance * state)[0, 0]
             rate = (node.distance * (node.law * state))[0, 0]
             if not (rate > 0 or rate < 0):
                 raise Uncertain(*_NO_CROSSINGS)
-            largest = max(largest, (width * abs(distance).upper() / abs(rate).lower()).upper())
+            largest = max(largest, (ratio * abs(distance).upper() / abs(rate).lower()).upper())
         return largest
 
     def _crossed(self, numbers, state, length, codes):
-        """Return (map of deviations through a window, state behind it, speeds); set `codes`."""
+        """Pass a window: return (map of deviations, state behind it, speeds) and set `codes`."""
         module, laws, nodes = flint(), self.laws, self.path.nodes
         e, size, arb = len(laws.retained), laws.size, module.arb
         matrices = [nodes[i].law for i in [*numbers, numbers[-1] + 1]]
@@ -309,7 +310,7 @@ class Windows:
         speeds = self._checked_speeds(numbers, state, within, end, rate, codes)
         transition, growth = identity(size), arb(1)
         for i, jump, speed in zip(numbers, jumps, speeds, strict=True):
-            # Forces change rates only.
+            # Forces change velocities only.
             values = [value if e <= k < 2 * e else 0 for k, value in enumerate(jump.entries())]
             saltation = column_of(values) * nodes[i].distance * (1 / speed)
             transition += saltation
@@ -318,7 +319,7 @@ class Windows:
         return transition + module.arb_mat(size, size, [remainder] * size**2), end, speeds
 
     def _checked_speeds(self, numbers, begin, within, end, rate, codes):
-        """Return the speeds at which meshes are proven to cross their lines once; set `codes`."""
+        """Prove that each mesh crosses its line once; return the speeds and set `codes`."""
         laws, nodes, speeds = self.laws, [self.path.nodes[i] for i in numbers], []
         crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)
         if len(crossed) < len(nodes):

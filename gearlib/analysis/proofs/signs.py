@@ -1,4 +1,4 @@
-"""That a motion touches no flank line along an arc, and the extrema of its displacement.
+"""Proofs that a motion touches no flank line along an arc; extrema of its displacement.
 
 On the pieces of an arc a functional of the state is a Taylor polynomial, whose last coefficient is
 a ball that holds the remainder. Its values where the rate is zero decide its sign and extrema.
@@ -14,11 +14,12 @@ from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.engines.codes import INVERSE, NORMAL
 
-#: Most cuts of a piece, and its shortest part, as a share: floats divide it exactly so far.
-_MAX_CUTS, _SHORTEST_PART = 2000, 2**-48
-#: Time of a piece by the norm of the law.
+#: Largest number of bisections of a piece, and its shortest part, as a share that floats
+#: represent exactly.
+_MAX_BISECTIONS, _MIN_PART = 2000, 2**-48
+#: Largest duration of a piece, relative to one over the norm of the law.
 _PIECE_LENGTH = 1.0
-#: Radius of a state from which on it is wide.
+#: Radius above which a state counts as wide.
 _WIDE_STATE = 2.0**-40
 _TOGETHER = (
     "contacts of several meshes coincide, or come too near to each other to tell their order"
@@ -38,8 +39,11 @@ class Curve:
         self.begin, self.end = coefficients[0], end
 
     def values_at_rest(self, sign=0):
-        """Yield balls of the values where the rate is zero, if sign * value > 0 is not certain."""
-        arb, parts, cuts = flint().arb, [(0.0, 1.0)], 0
+        """Yield enclosures of the values where the rate is zero.
+
+        Parts in which sign * value > 0 is certain are left out.
+        """
+        arb, parts, bisections = flint().arb, [(0.0, 1.0)], 0
         negligible = arb(2) ** (32 - flint().ctx.prec)
         while parts:
             low, length = parts.pop()
@@ -55,14 +59,14 @@ class Curve:
                 around = self._zero_of_rate(around)
                 if around is not None:
                     yield self._value_at_rest(around)
-            elif value.rad() > negligible and length > _SHORTEST_PART and cuts < _MAX_CUTS:
-                cuts += 1
+            elif value.rad() > negligible and length > _MIN_PART and bisections < _MAX_BISECTIONS:
+                bisections += 1
                 parts += [(low, 0.5 * length), (low + 0.5 * length, 0.5 * length)]
             else:
                 yield self._value_at_rest(around)
 
     def _zero_of_rate(self, around):
-        """Return the ball of times at which the rate may be zero, by Newton; None: it is not."""
+        """Enclose the zero of the rate by the interval Newton method; None if there is no zero."""
         while True:
             middle = around.mid()
             newton = middle - self.rate(middle) / self.acceleration(around)
@@ -74,9 +78,9 @@ class Curve:
             around = narrower
 
     def _value_at_rest(self, around):
-        """Return a ball of the value where the rate is zero in a ball of times."""
+        """Enclose the value at a zero of the rate within a ball of times."""
         middle = around.mid()
-        # By the mean value of the rate, which is small here, it is sharper.
+        # The mean value theorem is sharper, because the rate is small here.
         mean = self.value(middle) + self.rate(around) * (around - middle)
         value = mean.intersection(self.value(around))
         # A ball that reaches beyond the piece need not hold a value of it.
@@ -85,7 +89,7 @@ class Curve:
 
 
 def pieces(law, state, end, time, rows):
-    """Yield the `Curve`s of functionals (r, size) of every piece of an arc that leads to `end`."""
+    """Yield the `Curve`s of functionals (r, size) on each piece of an arc up to a state `end`."""
     module, size, start = flint(), norm(law), state
     # The remainder is as small as rounding.
     degree = module.ctx.prec // 4 + 2
@@ -118,7 +122,7 @@ def pieces(law, state, end, time, rows):
 
 
 def check_contacts(path, arcs, ends, contact_phases):
-    """Return the rates of distance at the contacts, proven to be crossings and all there are."""
+    """Prove that a path has all contacts and crosses at each; return the rates of distance."""
     laws, codes, rates, phases = path.laws, list(path.codes), [], path.phases(contact_phases)
     # The flank lines crossed at the start and at every node: None for a switch.
     crossed = [None, *((n.mesh, n.side) if n.phase is None else None for n in path.nodes)]
@@ -176,12 +180,12 @@ class Bound(NamedTuple):
     is_overlap: bool  #: whether both flanks touch where the mesh meets the line
 
     def is_of(self, crossed):
-        """Return whether (mesh, side) that is crossed is of this flank line."""
+        """Return whether a crossed (mesh, side) belongs to this flank line."""
         return crossed is not None and crossed[0] == self.mesh and crossed[1] in self.sides
 
 
 def bounds_of(laws, codes):
-    """Return the `Bound`s by the contact codes of all meshes; play that changes must not close."""
+    """Return the `Bound`s of the contact codes of all meshes; varying backlash must stay open."""
     bounds = []
     states = zip(codes, laws.numbers.meshes, laws.distances, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
@@ -196,7 +200,7 @@ def bounds_of(laws, codes):
 
 
 def extrema(path, arcs, ends):
-    """Return balls of the smallest and largest first coordinate; arguments of `Path.equations`."""
+    """Enclose the smallest and the largest value of the first coordinate along a path."""
     displacement = flint().arb_mat([path.laws.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
