@@ -122,7 +122,7 @@ def test_own_solvers_are_right_wherever_they_take_the_model(method):
 @pytest.mark.parametrize("name", ["cubic_damping", "terms_2", "stiff_bearings"])
 def test_references_without_50_digits_agree_with_split_runs(name):
     problem = PROBLEMS[name]
-    judge, options = failures._SPLIT
+    judge, options = failures.SPLIT
     reference = failures.run(problem, *failures.judge_of(problem, "rk4"), problem.periods)
     split = failures.run(problem, judge, options, problem.periods)
     assert failures.error(problem, split, reference) < 1e-10

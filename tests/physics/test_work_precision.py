@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from gearlib import integrators
 from gearlib.config import load
 from gearlib.studies import jump
 from gearlib.studies.trials import high_precision, problems, references
@@ -31,7 +32,8 @@ def known():
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_errors_at_rounding(known, method):
     finest = wp.errors(method, known, PAIR, SIX, SETTINGS).isel(rung=-1)
-    taken = [problems.takes(method, build(name).model) for name in known.problem.values]
+    takes = integrators.METHODS[method].takes
+    taken = [takes(build(name).model) for name in known.problem.values]
     assert finest.state_error.notnull().values.tolist() == taken
     finest = finest.isel(problem=finest.problem.values != "reducer")
     six = finest.problem == "six_degrees"
@@ -47,7 +49,7 @@ def test_errors_at_rounding(known, method):
 def errors_of_rk4(steps):
     problem = build("smooth")
     expected = references.reference(problem)
-    runs = [problems.attempt(problem, "rk4", {"steps_per_period": n}) for n in steps]
+    runs = [problems.run(problem, "rk4", {"steps_per_period": n}) for n in steps]
     evaluations = np.array([one.evaluations for one in runs], float)
     return evaluations, np.array([wp.state_error(one, expected) for one in runs])
 
@@ -58,7 +60,7 @@ def slope(x, y):
 
 def test_rk4_is_of_first_order_where_steps_go_over_switches():
     # Of one step over a switch the force is wrong for a share of the step.
-    steps = wp.LADDERS["rk4"][0].values
+    steps = wp.LINES[2].values
     evaluations, error = errors_of_rk4(steps)
     assert (evaluations == 4.0 * 20 * np.array(steps)).all()
     assert slope(evaluations, error) == pytest.approx(-1.0, abs=0.25)
@@ -67,7 +69,7 @@ def test_rk4_is_of_first_order_where_steps_go_over_switches():
 def test_control_of_steps_follows_its_tolerance(known):
     chosen = known.sel(problem=["smooth", "bouncing", "cubic"])
     data = wp.errors("rk45", chosen, PAIR, SIX, SETTINGS)
-    rtol = np.array(wp.LADDERS["rk45"][0].values)
+    rtol = np.array([options["rtol"] for _, _, options in wp.rungs("rk45")])
     for name in data.problem.values:
         one = data.sel(problem=name)
         assert slope(rtol, one.state_error.values) == pytest.approx(1.0, abs=0.2)
@@ -77,7 +79,8 @@ def test_control_of_steps_follows_its_tolerance(known):
 @pytest.mark.parametrize("name", ["smooth", "bouncing", "near_fold", "cubic"])
 def test_the_settled_orbit(known, name):
     problem = build(name)
-    start, multiplier = references.orbit_of(known, name)
+    start = known.orbit_state.sel(problem=name).values
+    multiplier = float(known.largest_multiplier.sel(problem=name))
     end, maps, _ = problem.model.propagator(problem.tuning).maps(start, 1, 100)
     # It repeats, and its multiplier is that of the variational equations: rounding of a period.
     np.testing.assert_allclose(end, start, rtol=0, atol=1e-14)
@@ -92,18 +95,20 @@ def test_the_settled_orbit(known, name):
 def test_a_problem_that_settles_on_no_orbit_of_one_period_has_none():
     # Without damping, and so on nothing at all.
     problem = build("conservative")
-    run, multiplier = references.settled(problem)
-    assert np.isnan(run.state).all() and math.isnan(multiplier)
+    orbit, multiplier = references.settled(problem)
+    assert np.isnan(orbit).all() and math.isnan(multiplier)
 
 
 def test_the_exact_jump_lies_where_30_digits_have_it():
-    pair = build("near_fold").model
+    problem = build("near_fold")
+    pair = problem.model
     run = {"periods": 120, "record_periods": 24, "initial_state": (0.0, 0.0)}
     nu = jump.find(pair, [0.815, 0.816], 1e-8, **run).tuning
-    low, high = (high_precision.run(pair, nu + side, 120, 30).state[0] for side in (-2e-8, 2e-8))
+    beside = nu - 2e-8, nu + 2e-8
+    digits = [float(high_precision.run(pair, tuning, 120, 30)[0][0]) for tuning in beside]
     found = [
-        problems.Bound(pair, nu + side, "exact", {}).run((0.0, 0.0), 120).state[0]
-        for side in (-2e-8, 2e-8)
+        problems.run(problem._replace(tuning=tuning), "exact", periods=120).state[0]
+        for tuning in beside
     ]
     assert abs(found[1] - found[0]) > 0.1
-    np.testing.assert_allclose([float(low), float(high)], found, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(digits, found, rtol=0, atol=1e-6)

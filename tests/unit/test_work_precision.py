@@ -21,14 +21,8 @@ SETTINGS = {
 
 
 def run(state=(0.0, 0.0), phases=(), kinds=()):
-    return problems.Run(
-        np.array(state, float),
-        np.array(phases, float),
-        np.array(kinds, np.int8).reshape(-1, 2),
-        1.0,
-        10,
-        0,
-    )
+    codes = np.array(kinds, np.int8).reshape(-1, 2)
+    return problems.Motion(np.array(state, float), np.array(phases, float), codes)
 
 
 def test_error_of_the_state():
@@ -38,7 +32,7 @@ def test_error_of_the_state():
 
 def test_error_of_the_events():
     one = run(phases=[1.0, 2.0], kinds=[(1, 0), (0, 1)])
-    assert wp.event_error(run(phases=[1.1, 1.7], kinds=one.kinds), one) == pytest.approx(0.3)
+    assert wp.event_error(run(phases=[1.1, 1.7], kinds=one.codes), one) == pytest.approx(0.3)
     # Another number, another kind, none at all: nothing to compare.
     assert np.isnan(wp.event_error(run(phases=[1.0], kinds=[(1, 0)]), one))
     assert np.isnan(wp.event_error(run(phases=[1.0, 2.0], kinds=[(1, 0), (0, -1)]), one))
@@ -54,19 +48,18 @@ def test_every_method_has_a_ladder_that_it_accepts():
     model = problems.build("cubic", PARAMETERS, {}, SETTINGS).model
     for method in (one for one in integrators.methods() if one.available):
         for _, _, options in wp.rungs(method.name):
-            if problems.takes(method.name, model):
+            if integrators.METHODS[method.name].takes(model):
                 integrators.choose(model, method.name, options)
 
 
 def test_a_ladder_goes_from_coarse_to_fine():
-    for lines in wp.LADDERS.values():
-        for line in lines:
-            if line.knob in ("rtol", "tol", "tolerance"):
-                assert list(line.values) == sorted(line.values, reverse=True)
-            elif line.knob:
-                assert list(line.values) == sorted(line.values)
+    assert {line.method for line in wp.LINES} == set(integrators.METHODS.data)
+    for line in wp.LINES:
+        if line.knob:
+            finer = line.knob in ("rtol", "tol", "tolerance")
+            assert list(line.values) == sorted(line.values, reverse=finer)
     # Steps that end at the switches of the paper's mesh would look better than they are.
-    assert all(k * 0.2845 % 1 > 1e-6 for k in wp.LADDERS["rk4"][0].values)
+    assert all(k * 0.2845 % 1 > 1e-6 for k in wp.LINES[2].values)
 
 
 def test_the_tolerances_of_a_pair_keep_their_ratio():

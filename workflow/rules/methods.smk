@@ -185,7 +185,6 @@ use rule _compute_alone as work_precision_times with:
     pathvars:
         job="work_precision/times_{method}",
     input:
-        known="results/work_precision/references.nc",
         kernels=KERNELS,
         sources=lambda wildcards: TIMES_SOURCES[wildcards.method],
     output:
@@ -194,6 +193,7 @@ use rule _compute_alone as work_precision_times with:
         **PROBLEMS,
         function="gearlib.studies.trials.work_precision:times",
         method="{method}",
+        names=config["work_precision"]["problems"],
         repeats=config["work_precision"]["repeats"],
 
 

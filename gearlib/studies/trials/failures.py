@@ -43,17 +43,8 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: From right to worse; their order is that of the flags in the matrix.
 VERDICTS = (
-    "right",
-    "inaccurate",
-    "missed_event",
-    "wrong_attractor",
-    "invented_motion",
-    "diverged",
-    "stalled",
-    "refused",
-)
-#: Quantities of motions that have forgotten their start.
-SETTLED = ("orbit", "fractions")
+    "right inaccurate missed_event wrong_attractor invented_motion diverged stalled refused"
+).split()
 #: Change of an orbit that makes it another one; all of its quantities are of order 1.
 SHARE = 0.05
 #: Height over that of a steady reference which the problem does not have.
@@ -63,9 +54,7 @@ FAR = 1e3
 #: Most steps or phases in one mesh period: more than any problem needs, few enough to end.
 MAX_EVENTS = 30_000
 #: Judge of the library's own solvers where the other one does not take the model.
-_SPLIT = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
-#: Methods whose steps are interpreted: thousands of times slower than compiled ones.
-INTERPRETED = ("scipy",)
+SPLIT = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
 
 
 class Outcome(NamedTuple):
@@ -91,23 +80,22 @@ def outcome_of(run, model):
     """Return the `Outcome` of a result of `gearlib.simulate`; of trains, means over the meshes."""
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
-    pairs = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
-    contacts, state = tuple(pairs), run.final_state.values
+    contacts, state = [run.event_from.values, run.event_to.values], run.final_state.values
     if model.mesh_names:
         # What several meshes do at once has no order.
-        mesh = run.event_mesh.values
-        contacts = tuple((int(mesh[i]), *contacts[i]) for i in np.argsort(mesh, kind="stable"))
+        order = np.argsort(run.event_mesh.values, kind="stable")
+        contacts = [codes[order] for codes in (run.event_mesh.values, *contacts)]
         state = model.reduction()[0] @ state
     names = ("fraction_normal", "fraction_backlash", "fraction_inverse")
     return Outcome(
         status.OK,
-        tuple(state.tolist()),
+        tuple(state),
         float(run.displacement_min.min()),
         float(run.displacement_max.max()),
         tuple(float(run[name].mean()) for name in names),
         float(run.bounces.mean()),
         int(run.period),
-        contacts,
+        tuple(zip(*(codes.tolist() for codes in contacts), strict=True)),
         int(run.evaluations),
     )
 
@@ -128,48 +116,40 @@ def amount(problem, outcome):
     """Return energy or deviation, where one is compared: what a method must not make more of."""
     if problem.quantity == "energy":
         # Constant stiffness, the mean one: rest position 1, natural frequency 1 / nu.
-        return 0.5 * sum(
-            value**2 for value in (outcome.state[0] - 1.0, problem.tuning * outcome.state[1])
-        )
+        x, v = outcome.state
+        return 0.5 * ((x - 1.0) ** 2 + (problem.tuning * v) ** 2)
     return _distance(problem.tuning, outcome.state, problem.orbit)
 
 
 def error(problem, outcome, reference):
     """Return the error of a complete run in the quantity of its problem."""
-    if problem.quantity == "contacts":
-        return float(wrong_contacts(outcome.contacts, reference.contacts))
-    if problem.quantity == "fractions":
-        pairs = zip(outcome.fractions, reference.fractions, strict=True)
-        return max(abs(a - b) for a, b in pairs)
-    if problem.quantity in ("energy", "deviation"):
-        expected = amount(problem, reference)
-        return abs(amount(problem, outcome) - expected) / expected
-    if problem.quantity == "orbit":
-        off = max(abs(outcome.low - reference.low), abs(outcome.high - reference.high))
-        return off / reference.height
-    return _distance(problem.tuning, outcome.state, reference.state) / max(1.0, reference.height)
-
-
-def _is_right(problem, off, outcome, reference):
-    if problem.quantity == "fractions" and (outcome.period == 0) != (reference.period == 0):
-        return False
-    return off <= problem.tolerance
+    match problem.quantity:
+        case "contacts":
+            return float(wrong_contacts(outcome.contacts, reference.contacts))
+        case "fractions":
+            return float(np.abs(np.subtract(outcome.fractions, reference.fractions)).max())
+        case "energy" | "deviation":
+            expected = amount(problem, reference)
+            return abs(amount(problem, outcome) - expected) / expected
+        case "orbit":
+            off = max(abs(outcome.low - reference.low), abs(outcome.high - reference.high))
+            return off / reference.height
+    off = _distance(problem.tuning, outcome.state, reference.state)
+    return off / max(1.0, reference.height)
 
 
 def _is_other_attractor(problem, outcome, reference):
-    if problem.quantity not in SETTLED:
-        return False
+    """Return whether settled motions differ in more than their digits."""
     # Motions that do not repeat have no height in common, only fractions.
-    if outcome.period != reference.period:
-        return True
-    changes = [abs(a - b) for a, b in zip(outcome.fractions, reference.fractions, strict=True)]
+    changes = [*np.abs(np.subtract(outcome.fractions, reference.fractions))]
     if problem.quantity == "orbit":
         changes.append(abs(outcome.bounces - reference.bounces))
         changes.append(abs(outcome.height - reference.height) / reference.height)
-    return max(changes) > SHARE
+    return outcome.period != reference.period or max(changes) > SHARE
 
 
 def _is_invented(problem, outcome, reference):
+    """Return whether a motion is larger than its problem has one."""
     if problem.quantity in ("energy", "deviation"):
         return amount(problem, outcome) > amount(problem, reference)
     # A reference at rest has a period as well, with a height of rounding.
@@ -179,20 +159,19 @@ def _is_invented(problem, outcome, reference):
 
 def decide(problem, outcome, reference):
     """Return (verdict, error) of a run against its reference, by the rules of the module."""
-    if outcome.status == status.OVERFLOW:
-        return "diverged", math.nan
     if outcome.status != status.OK:
-        return "stalled", math.nan
-    off = error(problem, outcome, reference)
+        return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
+    off, settles = error(problem, outcome, reference), problem.quantity in ("orbit", "fractions")
+    repeats = (outcome.period == 0) == (reference.period == 0)
     if not outcome.height <= FAR * max(1.0, reference.height):
         return "diverged", off
-    if _is_right(problem, off, outcome, reference):
+    if off <= problem.tolerance and (repeats or problem.quantity != "fractions"):
         return "right", off
-    if _is_other_attractor(problem, outcome, reference):
+    if settles and _is_other_attractor(problem, outcome, reference):
         return "wrong_attractor", off
     if _is_invented(problem, outcome, reference):
         return "invented_motion", off
-    if problem.quantity not in SETTLED and outcome.contacts != reference.contacts:
+    if not settles and outcome.contacts != reference.contacts:
         return "missed_event", off
     return "inaccurate", off
 
@@ -203,7 +182,7 @@ def run(problem, method, options, periods, max_events=MAX_EVENTS):
         problem.model,
         problem.tuning,
         periods=periods,
-        record_periods=problem.recorded(periods),
+        record_periods=min(periods, problem.record_periods or periods),
         # Extrema of step methods are those of step ends and samples.
         samples_per_period=256 if problem.quantity == "orbit" else 1,
         initial_state=problem.state,
@@ -217,49 +196,40 @@ def run(problem, method, options, periods, max_events=MAX_EVENTS):
 
 def judge_of(problem, method):
     """Return (method, options) of the reference for a method on a problem."""
-    able = [
-        name
-        for name in ("exact", "taylor")
-        if name != method and integrators.METHODS[name].takes(problem.model)
-    ]
-    return (able[0], {}) if able else _SPLIT
+    for judge in integrators.AUTOMATIC:
+        if judge != method and integrators.METHODS[judge].takes(problem.model):
+            return judge, {}
+    return SPLIT
 
 
 def try_method(problem, method, options):
-    """Return (verdict, error, periods, evaluations, name of the judge, message) of one cell."""
-    refusal = integrators.refusal(problem.model, method)
-    if refusal:
-        return "refused", math.nan, 0, 0, "", refusal
-    brief = method in INTERPRETED and problem.brief_periods is not None
-    periods = problem.brief_periods if brief else problem.periods
-    judge, judge_options = judge_of(problem, method)
-    outcome = run(problem, method, options, periods)
-    # The judge has no such bound: whatever it needs, the problem needs.
-    reference = run(problem, judge, judge_options, periods, 1_000_000)
-    verdict, off = decide(problem, outcome, reference)
-    return verdict, off, periods, outcome.evaluations, judge, status.MESSAGES[outcome.status]
+    """Return the verdict on one method, its error and how it was found, by variable."""
+    verdict, off, periods, evaluations, judge = "refused", math.nan, 0, 0, ""
+    message = integrators.refusal(problem.model, method)
+    if not message:
+        # scipy's steps are interpreted: thousands of times slower than compiled ones.
+        brief = problem.brief_periods if method == "scipy" else None
+        periods, (judge, judge_options) = brief or problem.periods, judge_of(problem, method)
+        outcome = run(problem, method, options, periods)
+        # The judge has no such bound: whatever it needs, the problem needs.
+        reference = run(problem, judge, judge_options, periods, 1_000_000)
+        verdict, off = decide(problem, outcome, reference)
+        evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
+    return {
+        "verdict": np.int8(VERDICTS.index(verdict)),
+        "error": off,
+        "periods": np.int32(periods),
+        "evaluations": np.int64(evaluations),
+        "judge": judge,
+        "message": message,
+    }
 
 
-def compute(name, method, options, chosen=None):
-    """Return the verdicts of one method on all problems: a column of the matrix.
-
-    name: of the column; method: one of `gearlib.methods`; options: options of the method; chosen
-    (names of problems; by default all).
-    """
+def compute(name, method, options):
+    """Return the verdicts of one method on all problems: a column of the matrix by its name."""
     known = problems()
 
-    def tried(key, _):
-        verdict, off, periods, evaluations, judge, message = try_method(known[key], method, options)
-        return {
-            "verdict": np.int8(VERDICTS.index(verdict)),
-            "error": off,
-            "periods": np.int32(periods),
-            "evaluations": np.int64(evaluations),
-            "judge": judge,
-            "message": message,
-        }
-
-    def about(key):
+    def description(key):
         problem = known[key]
         # The states of trains have as many components as they have coordinates and rates.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
@@ -273,9 +243,10 @@ def compute(name, method, options, chosen=None):
             "tolerance": problem.tolerance,
         }
 
-    each = {"problem": list(known) if chosen is None else list(chosen)}
+    each = {"problem": list(known)}
     axes = each | {"trial": [name]}
-    data = stacked(axes, tried) | stacked(each, about)
+    data = stacked(axes, lambda key, _: try_method(known[key], method, options))
+    data |= stacked(each, description)
     data |= {
         "method": ("trial", np.array([method], dtype=object)),
         "options": ("trial", np.array([canonical_json(options)], dtype=object)),

@@ -4,10 +4,19 @@ import math
 
 import numpy as np
 
-from gearlib.studies.trials import work_precision
+from gearlib.studies.trials.work_precision import OF_LIBRARY
 
 #: Decades of the table: the last one is near the last place of a state.
 DECADES = range(1, 16)
+#: Prefix of the columns -> what stands in the place of a method where there is none.
+UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
+_COLUMNS = (
+    "method",
+    "knob",
+    "time_us_per_mesh_period",
+    "evaluations_per_mesh_period",
+    "error_in_static_deflections",
+)
 
 
 def fastest(error, seconds, decade):
@@ -21,41 +30,35 @@ def fastest(error, seconds, decade):
     return int(able[np.argmin(seconds[able])]) if able.size else None
 
 
-def joined(datasets, name):
-    """Return a variable over (problem, rung) or (rung,) of all methods, end to end."""
-    return np.concatenate([data[name].values for data in datasets], axis=-1)
-
-
-#: What the table says in the place of a method where there is none.
-UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
-_COLUMNS = (
-    "method",
-    "knob",
-    "time_us_per_mesh_period",
-    "evaluations_per_mesh_period",
-    "error_in_static_deflections",
-)
-
-
 def rows(errors, times):
-    """Yield the fastest of this library and of others, for every problem and decade."""
-    names = [f"{who}_{column}" for who in UNREACHED for column in _COLUMNS]
-    yield ["problem", "accuracy_in_static_deflections", "own_is_times_faster", *names]
-    of_library = [data.attrs["method"] in work_precision.OF_LIBRARY for data in errors]
-    own = np.repeat(of_library, [data.sizes["rung"] for data in errors])
-    seconds = joined(times, "period_time")
-    error, evaluations = (joined(errors, name) for name in ("state_error", "period_evaluations"))
-    words = joined(errors, "line"), joined(errors, "knob")
+    """Yield the fastest of this library and of others, for every problem and decade.
+
+    errors, times: datasets of `gearlib.studies.trials.work_precision`, one for each method.
+    """
+    yield [
+        *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),
+        *(f"{owner}_{column}" for owner in UNREACHED for column in _COLUMNS),
+    ]
+
+    def joined(datasets, name):
+        return np.concatenate([data[name].values for data in datasets], axis=-1)
+
+    own = [[data.attrs["method"] in OF_LIBRARY] * data.sizes["rung"] for data in errors]
+    candidates = {"own": np.concatenate(own), "other": ~np.concatenate(own)}
+    lines, knobs, error = (joined(errors, name) for name in ("line", "knob", "state_error"))
+    evaluations, seconds = joined(errors, "period_evaluations"), joined(times, "period_time")
     for i, problem in enumerate(errors[0].problem.values):
         for decade in DECADES:
-            cells, found = [], {}
-            for who, chosen in (("own", own), ("other", ~own)):
+            cells, fastest_times = [], []
+            for owner, chosen in candidates.items():
                 k = fastest(error[i], np.where(chosen, seconds[i], math.nan), decade)
                 if k is None:
-                    cells += [f"{UNREACHED[who]} reaches it", *[""] * (len(_COLUMNS) - 1)]
+                    cells += [f"{UNREACHED[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
                     continue
-                found[who] = seconds[i, k]
+                fastest_times.append(seconds[i, k])
                 numbers = 1e6 * seconds[i, k], evaluations[i, k], error[i, k]
-                cells += [*(one[k] for one in words), *(f"{value:.3g}" for value in numbers)]
-            ratio = f"{found['other'] / found['own']:.3g}" if len(found) == len(UNREACHED) else ""
+                cells += [lines[k], knobs[k], *(f"{value:.3g}" for value in numbers)]
+            ratio = ""
+            if len(fastest_times) == len(candidates):
+                ratio = f"{fastest_times[1] / fastest_times[0]:.3g}"
             yield [str(problem), f"1e-{decade:02d}", ratio, *cells]

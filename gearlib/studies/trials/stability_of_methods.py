@@ -14,32 +14,25 @@ import numpy as np
 from gearlib.analysis.tongues.meissner import linear_pair
 from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
-from gearlib.studies.trials.problems import Bound
+from gearlib.runs.sweeping import sweep
 
-#: Radii are cut at this: larger ones say no more.
-LARGEST = 1e6
-
-
-def true_radius(pair, tuning):
-    """Return the spectral radius of one mesh period of the linear mesh, from closed forms."""
-    _, maps, _ = linear_pair(pair).propagator(tuning).maps(np.zeros(2), 1, 10**6)
-    return float(np.abs(np.linalg.eigvals(maps[0])).max())
+#: Radii are cut at this, which also stands for a run that stopped early.
+MAX_RADIUS = 1e6
 
 
-def method_radius(pair, tuning, method, options):
-    """Return the spectral radius of one mesh period of a method on the linear mesh.
-
-    method: a name of `gearlib.methods`; options: its options.
-
-    At most `LARGEST`, which also stands for a run that stopped early.
-    """
-    bound = Bound(linear_pair(pair), tuning, method, options)
-    rest, *ends = (bound.run(state, 1).state for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
-    # NaN of a run that could not go on.
-    matrix = np.column_stack([end - rest for end in ends])
-    if not np.isfinite(matrix).all():
-        return LARGEST
-    return float(min(np.abs(np.linalg.eigvals(matrix)).max(), LARGEST))
+def radii(pair, tunings, method, options):
+    """Return the spectral radius of one mesh period of a method at each tuning."""
+    run = {"periods": 1, "record_periods": 1, "method": method, "options": options, "threads": 1}
+    rest, *ends = (
+        sweep(pair, tunings, initial_state=state, **run).final_state.values
+        for state in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    )
+    # A matrix of NaN stands for a run that could not go on.
+    maps = np.stack([end - rest for end in ends], axis=-1)
+    finite = np.isfinite(maps).all(axis=(1, 2))
+    values = np.full(len(maps), MAX_RADIUS)
+    values[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=-1)
+    return np.minimum(values, MAX_RADIUS)
 
 
 def compute(pair, tunings, fine_tunings, steps, methods):
@@ -50,20 +43,20 @@ def compute(pair, tunings, fine_tunings, steps, methods):
     methods (name -> {"method": name of `gearlib.methods`, "options": options but the steps}).
     """
     pair = GearPair(**pair)
+    mesh = linear_pair(pair)
 
-    def radius(name, count, nu):
+    def radii_of(name, count):
         options = methods[name]["options"] | {"steps_per_period": int(count)}
-        return {"radius": method_radius(pair, nu, methods[name]["method"], options)}
+        return {"radius": radii(mesh, tunings, methods[name]["method"], options)}
 
-    axes = {
-        "method": list(methods),
-        "steps": np.asarray(steps, np.int32),
-        "tuning": np.asarray(tunings, float),
-    }
-    data = stacked(axes, radius) | {
-        "true_radius": ("fine_tuning", [true_radius(pair, nu) for nu in fine_tunings]),
+    axes = {"method": list(methods), "steps": np.asarray(steps, np.int32)}
+    data = stacked(axes, radii_of, "tuning") | {
+        "true_radius": ("fine_tuning", radii(mesh, fine_tunings, "exact", {})),
         "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
     }
-    coords = axes | {"fine_tuning": np.asarray(fine_tunings, float)}
+    coords = axes | {
+        "tuning": np.asarray(tunings, float),
+        "fine_tuning": np.asarray(fine_tunings, float),
+    }
     title = "Numerical stability of fixed-step methods"
     return result(title, pair, data, coords, method=", ".join(methods))
