@@ -324,7 +324,6 @@ DESCRIPTIONS = {
     "multiplier_floor": ("1", "half the last place of the state over the width of differences"),
     "period_time": ("s", "wall time per mesh period"),
     "closed_form_time": ("s", "wall time of one evaluation of the closed form of contact"),
-    "warm_up_time": ("s", "wall time of the first run, in which kernels are compiled or loaded"),
     # scales to SI
     "static_deflection": ("m", "static deflection, scale of displacements"),
     "mesh_frequency": ("rad s-1", "angular mesh frequency, phase over time"),

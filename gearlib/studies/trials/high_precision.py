@@ -76,7 +76,7 @@ def _one_degree(model, tuning):
     mean, matrices = kappa + (1 - kappa) * (epsilon - 1), {}
     for code in _CODES:
         ratio = Decimal(pair.damping_ratio if code else pair.backlash_damping_ratio)
-        for segment, level in enumerate((1, kappa, 1)):
+        for segment, level in enumerate((Decimal(1), kappa, Decimal(1))):
             stiffness = level / mean / nu**2 if code else 0
             load = 1 / nu**2 - (stiffness * backlash if code == INVERSE else 0)
             rows = [[0, 1, 0], [-stiffness, -2 * ratio / nu, load], [0, 0, 0]]
