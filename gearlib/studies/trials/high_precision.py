@@ -49,7 +49,9 @@ def run(model, tuning, periods, digits, state=None):
         z, contact, phases, codes = equations.start, NORMAL, [], []
         if state is not None:
             z = decimals([*state, 1])
-            contact = _contact_of(equations.lines @ z)
+            # That just behind the start, which may lie on a flank line.
+            ahead = z + equations.matrices[BACKLASH, 0] @ z * Decimal(10) ** -digits
+            contact = _contact_of(equations.lines @ ahead)
         for period in range(periods):
             for segment, (phase, end) in enumerate(pairwise(equations.bounds)):
                 while phase < end:
