@@ -253,6 +253,7 @@ def lyapunov_exponents(
     settings = {"settle": settle, "periods": periods, "max_events": max_events}
 
     def value_error_status(i):
+        """Return (exponent, standard error, status code) of the motion at a value."""
         model, nu = cases[i]
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START

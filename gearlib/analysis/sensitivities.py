@@ -132,6 +132,7 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
 
     @cache
     def run(value: float) -> tuple:
+        """Call with a value of the parameter; return (variables, contact events)."""
         with counting_contacts() as contacts:
             if name in arguments:
                 result = call(model, **arguments | {name: value})
@@ -149,6 +150,7 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
     shape, contacts = run(value)[0][variable].shape, run(value)[1]
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
+        """Return the variable at a value of the parameter, None if it is not comparable."""
         variables, new_contacts = run(parameter)
         array = variables[variable].values
         comparable = not same_contacts or new_contacts == contacts or [] in (new_contacts, contacts)

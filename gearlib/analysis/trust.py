@@ -154,6 +154,7 @@ def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
     """
 
     def variables(nu):
+        """Return the label of the motion at a tuning, with its numbers."""
         trusted = trust(model, nu, **options)
         return {
             "label": np.int8(LABELS.index(trusted.label)),

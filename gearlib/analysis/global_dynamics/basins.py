@@ -142,6 +142,7 @@ def _attractor_variables(attractors: list) -> dict:
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
     def variables(attractor):
+        """Return the scalar variables of an attractor."""
         orbit = attractor.orbit
         return {
             "attractor_kind": np.int8(attractor.kind),

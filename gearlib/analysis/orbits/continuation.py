@@ -157,6 +157,7 @@ def _follow_branch(
     points, goal = [first], to / problem.units[-1]
 
     def step(length):
+        """Take a step and add its points; return (next length, reason for the end or "")."""
         last = points[-1]
         solution, tangent, corrections = tracing.take_step(
             problem, last.unknowns, last.tangent, length, goal

@@ -234,6 +234,7 @@ class _Search:
         points = [branch_point(solution, tangent)]
 
         def has_passed(point):
+            """Return whether a point lies behind the resonance or outside the tunings."""
             if not low < point.value < high:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
@@ -241,6 +242,7 @@ class _Search:
             return is_beyond and (up or in_contact)
 
         def step(length):
+            """Take a step and add its point; return (next length, reason for the end or "")."""
             last = points[-1]
             # Close behind a grazing a fold is so sharp that a short step may turn.
             solution, tangent, corrections = tracing.take_step(
@@ -294,6 +296,7 @@ class _Search:
         i, last = int(np.argmax(values)), len(points) - 1
 
         def point_at(position: float) -> Any:
+            """Return the unknowns of the branch at a fractional index of its points."""
             first = min(int(position), last - 1)
             chord = points[first + 1] - points[first]
             start = points[first] + (position - first) * chord

@@ -181,6 +181,7 @@ def _follow_locus(
     direction = tracing.tangent(solutions[0].jacobian, sign * axis)
 
     def step(length):
+        """Take a step and add its point; return (next length, reason for the end or "")."""
         nonlocal direction
         # Where an event meets a stiffness switch, folds and doublings have a corner.
         allow_corner = length < 2.0 * _MIN_STEP * max_step

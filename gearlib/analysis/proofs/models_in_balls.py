@@ -49,7 +49,7 @@ class MeshTiming(NamedTuple):
         return phases
 
     def condition(self, side, phase):
-        """Return (number of the stiffness level, 0 upper or 1 lower, sliding sign) at a phase."""
+        """Return (stiffness level, 0 upper or 1 lower; sign of sliding) of a side at a phase."""
         distance = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
         since_turn = (phase - self.phases[DRIVE] - self.pitches[side]) % 1
         is_low = self.overlap == 0 or distance > self.overlap / 2
@@ -97,7 +97,7 @@ class ModelNumbers(NamedTuple):
 
 
 def model_reader(model):
-    """Return the function of (model, tuning) that reads a model; refuse one without a proof."""
+    """Return the function from (model, tuning) to `ModelNumbers`; refuse models without proof."""
     if model.train is not None:
         if model.gyroscopic:
             text = "no proof is written for a train whose axes feel the turning of their frame"
@@ -117,7 +117,7 @@ def numbers_of(model, tuning):
 
 
 def ball_numbers():
-    """Return the balls of the present precision as `Numbers`, for the assembly of a train."""
+    """Return `Numbers` that assemble a train in balls of the current precision."""
     arb = flint().arb
     return Numbers(
         object,
@@ -129,7 +129,7 @@ def ball_numbers():
 
 
 def segments_of(meshes, common_period):
-    """Return the `Segment`s until all repeats; their ends are exact fractions of a period."""
+    """Return the `Segment`s of a period of the excitation, with exact fractions as ends."""
     starts = {Fraction(0)}
     for timing in meshes:
         for count in range(int(common_period * timing.rate)):
@@ -152,7 +152,7 @@ def _units(pair):
 
 
 def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
-    """Return the numbers of one coordinate; damping is that of coast side, backlash, drive side."""
+    """Return the numbers of one coordinate; `damping` is (coast side, backlash, drive side)."""
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
     mesh = MeshNumbers(
@@ -172,6 +172,7 @@ def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
 
 
 def _of_pair(pair, tuning):
+    """Return the numbers of a `GearPair`."""
     upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
     timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, slides=False)
     return _of_one_degree(
@@ -187,6 +188,7 @@ def _of_pair(pair, tuning):
 
 
 def _of_equation(model, tuning):
+    """Return the numbers of a model of one degree of freedom from its `Equation`."""
     arb, equation = flint().arb, model.equation
     near, far = equation.sides()
     starts, waves = [0.0, *near.breaks[1:-1].tolist()], {}
@@ -212,6 +214,7 @@ def _of_equation(model, tuning):
 
 
 def _of_train(train, tuning):
+    """Return the numbers of a `GearTrain`."""
     arb, numbers = flint().arb, ball_numbers()
     structure = train.assembled(numbers)
     coast_rows = far_lines(structure, train.by_name, train.meshes, numbers)

@@ -231,6 +231,7 @@ class Proof:
         balls: list = []
 
         def enclosed(value):
+            """Return the enclosures of balls in nested sequences, and remember the balls."""
             if isinstance(value, (list, tuple)):
                 return tuple(map(enclosed, value))
             if isinstance(value, flint().acb):

@@ -73,6 +73,7 @@ class Path:
         self._set_arcs()
 
     def _set_nodes(self, events, period):
+        """Set the nodes of the path from switches of the stiffness and contact events."""
         arb, laws, codes = flint().arb, self.laws, list(self.codes)
         turn, segments = 2 * arb.pi(), laws.numbers.segments
         marks: list = [
@@ -105,6 +106,7 @@ class Path:
         self.nodes.append(Node(laws.law(codes, segment), turn * period))
 
     def _set_arcs(self):
+        """Set the arcs between the nodes, with orthonormal frames at their ends."""
         self.arcs, frame, last_phase = [], identity(self.laws.size), 0
         for node, phase in zip(self.nodes, self.phases(self.guess), strict=True):
             time = ((phase - last_phase) * self.scale).mid()

@@ -58,6 +58,7 @@ def closing_damping(pair: Any, tongue: Tongue) -> float:
         return 0.0
 
     def growth(damping):
+        """Return the growth of the tongue at a damping ratio."""
         # Damping lowers the frequency, so that the extrema shift.
         shift = 1.0 / math.sqrt(1.0 - damping * damping)
         damped = with_damping(pair, damping)
@@ -81,6 +82,7 @@ def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
     sign = math.copysign(1.0, _characteristic(pair, tongue.peak, tongue.multiplier))
 
     def largest_margin(damping):
+        """Return the largest margin of instability in the tongue at a damping ratio."""
         damped = with_damping(pair, damping)
 
         def margin(nu):
