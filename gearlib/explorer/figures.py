@@ -117,11 +117,12 @@ class Figures:
 
     def _of_teeth(self) -> list:
         """Return the Harris map and the load share of a pair of teeth."""
-        lines = [(name, 3, {"legend_label": f"{name} × torque"}) for name in self.harris[:-1]]
-        lines.append(("chosen", 0, {"line_width": 3, "legend_label": "chosen torque"}))
-        title = "Harris map: static transmission error"
-        harris = self._plot(title, "mesh phase / 2π", "µm", *lines)
-        harris.add_layout(harris.legend[0], "right")
+        lines = [(name, 3, {"legend_label": name}) for name in self.harris[:-1]]
+        lines.append(("chosen", 0, {"line_width": 3, "legend_label": "1"}))
+        title = "Harris map"
+        harris = self._plot(title, "mesh phase / 2π", "transmission error, µm", *lines)
+        harris.add_layout(harris.legend[0], "below")
+        harris.legend.update(orientation="horizontal", title="torque over the chosen one")
         title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
         return [harris, self._plot(title, x, "", ("share", 0, {}))]
 
@@ -169,7 +170,7 @@ def pane(plot, room=_SMALL):
         "flex": f"1 1 {_MIN_WIDTH}px",
         "min-width": "0",
     }
-    return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both"), styles=styles)
+    return pn.Column(pn.pane.Bokeh(plot, sizing_mode="stretch_both", margin=0), styles=styles)
 
 
 def beside(*panes):

@@ -64,7 +64,7 @@ class Page:
 
     def layout(self):
         """Return the page."""
-        controls = pn.Column(*self.sliders.values(), self.button, width=300)
+        controls = pn.Column(*self.sliders.values(), self.button, styles={"flex": "0 0 300px"})
         figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
         # In a narrow window the figures come below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
