@@ -20,7 +20,7 @@ from gearlib.data.motions import floats
 from gearlib.data.result import result
 from gearlib.engines.growth import carry
 from gearlib.integrators import choose
-from gearlib.models.model import FAR
+from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import CARRIED
 
@@ -122,7 +122,7 @@ def largest(
     """
     strobe = Stroboscope(model, tuning, max_events=max_events)
     deviation, current = Deviation(model, max_events), strobe.propagator.start(state)
-    bound = FAR * np.maximum(model.extent, strobe.size(current[None]))
+    bound = UNBOUNDED_FACTOR * np.maximum(model.extent, strobe.size(current[None]))
     # The settling periods turn any direction into the growing one.
     for first, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):
         size_before = strobe.size(current[None])

@@ -29,7 +29,7 @@ def variables(model, dims, table, ends, codes, record_periods):
     mesh_dims = (*dims, "mesh") if model.mesh_names else dims
     return {
         **{name: (mesh_dims, values) for name, values in columns.items()},
-        **model.more_summary(mesh_dims, table, span),
+        **model.extra_summary_variables(mesh_dims, table, span),
         "period": (dims, codes[..., 0].astype(np.int32)),
         "status": (dims, codes[..., 1].astype(np.int8)),
         "final_state": ((*dims, "component"), ends),

@@ -1,4 +1,4 @@
-"""Periodic functions of the mesh phase: harmonics, or a table turned into harmonics."""
+"""Harmonics of the mesh phase, given by their amplitudes or computed from a table."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from gearlib.parameters import FINITE, Many, check, documented
 @documented
 @dataclass(frozen=True)
 class Harmonics:
-    """sum over n >= 1 of cosines[n - 1] cos(n tau) + sines[n - 1] sin(n tau).
+    """The sum over n >= 1 of cosines[n - 1] cos(n tau) + sines[n - 1] sin(n tau).
 
     Raises
     ------
@@ -27,23 +27,23 @@ class Harmonics:
 
     @classmethod
     def from_table(cls, phase, values, count=None):
-        """Return the harmonics of a table over one mesh period, its mean left out.
+        """Return the harmonics of a table over one mesh period, without its mean.
 
         Parameters
         ----------
         phase : array_like of float, shape (n,)
-            Equidistant mesh phases, rad, rising from some start by 2 pi / n.
+            Equidistant mesh phases, rad, in steps of 2 pi / n.
         values : array_like of float, shape (n,)
-            Finite values there; taken as periodic.
+            Finite values at these phases, continued periodically.
         count : int, optional
-            Highest order kept; all that the table resolves by default, (n - 1) // 2.
+            Highest order; by default the highest that the table resolves, (n - 1) // 2.
 
         Raises
         ------
         ValueError
             If the phases are not equidistant over one period, or a value is not finite.
         """
-        import numpy as np  # here and below: a start of the workflow loads this module
+        import numpy as np  # Imported here, since reading the configuration needs no numpy.
 
         phase, values = np.asarray(phase, float), np.asarray(values, float)
         n = phase.size
@@ -64,7 +64,7 @@ class Harmonics:
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
     def table(self, scale=1.0):
-        """Return rows (order, cosine, sine) with amplitudes times `scale`, shape (n, 3)."""
+        """Return the harmonics as rows (order, cosine, sine), shape (n, 3), scaled by a factor."""
         import numpy as np
 
         n = max(len(self.cosines), len(self.sines))

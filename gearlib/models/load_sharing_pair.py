@@ -91,7 +91,7 @@ class LoadSharingPair(WithPair):
         bool, TRUTH, "Whether corners of tips touch before and behind the path of contact"
     ] = True
 
-    by_default = {"pitch_errors": lambda model: model.drawing.pitch_errors}
+    defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "taylor.teeth"}
     piecewise_linear = False
     damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")

@@ -1,10 +1,10 @@
-"""The protocol of all models: everything that runs and analyses may ask of one.
+"""The base class of all models: every attribute that simulations and analyses use.
 
-A new model is a subclass of `Model` in one file, a frozen dataclass, and its entry in
-``gearlib/__init__.py``. With one degree of freedom it gives its ``equation``, and all the rest has
-a default. With more coordinates it gives instead ``size``, the ``train`` of its matrices or a
+A new model is a frozen dataclass that derives from `Model`, with an entry in
+``gearlib/__init__.py``. A model of one degree of freedom defines ``equation``; everything else has
+a default. A model with more coordinates defines ``size`` and the ``train`` of its matrices, or a
 piecewise-linear ``system`` with ``linear``, ``initial``, ``propagators``, ``flank_lines`` and
-``damped``. No caller asks a model for its class.
+``damped``. No caller checks the class of a model.
 """
 
 import dataclasses
@@ -25,12 +25,12 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.taylor import propagator as taylor  # noqa: F401
 
 
-#: A motion that is so many times as large as what made it grows without bound.
-FAR = 1e8
+#: A motion this many times larger than the lengths of its model counts as unbounded.
+UNBOUNDED_FACTOR = 1e8
 
 
 class Model:
-    """What can be simulated: parameters, equations of motion, engines, names of its variables."""
+    """Parameters, equations of motion, engines and names of variables of a simulated system."""
 
     # State and equations of motion.
     size: Any = 2  #: components of the state that varies: coordinates, then their rates by phase
@@ -39,35 +39,35 @@ class Model:
     equation: Any = None  #: the `Equation`, of one degree of freedom with two flank lines
     train: Any = None  #: the `GearTrain` whose matrices it has, of several degrees of freedom
     gyroscopic: Any = False  #: whether the forces of a turning frame act
-    profile: Any = None  #: of `gearlib.models.profiles`, where the mesh stiffness can be chosen
-    #: Functions from a tuning to the speed in rpm and to rad/s of the mesh; None: nothing turns.
+    profile: Any = None  #: the `Profile` of the mesh stiffness, where it can be chosen
+    #: Functions of the tuning: speed in rpm, mesh frequency in rad/s; None: nothing rotates.
     speed: Any = None
     mesh_frequency: Any = None
-    static_deflection: Any = None  #: the scale of displacements where something turns, m
-    #: Whether it moves by Eq. (3) for one coordinate between two equal flanks at 0 and -s, for
-    #: which methods with steps and the harmonics are written.
+    static_deflection: Any = None  #: scale of displacements of models that rotate, m
+    #: Whether Eq. (3) with one coordinate and equal flanks at 0 and -s holds, as fixed-step methods
+    #: and harmonic balance need it.
     one_mesh: bool = False
-    moving_flank: bool = False  #: whether `flank_lines` has only the mean position of the far flank
+    moving_flank: bool = False  #: whether the coast flank moves about its line in `flank_lines`
 
     # Parameters.
-    by_default: dict = {}  #: name of a field -> its value by default, from the model
-    #: Its parameters over which orbits are followed, beside ratios: name -> (CF units, long_name)
+    defaults: dict = {}  #: field name -> function of the model that returns its default
+    #: Continuation parameters of orbits beside the ratios: name -> (CF units, long_name)
     parameters: Any = {}
-    nonlinear: tuple = ()  #: names of those that make the motion in normal mesh nonlinear
+    nonlinear: tuple = ()  #: names of the parameters that make the motion in contact nonlinear
 
     # Results.
-    mesh_names: Any = ()  #: a dimension of results; (): one mesh, and no such dimension
-    components: Any = ("displacement", "velocity")  #: of the final state
-    extra_samples: tuple = ()  #: variables beside those of every time course, over the phase
-    long_names: dict = {}  #: name of a variable -> its long_name, if not that of a gear mesh
+    mesh_names: Any = ()  #: labels of the dimension mesh; empty: results have no such dimension
+    components: Any = ("displacement", "velocity")  #: names of the components of the final state
+    extra_samples: tuple = ()  #: names of sampled variables that other models do not have
+    long_names: dict = {}  #: variable name -> long_name, where it differs from that of a gear mesh
     title_noun: str = "a gear mesh"  #: the model in titles of datasets
-    slowest_tuning: Any = 0.0  #: below it the duty point is that at it: inertia hardly counts
-    force_note: Any = ""  #: a sentence on the forces beside results, or ""
+    slowest_tuning: Any = 0.0  #: least tuning of a simulated duty point: below it, inertia is small
+    force_note: Any = ""  #: a sentence on the forces, for results, or ""
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
         parameters.check(self)
-        for name, default in self.by_default.items():
+        for name, default in self.defaults.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, default(self))
 
@@ -82,46 +82,46 @@ class Model:
         exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
-    def kind(self, method=None):
-        """Return the class of propagators of a method, by default the first of `propagators`."""
+    def propagator_class(self, method=None):
+        """Return the engine class of a method in `propagators`, by default of the first one."""
         name = self.propagators[method or next(iter(self.propagators))]
         return import_module(f"gearlib.engines.{name}").Propagator
 
     def steps_per_period(self, tuning):
-        """Return how many steps a mesh period takes at least; 1 of closed forms."""
+        """Return the least number of integration steps in a mesh period; 1 for closed forms."""
         return 1.0
 
     def propagator(self, tuning, method=None, **options):
-        """Return the engine of the model at one tuning by one of the methods in `propagators`."""
-        return self.kind(method)(self, float(tuning), **options)
+        """Return the engine that integrates the model at a tuning by a method in `propagators`."""
+        return self.propagator_class(method)(self, float(tuning), **options)
 
     def law(self, tuning, tolerance=0.0):
-        """Return the `Law` of one degree of freedom; its tolerance is that of Taylor steps."""
+        """Return the equation of one degree of freedom for Taylor steps of a tolerance."""
         return self.equation.law(tuning, tolerance)
 
     def system(self, tuning):
-        """Return the `TrainSystem` of a piecewise-linear model at one tuning."""
+        """Return the matrices of a piecewise-linear model at a tuning, a `TrainSystem`."""
         return (self.train or self.equation).system(tuning)
 
     def linear(self, system):
-        """Return (frequencies by theta, mode shapes, free motions, mass matrix)."""
+        """Return the modes in permanent contact: (frequencies, shapes, free motions, mass)."""
         if self.train:
             return self.train.linear(system)
         unit = np.ones((1, 1))
         return np.array([self.equation.natural]), unit, np.zeros((1, 0)), unit
 
     def outputs(self, system):
-        """Return functionals of states by phase that are recorded too, shape (e, 3, p, n)."""
+        """Return rows that map states to extra recorded variables, shape (e, 3, p, n)."""
         return np.zeros((0, *system.effect.shape[:2], len(system.free)))
 
     def initial(self, system, state):
-        """Return the full state z at tau = 0, by phase, for a displacement and velocity."""
-        z = 0.0 * system.near[0]
-        z[:2] = state
-        return z
+        """Return the full state vector at tau = 0 with a displacement and its rate dx/dtau."""
+        full_state = 0.0 * system.near[0]
+        full_state[:2] = state
+        return full_state
 
     def check_state(self, value):
-        """Return an initial state, checked: displacement and dx/dtau, or all components."""
+        """Return a checked initial state: displacement and dx/dtau, or all components."""
         if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
             finite = "finite", math.isfinite
             return tuple(checks.number("initial_state", entry, *finite) for entry in value)
@@ -129,34 +129,34 @@ class Model:
 
     @property
     def settable(self):
-        """Name -> (CF units, words) of the finite numbers that `with_values` changes.
+        """The finite numbers that `with_values` can change: name -> (CF units, description).
 
-        Names are those of fields of the model and its `GearPair`, entries of fields with several
-        values as ``masses[0]``, and of a pair the keys of `RATIOS`.
+        A name is a field of the model or its `GearPair`, an entry of a field with several values
+        such as ``masses[0]``, or a ratio of the pair in `RATIOS`.
         """
-        described: dict = {}
+        numbers: dict = {}
         for owner in filter(None, (self, self.mesh)):
             declarations = parameters.declared(type(owner))
             for name, value in fields_of(owner).items():
                 parameter = declarations.get(name, parameters.Parameter(None, name))
-                units, words = parameters.cf_units(parameter.unit), parameter.long_name
+                units, description = parameters.cf_units(parameter.unit), parameter.long_name
                 if type(value) is float and math.isfinite(value):
-                    described.setdefault(name, (units, words))
+                    numbers.setdefault(name, (units, description))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
-                    finite = [f"[{i}]" for i, entry in enumerate(value) if math.isfinite(entry)]
-                    described |= {name + place: (units, f"{words} {place}") for place in finite}
+                    indices = [f"[{i}]" for i, entry in enumerate(value) if math.isfinite(entry)]
+                    numbers |= {name + i: (units, f"{description} {i}") for i in indices}
         if self.mesh:
-            described |= {name: ("1", words) for name, words in RATIO_NAMES.items()}
-        return described
+            numbers |= {name: ("1", description) for name, description in RATIO_NAMES.items()}
+        return numbers
 
     def value(self, name):
-        """Return the value of one of `settable`."""
+        """Return a number by its name in `settable`."""
         field, _, index = name.rstrip("]").partition("[")
         value = getattr(self, field)
         return value[int(index)] if index else value
 
     def with_values(self, changes):
-        """Return the model with some of `settable`, name -> value, changed; ratios are set last."""
+        """Return a copy with the numbers name -> value of `settable` changed, ratios last."""
         fields: dict = {}
         for name, value in changes.items():
             field, _, index = name.rstrip("]").partition("[")
@@ -175,49 +175,49 @@ class Model:
     parameter = value
 
     def with_parameter(self, name, value):
-        """Return the model with one of `parameters` set."""
+        """Return a copy of the model with a new value of one of `parameters`."""
         return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
 
     def disturbed(self, state, disturbance):
-        """Return an initial state with so much added to the displacement."""
+        """Return an initial state with a disturbance added to the displacement."""
         return state[0] + disturbance, *state[1:]
 
     def empty_record(self, samples=0, events=16):
-        """Return empty tables (samples, events, summary) with the columns of `engines.orbit`."""
-        from gearlib.engines import orbit  # here, since a model without motion needs no kernels
+        """Return empty tables (samples, events, summary) for the record of a run."""
+        from gearlib.engines import orbit  # Creating a model must not load the kernels.
 
         columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
         tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS
         return tuple(np.empty(shape) for shape in tables)
 
-    def more_samples(self, samples):
-        """Return name -> (dims, values) of the columns of samples that only some models have."""
+    def extra_sample_variables(self, samples):
+        """Return the `extra_samples` in a table of samples: name -> (dims, values)."""
         columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
         names = zip(self.extra_samples, columns, strict=True)
         return {name: (("phase",), values) for name, values in names}
 
-    def more_summary(self, dims, table, span):
-        """Return name -> (dims, values) of summaries that only some models have."""
+    def extra_summary_variables(self, dims, table, span):
+        """Return the summaries that other models do not have: name -> (dims, values)."""
         return {}
 
     def coordinates(self):
-        """Return name -> values of the dimensions of results that belong to the model."""
+        """Return the coordinates of datasets that belong to the model: name -> labels."""
         return {"component": list(self.components)}
 
     def reduction(self):
-        """Return the matrices (reduce, lift) to the state without free rotation and back."""
+        """Return matrices (reduce, lift) that remove the free rotation from a state, and back."""
         return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self):
-        """Displacements at which normal and inverse mesh begin."""
+        """Displacements at which drive-side and coast-side contact begin."""
         return self.equation.upper, self.equation.lower
 
     @property
     def extent(self):
-        """Return the largest length of the model: of a displacement unit, its flanks, its loads."""
-        lines, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
-        lengths += lines[np.isfinite(lines)].tolist()
+        """Largest length of the model: unit of displacement, flank positions, load deflections."""
+        positions, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
+        lengths += positions[np.isfinite(positions)].tolist()
         if self.equation is not None:
             equation = self.equation
             force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
@@ -225,13 +225,13 @@ class Model:
         return float(max(lengths))
 
     def bound(self, tuning, state=(0.0, 0.0)):
-        """Return the displacement beyond which a motion from a state has grown without bound."""
+        """Return the displacement above which a motion from a state counts as unbounded."""
         n = 0 if isinstance(state, str) else len(state) // 2
-        start = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
-        return FAR * max(self.extent, *start)
+        lengths = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
+        return UNBOUNDED_FACTOR * max(self.extent, *lengths)
 
     def damped(self):
-        """Return whether any phase of the motion is damped."""
+        """Return whether damping acts in contact or in the backlash."""
         equation = self.equation
         return bool(equation.damping[0 if math.isfinite(equation.lower) else 1 :].any())
 
@@ -240,12 +240,12 @@ class Model:
         return {}
 
     def tuning_at(self, speed):
-        """Return the tuning nu at a speed in rpm of the gear whose teeth count (float or array)."""
+        """Return the tuning nu at a speed of the reference gear in rpm (float or array)."""
         return speed / self.speed(1.0)
 
     @property
     def periods_per_revolution(self):
-        """Mesh periods in a revolution of the gear whose teeth count; whole, or a ratio."""
+        """Mesh periods in a revolution of the reference gear; not always a whole number."""
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning):
@@ -261,54 +261,54 @@ class Model:
         }
 
     def as_dict(self):
-        """Return the parameters as plain values, in the order of the fields."""
+        """Return the parameters as a dict of plain values, in the order of the fields."""
         profiles = {x: y.as_dict() for x, y in fields_of(self).items() if isinstance(y, Profile)}
         return dataclasses.asdict(self) | profiles
 
     def replace(self, **changes):
-        """Return a copy with some parameters changed (and checked): its own, or of its `GearPair`.
+        """Return a checked copy with changed parameters of the model or of its `GearPair`.
 
-        A name that both have is that of the model. A field with the value that others give it by
-        default goes on following them, unless it is changed itself: a `SixDegreePair` takes new
-        torques from a new load, unless its torques are others than those of the load.
+        A name that both have means the field of the model. A field that still has its default
+        value is computed again from the changed fields: a `SixDegreePair` with default torques
+        takes new torques from a new load.
 
         Raises
         ------
         ValueError
-            If there is no field of a name, or the model does not allow a value.
+            If a name is unknown, or the model does not allow a value.
         """
         names = fields_of(self)
         known_names = names | (fields_of(self.mesh) if self.mesh else {})
         checks.known(type(self).__name__, changes, list(known_names))
-        following = {
+        recomputed = {
             name: None
-            for name, default in self.by_default.items()
+            for name, default in self.defaults.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        of_mesh = {name: changes.pop(name) for name in {*changes} - {*names}}
+        pair_changes = {name: changes.pop(name) for name in {*changes} - {*names}}
         pair = changes.get("pair", self.mesh)
-        if of_mesh and is_model(pair):
-            changes["pair"] = pair.replace(**of_mesh)
-        return dataclasses.replace(self, **changes, **following)  # type: ignore[type-var]
+        if pair_changes and is_model(pair):
+            changes["pair"] = pair.replace(**pair_changes)
+        return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]
 
 
 def fields_of(instance):
-    """Return name -> value of the fields of a dataclass."""
+    """Return the fields of a dataclass instance as a dict, name -> value."""
     return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
 
 
 def natural_scale(model, units):
-    """Return the magnitude of a parameter in the model's own scales, for one that is 0."""
+    """Return a typical magnitude of a quantity with the given CF units, from the model's scales."""
     force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
     scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
     powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
     return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
 
 
-def unchecked(kind, **values):
-    """Return an instance of a frozen dataclass without its checks, for numbers of any kind."""
-    instance = object.__new__(kind)
-    for field in dataclasses.fields(kind):
+def unchecked(dataclass, **values):
+    """Create an instance of a frozen dataclass without its checks, which only accept floats."""
+    instance = object.__new__(dataclass)
+    for field in dataclasses.fields(dataclass):
         object.__setattr__(instance, field.name, values.get(field.name, field.default))
     return instance
 

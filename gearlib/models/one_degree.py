@@ -1,4 +1,4 @@
-"""Models of one degree of freedom: their one equation, gear pairs and dead-zone oscillators.
+"""Models of one degree of freedom: gear pairs and dead-zone oscillators, and their equation.
 
     x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
@@ -7,20 +7,20 @@
          = 0             lower < x < upper    BACKLASH, d of the gap
          = x - lower     x <= lower           INVERSE contact, c and d of the far side
 
-with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the model's own time t; nu is the frequency
-of the excitation in that unit. Models give their parameters as an `Equation`; the kernels get it
-as a `Law` (Taylor steps) or, where all phases are linear with constant coefficients, as a
-`TrainSystem` of one mesh (modes).
+with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the time t of the model; nu is the frequency
+of the excitation in that unit. Each model converts its parameters to an `Equation`. The engines
+use it as a `Law` for Taylor steps or, if it is linear with constant coefficients between events,
+as a `TrainSystem` of one mesh.
 
 A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
     m y'' + k y' + D2 |y'| y' + D3 y'^3 + C(tau) (g + g2 |g| g + g3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + m f''(tau),
 
-with the relative mesh displacement y = q + f(tau) of Eq. (4): rigid-body motion q of the flanks
-plus deviation f from the involute, whose inertia appears as a force. Contact (normal and inverse
-mesh) takes the material values of k, D2, D3, the backlash those of the oil. In static deflections
-d_s = F / C_s and 1 / Omega_s of time its damping over the mesh phase is d1 = 2 beta / nu,
+with the relative mesh displacement y = q + f(tau) of Eq. (4): the rigid-body motion q of the flanks
+plus the deviation f from the involute, whose inertia appears as a force. The values of k, D2 and D3
+in contact are those of the material, in the backlash those of the oil. In units of the static
+deflection d_s = F / C_s and of 1 / Omega_s, the damping over the mesh phase is d1 = 2 beta / nu,
 d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
 
@@ -47,33 +47,33 @@ _QUADRATIC, _CUBIC = Number("N s^2/m^2", least=0), Number("N s^3/m^3", least=0)
 
 @dataclass(frozen=True)
 class Equation:
-    """Parameters of the equation above, in a unit of length and of time."""
+    """Parameters of the equation of motion above, in a unit of length and of time."""
 
-    upper: float  #: finite
-    lower: float  #: <= upper, may be -inf: no far side
-    near: Pieces  #: c(tau) of the near side
-    far: Pieces  #: c(tau) of the far side; the same object where both are alike
-    damping: np.ndarray  #: d1, d2, d3 of far side, gap and near side, shape (3, 3)
+    upper: float  #: displacement where the near contact begins, finite
+    lower: float  #: displacement where the far contact begins, <= upper; -inf: no far contact
+    near: Pieces  #: stiffness c(tau) of the near contact
+    far: Pieces  #: stiffness of the far contact; the same object if both are equal
+    damping: np.ndarray  #: d1, d2, d3 of far contact, gap and near contact, shape (3, 3)
     powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
-    ground: float = 0.0  #: e
-    load: float = 1.0  #: F
-    #: Rows (n, a_n, b_n) of the force, shape (k, 3), and of f, shape (j, 3).
+    ground: float = 0.0  #: stiffness e to the ground
+    load: float = 1.0  #: mean force F
+    #: Rows (n, a_n, b_n) of the force, shape (k, 3), and of the deviation f, shape (j, 3).
     force: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     deviation: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
-    natural: float = 1.0  #: frequency of the motion in contact, to choose steps by
+    natural: float = 1.0  #: natural frequency in contact, which sets the step length
 
     def is_piecewise_linear(self):
-        """Return whether the phases between events have closed forms."""
-        curved = self.damping[:, 1:].any() or self.powers.any()
+        """Return whether the equation is linear with constant coefficients between events."""
+        nonlinear = self.damping[:, 1:].any() or self.powers.any()
         constant = all(
             not side.harmonics.size and not side.lines[:, 1].any() for side in (self.near, self.far)
         )
-        return bool(constant and not curved)
+        return bool(constant and not nonlinear)
 
     def law(self, tuning, tolerance):
-        """Return the `Law` at one frequency for Taylor steps of a `tolerance`."""
+        """Return the equation at an excitation frequency for Taylor steps of a tolerance."""
         unit, (near, far) = 1.0 / tuning**2, self.sides()
-        # Velocities are by phase: each power of x' comes with nu, all with 1 / nu^2.
+        # With velocities by phase, x' becomes nu x' and the whole equation is divided by nu^2.
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         waves = np.array([1.0, unit, unit])
         return Law(
@@ -97,56 +97,62 @@ class Equation:
         )
 
     def system(self, tuning):
-        """Return the `TrainSystem` at one frequency, if the equation is piecewise linear.
+        """Return the matrices of a piecewise-linear equation at an excitation frequency.
 
-        Components q = x - f, dq/dt, 1 and a cosine and a sine of each order, over the model's own
-        time t: the deviation f moves the flanks, and its inertia falls out of the equation.
+        The state is q = x - f, dq/dt, the constant 1 and a cosine and a sine of each order, over
+        the time t of the model. The deviation f moves the flanks, so that no inertia force of it
+        appears.
         """
         near, far = self.sides()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size
-        upper, lower, push = np.zeros((3, n), np.result_type(tuning))
-        upper[0], push[1] = 1.0, -1.0
-        gap = self.damping[BACKLASH + 1, 0]
-        free = one_mesh_system.waves(n, 3, tuning * orders).astype(push.dtype)
+        upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
+        upper[0], force_input[1] = 1.0, -1.0
+        gap_damping = self.damping[BACKLASH + 1, 0]
+        free = one_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
         free[0, 1] = 1.0
         free[1, 2] = self.load
-        for row, functional in ((free[1], self.force), (upper, self.deviation)):
-            for order, cosine, sine in functional:
+        for row, harmonics in ((free[1], self.force), (upper, self.deviation)):
+            for order, cosine, sine in harmonics:
                 column = 3 + 2 * int(np.searchsorted(orders, order))
                 row[column : column + 2] += cosine, sine
-        # Of x and its rate, the functional and its image, depend the spring e and the damping.
-        free[1] -= self.ground * upper + gap * (upper @ free)
+        # `upper` is still the row of x here, and upper @ free that of its rate.
+        free[1] -= self.ground * upper + gap_damping * (upper @ free)
         lower[:] = upper
         upper[2] = -self.upper
-        flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap)}
+        flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap_damping)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower
-            flanks[INVERSE] = lower, far.lines[:, 0], self.damping[INVERSE + 1, 0] - gap
-        return one_mesh_system.one_mesh(free, push, flanks, near.low, near.breaks, orders, tuning)
+            damping = self.damping[INVERSE + 1, 0] - gap_damping
+            flanks[INVERSE] = lower, far.lines[:, 0], damping
+        return one_mesh_system.one_mesh(
+            free, force_input, flanks, near.low, near.breaks, orders, tuning
+        )
 
     def _excitation(self, unit):
-        """Return rows (order, cosine, sine) of force and deviation in phase, shape (n, 3)."""
+        """Return the forces and the inertia of the deviation as rows (order, cosine, sine)."""
         deviation = self.deviation.copy()
-        # f'' of a harmonic of order n is -n^2 times the harmonic.
+        # The second derivative of a harmonic of order n is -n^2 times the harmonic.
         deviation[:, 1:] *= -(deviation[:, :1] ** 2)
         return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
 
     def sides(self):
-        """Return the stiffness of near and far side over the same breaks."""
+        """Return the stiffness of near and far contact, both cut at the same phases."""
         if self.near is self.far:
             return self.near, self.far
         breaks = np.union1d(self.near.breaks, self.far.breaks)
-        return self.near.at(breaks), self.far.at(breaks)
+        return self.near.cut_at(breaks), self.far.cut_at(breaks)
 
 
-def equation_of_pair(pair, pieces: Pieces, damping=0.0, **more: np.ndarray) -> Equation:
-    """Return the `Equation` of a pair; `damping` and `more` add what is not linear."""
-    damping = np.zeros((3, 3)) + damping
+def equation_of_pair(
+    pair, stiffness: Pieces, nonlinear_damping=0.0, **other_terms: np.ndarray
+) -> Equation:
+    """Return the equation of motion of a `GearPair` with nonlinear damping and other terms."""
+    damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
         [pair.damping_ratio, pair.backlash_damping_ratio, pair.damping_ratio]
     )
-    return Equation(0.0, -pair.backlash_ratio, pieces, pieces, damping, **more)
+    return Equation(0.0, -pair.backlash_ratio, stiffness, stiffness, damping, **other_terms)
 
 
 @documented
@@ -154,8 +160,8 @@ def equation_of_pair(pair, pieces: Pieces, damping=0.0, **more: np.ndarray) -> E
 class OneDegreePair(WithPair):
     """A gear pair with nonlinear damping, other stiffness profiles and external excitation.
 
-    All but `pair` are optional; without them the model is that of the pair itself. A softening
-    stiffness would let the flanks pass through each other.
+    Only `pair` is required; with the default values the model equals the pair. A softening
+    stiffness is not possible, because the flanks could pass through each other.
 
     Raises
     ------
@@ -190,14 +196,14 @@ class OneDegreePair(WithPair):
 
     @property
     def force_note(self):
-        """The sentence on forces of its pair where the profile is rectangular."""
+        """A sentence on the jumps of the mesh force; "" unless the profile is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
     parameters = property(lambda model: named(type(model)), doc="Its numbers beside the pair's.")
 
     @cached_property
     def equation(self):
-        """The `Equation` in static deflections and 1 / Omega_s of time."""
+        """The equation of motion in units of the static deflection and of 1 / Omega_s."""
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
         scales = np.array([1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass])
@@ -215,7 +221,7 @@ class OneDegreePair(WithPair):
 
 
 class _Stiffness(Number):
-    """A stiffness, constant or not."""
+    """A constant stiffness, a `Series` or `Steps`."""
 
     words = "a finite number >= 0, a Series or Steps"
 
@@ -316,7 +322,7 @@ class DeadZoneOscillator(Model):
         "trap_radius": "radius of the smallest trap of the orbit",
     }
     title_noun = "a dead-zone oscillator"
-    by_default = {
+    defaults = {
         "lower_stiffness": lambda model: model.upper_stiffness,
         "upper_damping": lambda model: model.damping,
         "lower_damping": lambda model: model.damping,
@@ -335,9 +341,9 @@ class DeadZoneOscillator(Model):
 
     @cached_property
     def equation(self):
-        """The `Equation`, in the model's own units."""
+        """The equation of motion in the units of the parameters."""
         near = _pieces(self.upper_stiffness)
-        same = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
+        same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
         stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
         damping = np.zeros((3, 3))
         damping[:, 0] = self.lower_damping, self.damping, self.upper_damping
@@ -345,7 +351,7 @@ class DeadZoneOscillator(Model):
             upper=self.upper_edge,
             lower=self.lower_edge,
             near=near,
-            far=near if same else _pieces(self.lower_stiffness),
+            far=near if same_stiffness else _pieces(self.lower_stiffness),
             damping=damping,
             ground=self.ground_stiffness,
             load=self.load,
@@ -356,13 +362,13 @@ class DeadZoneOscillator(Model):
 
 
 def _pieces(stiffness):
-    """Return the `Pieces` of a stiffness, constant or not."""
+    """Return a stiffness, a float or a profile, as `Pieces`."""
     if isinstance(stiffness, float):
         stiffness = Steps((0.0,), (stiffness,))
     return stiffness.pieces()
 
 
 def _mean(stiffness):
-    """Return the mean of a stiffness over a period."""
+    """Return the mean of a stiffness, a float or a profile, over a period."""
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

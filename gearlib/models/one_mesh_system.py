@@ -1,4 +1,4 @@
-"""Systems of one mesh, and what all piecewise-linear models do with their `TrainSystem`."""
+"""State-space matrices of piecewise-linear models with one mesh, and maps over a mesh period."""
 
 import math
 
@@ -9,40 +9,41 @@ from gearlib.engines.exponential import REACH, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
-def one_mesh(free, push, flanks, low, starts, orders, tuning):
-    """Return the `TrainSystem` of one mesh of n components and p segments of constant stiffness.
+def one_mesh(free, force_input, flanks, low, starts, orders, tuning):
+    """Return the `TrainSystem` of one mesh for a state of n components and p stiffness segments.
 
-    `free`, shape (n, n), is dz/dtheta in the backlash, `push`, shape (n,), that by a unit of the
-    contact force. `flanks` maps NORMAL and, if there is a far flank, INVERSE to (functional of the
-    distance, shape (n,), stiffness, shape (p,), damping in excess of that of the backlash). `low`
-    says which segments lie below the mean stiffness, `starts`, shape (p + 1,), are the phases that
-    bound them, and `orders` the frequencies of the excitation by phase.
+    `free`, shape (n, n), is the matrix of dz/dtheta in the backlash; `force_input`, shape (n,), is
+    the change of dz/dtheta by a unit contact force. `flanks` maps NORMAL and, if there is a coast
+    flank, INVERSE to (row of the distance, shape (n,), stiffness, shape (p,), damping minus that of
+    the backlash). `low` marks segments below the mean stiffness, `starts`, shape (p + 1,), are
+    their boundaries in phase, and `orders` the orders of the excitation.
     """
     (n, p), constant = (len(free), len(low)), len(free) - 1 - 2 * len(orders)
     near = flanks[NORMAL][0]
-    lines = {code: line for code, (line, _, _) in flanks.items()}
-    far = lines.get(-NORMAL, never(n, constant))
+    far = flanks[-NORMAL][0] if -NORMAL in flanks else missing_flank(n, constant)
     effect, effects = np.zeros((3, p, 1), np.int64), {}
     stiffness = np.zeros((3, p, 1), free.dtype)
     stiffness[:] = flanks[NORMAL][1][:, None]
-    for code, (line, levels, damping) in flanks.items():
+    for code, (distance, levels, damping) in flanks.items():
         stiffness[code + 1, :, 0] = levels
-        for q, level in enumerate(levels):
-            # line @ free is the rate of a distance: the accelerations have no part in it.
-            force = level * line + damping * (line @ free)
-            number = len(effects) + 1
-            effect[code + 1, q, 0], _ = effects.setdefault((code, level, low[q]), (number, force))
-    pushes, grips = np.zeros((2, 1, len(effects) + 1, 2, n), free.dtype)
+        for segment, level in enumerate(levels):
+            # distance @ free is the rate of a distance, which does not contain accelerations.
+            force = level * distance + damping * (distance @ free)
+            entry = (len(effects) + 1, force)
+            effect[code + 1, segment, 0], _ = effects.setdefault((code, level, low[segment]), entry)
+    force_inputs, force_outputs = np.zeros((2, 1, len(effects) + 1, 2, n), free.dtype)
     for number, force in effects.values():
-        pushes[0, number, 0], grips[0, number, 0] = push, force
-    # Velocities are scaled by the highest frequency of all contacts.
+        force_inputs[0, number, 0], force_outputs[0, number, 0] = force_input, force
+    # Scaling velocities by the highest frequency of all contacts makes the norm small.
     half = constant // 2
-    moving = (free + np.swapaxes(pushes[0], 1, 2) @ grips[0])[:, :constant, :constant]
-    highest = math.sqrt(_largest_norm(moving[:, half:, :half])) or 1.0
-    scale = np.array([1.0, highest]).repeat(half)
-    norm = _largest_norm(moving * scale / scale[:, None])
+    matrices = (free + np.swapaxes(force_inputs[0], 1, 2) @ force_outputs[0])[
+        :, :constant, :constant
+    ]
+    frequency = math.sqrt(_largest_norm(matrices[:, half:, :half])) or 1.0
+    scale = np.array([1.0, frequency]).repeat(half)
+    norm = _largest_norm(matrices * scale / scale[:, None])
     return TrainSystem(
-        *(free, near[None], far[None], pushes, grips, effect, stiffness),
+        *(free, near[None], far[None], force_inputs, force_outputs, effect, stiffness),
         low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
@@ -54,12 +55,12 @@ def one_mesh(free, push, flanks, low, starts, orders, tuning):
 
 
 def _largest_norm(matrices):
-    """Return a norm that none of the matrices, shape (k, n, n), exceeds."""
+    """Return the largest Frobenius norm of matrices, shape (k, n, n)."""
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
 def by_phase(system, codes, segment):
-    """Return the matrix dz/dtau of contact codes in a segment, with rates by phase."""
+    """Return the state matrix by phase, dz/dtau, of contact codes in a stiffness segment."""
     effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
     matrix = np.empty_like(system.free)
     matrix_of(system, np.array(effects, np.int64), matrix)
@@ -69,22 +70,22 @@ def by_phase(system, codes, segment):
     return matrix * scale[None, :] / scale[:, None] / system.tuning
 
 
-def waves(n, first, frequencies):
-    """Return the matrix, shape (n, n), that turns cosine-sine pairs from component `first` on."""
+def harmonic_oscillators(n, first, frequencies):
+    """Return a state matrix (n, n) whose components from `first` on are pairs cosine, sine."""
     matrix = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
-        c = first + 2 * j
-        matrix[c, c + 1], matrix[c + 1, c] = -frequency, frequency
+        cosine = first + 2 * j
+        matrix[cosine, cosine + 1], matrix[cosine + 1, cosine] = -frequency, frequency
     return matrix
 
 
-def never(n, constant):
-    """Return the functional of a flank that is not there: the component of the constant 1."""
+def missing_flank(n, constant):
+    """Return the distance row (n,) of a flank that never touches: always the constant 1."""
     return np.eye(n)[constant]
 
 
 def contact_map(model, tuning):
-    """Return the map of deviations over all periods of the excitation, always in normal mesh."""
+    """Return the monodromy matrix of permanent contact over all periods of the excitation."""
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
     codes = [NORMAL] * len(system.near)
     for segment, length in enumerate(np.diff(system.starts)):

@@ -1,7 +1,6 @@
-"""Parameters of a gear pair: the border between SI units and dimensionless ratios.
+"""A gear pair with parameters in SI units, from which its dimensionless ratios follow.
 
-Nothing below this module knows a unit: kernels see the ratios and the tuning
-``nu = omega_c / Omega_s`` only.
+The engines work with the ratios and the tuning ``nu = omega_c / Omega_s`` only.
 
 Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper prints
 ``m_red = 0.003123 kg``; only 0.003123 N s^2/mm = 3.123 kg agrees with its damping ratios.
@@ -18,9 +17,9 @@ from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import LARGEST, PairParameters, check_scales
 
-#: Below, the rest position of the softer segment lies so far away that the scalar closed forms,
-#: which are written about it, lose more than four digits.
-_LEAST_STIFFNESS_RATIO = 1e-4
+#: Least stiffness ratio of the scalar closed forms. Below, the equilibrium of the softer segment,
+#: about which they are written, lies so far away that they lose more than four digits.
+_MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
 @parameters.documented
@@ -38,7 +37,7 @@ class GearPair(PairParameters, Model):
 
     @property
     def force_note(self):
-        """Return the sentence that its forces jump, "" where the stiffness is constant."""
+        """A sentence on the jumps of the mesh force; "" for a constant stiffness."""
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     def __post_init__(self):
@@ -46,9 +45,9 @@ class GearPair(PairParameters, Model):
         check_scales(self)
         for name in ("material_damping", "backlash_damping"):
             value = getattr(self, name)
-            most = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
-            words = f"a finite number >= 0 and <= {most:.3g}, a damping ratio of {LARGEST}"
-            checks.require(value is None or value <= most, name, value, words)
+            limit = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+            allowed = f"a finite number >= 0 and <= {limit:.3g}, a damping ratio of {LARGEST}"
+            checks.require(value is None or value <= limit, name, value, allowed)
 
     @classmethod
     def from_ratios(
@@ -87,8 +86,8 @@ class GearPair(PairParameters, Model):
         contact_ratio = parameters.CONTACT_RATIO.check("contact_ratio", contact_ratio)
         stiffness_ratio = parameters.STIFFNESS_RATIO.check("stiffness_ratio", stiffness_ratio)
         over_max = mean_over_max(contact_ratio, stiffness_ratio)
-        # The mean stiffness is 1 up to rounding. Mass and load are the very same number, so that
-        # static deflection and eigenfrequency are exactly 1 and ratios keep their last digit.
+        # Mass and load equal the rounded mean stiffness, so that the static deflection and the
+        # eigenfrequency are exactly 1 and the ratios keep their last digit.
         unit = 1.0 / over_max * over_max
         return cls(
             max_stiffness=1.0 / over_max,
@@ -104,25 +103,25 @@ class GearPair(PairParameters, Model):
 
     @classmethod
     def from_geometry(cls, mesh, **options):
-        """Return the pair of two drawn gears, free to turn, whose pinion counts the revolutions.
+        """Return the gear pair of two drawn gears; its reference gear is the pinion.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
         torque : float
-            Of the pinion, N m; finite, > 0. Or instead of it:
+            Torque of the pinion, N m; finite, > 0. Power and speed can replace it.
         power, speed : float
-            W and rpm of the pinion; finite, > 0.
+            Power in W and speed of the pinion in rpm; finite, > 0.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, one of them at most: beta; delta = 2 pi beta / sqrt(1 - beta^2);
-            k_1 in N s/m. The damping ratio is >= 0 and < 1. Left out, the damping is unknown:
-            stiffness and resonance need none, whatever moves the gears asks for it.
+            Damping in contact, at most one of them: beta; delta = 2 pi beta / sqrt(1 - beta^2);
+            k_1 in N s/m. The damping ratio is >= 0 and < 1. Without any, the damping is unknown,
+            and only stiffness and resonance can be computed.
         backlash_damping_ratio : float, default 0
-            beta_m, >= 0 and < 1.
+            Damping ratio beta_m in the backlash, >= 0 and < 1.
         stiffness : {"iso", "energy"} or Tabulated, default "iso"
-            How the mesh stiffness is found; see `gearlib.geometry.mesh_stiffness`.
+            Method or table of the mesh stiffness; see `gearlib.geometry.mesh_stiffness`.
         options : dict, optional
-            Of that method.
+            Options of that method.
 
         Raises
         ------
@@ -138,8 +137,8 @@ class GearPair(PairParameters, Model):
 
     @cached_property
     def equation(self):
-        """The `Equation` in static deflections and 1 / Omega_s of time."""
-        # Here: a start of the workflow reads what is declared, and does not pay for numbers.
+        """The equation of motion in units of the static deflection and of 1 / Omega_s."""
+        # Imported here, since reading the configuration needs the fields but no equation.
         from gearlib.models.one_degree import equation_of_pair
         from gearlib.models.profiles import Rectangular
 
@@ -147,13 +146,13 @@ class GearPair(PairParameters, Model):
 
     @property
     def propagators(self):
-        """Scalar closed forms where they keep their digits; see `Model.propagators`."""
-        scalar = self.stiffness_ratio >= _LEAST_STIFFNESS_RATIO
+        """Name of a method -> engine module: scalar closed forms where they keep their digits."""
+        scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
         exact = "pair.propagator" if scalar else "linear.one_mesh"
         return {"exact": exact, "taylor": "taylor.propagator"}
 
     def damped(self):
-        """Return whether any phase of the motion is damped."""
+        """Return whether damping acts in contact or in the backlash."""
         return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property
@@ -184,12 +183,12 @@ class GearPair(PairParameters, Model):
         return tuning * self.mean_eigenfrequency
 
     def speed(self, tuning):
-        """Return the speed in rpm of the gear whose teeth count, at a tuning (float or array)."""
+        """Return the speed of the reference gear in rpm at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth)
 
     @property
     def flank_lines(self):
-        """Displacements, in static deflections, at which normal and inverse mesh begin."""
+        """Displacements, in static deflections, where drive- and coast-side contact begin."""
         return 0.0, -self.backlash_ratio
 
     def scales(self):
@@ -205,10 +204,7 @@ class GearPair(PairParameters, Model):
 
 
 class WithPair(Model):
-    """A model with a `GearPair` as its field ``pair``, whose scales and ratios are its own.
-
-    Every name is listed: one that means something else for the model does not reach the pair.
-    """
+    """A model with a field ``pair``, a `GearPair`, that shares the pair's scales and ratios."""
 
     pair: Any  #: the `GearPair`, a field of subclasses
     mesh = property(attrgetter("pair"), doc="The pair.")
@@ -218,7 +214,7 @@ class WithPair(Model):
         def __getattr__(self, name: str) -> Any: ...
 
     def as_dict(self):
-        """Return the parameters as plain values, those of the pair among them."""
+        """Return the parameters of the model and its pair as a dict of plain values."""
         values = super().as_dict()
         return values.pop("pair") | values
 

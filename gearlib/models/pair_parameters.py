@@ -1,4 +1,4 @@
-"""Numbers of a gear pair, their scales and ratios, without the numerical stack."""
+"""Parameters of a gear pair, their scales and ratios; this module loads no numpy."""
 
 import math
 from dataclasses import dataclass
@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 
-#: Scales and damping ratios beyond these have no squares within the floating-point numbers.
+#: Limits of scales and damping ratios: squares of numbers beyond them overflow or underflow.
 SMALLEST, LARGEST = 1e-30, 1e30
 
 
-def check_scales(pair, where=""):
-    """Refuse scales whose squares are no floating-point numbers; `where` precedes the names."""
-    words = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
+def check_scales(pair, prefix=""):
+    """Raise ValueError if stiffness, mass or load is too large or small; prefix their names."""
+    allowed = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
-        checks.require(SMALLEST <= value <= LARGEST, where + name, value, words)
+        checks.require(SMALLEST <= value <= LARGEST, prefix + name, value, allowed)
 
 
 class PairScales:
-    """Scales and ratios of anything that has the parameters of a gear pair."""
+    """Scales and ratios that follow from the parameters of a gear pair."""
 
     if TYPE_CHECKING:
 
@@ -33,34 +33,34 @@ class PairScales:
 
     @property
     def mean_eigenfrequency(self):
-        """Omega_s = sqrt(C_s / m_red), rad/s."""
+        """Mean eigenfrequency Omega_s = sqrt(C_s / m_red), rad/s."""
         return math.sqrt(self.mean_stiffness / self.reduced_mass)
 
     @property
     def damping_ratio(self):
-        """beta = k_1 / (2 m_red Omega_s), of the material in contact."""
+        """Damping ratio in contact, beta = k_1 / (2 m_red Omega_s)."""
         damping = checks.known_damping(self.material_damping)
         return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
 
     @property
     def backlash_damping_ratio(self):
-        """beta_m = k_1m / (2 m_red Omega_s), of the oil in the backlash."""
+        """Damping ratio in the backlash, beta_m = k_1m / (2 m_red Omega_s)."""
         return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
 
     @property
     def static_deflection(self):
-        """F / C_s, m: the unit of every dimensionless displacement."""
+        """Static deflection F / C_s, m: the unit of dimensionless displacements."""
         return self.load / self.mean_stiffness
 
     @property
     def backlash_ratio(self):
-        """s_k C_s / F: backlash in static deflections."""
+        """Backlash over the static deflection, s_k C_s / F."""
         return self.backlash / self.static_deflection
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairParameters(PairScales):
-    """Numbers of a gear pair and its mesh, SI."""
+    """Parameters of a gear pair in SI units."""
 
     max_stiffness: parameters.MaxStiffness
     stiffness_ratio: parameters.StiffnessRatio
@@ -75,7 +75,7 @@ class PairParameters(PairScales):
     ] = 24
 
 
-#: Ratios of a pair -> the field that each sets.
+#: Name of a ratio of a pair -> the field that it determines.
 RATIOS = {
     "damping_ratio": "material_damping",
     "backlash_damping_ratio": "backlash_damping",
@@ -89,7 +89,7 @@ RATIO_NAMES = {
 
 
 def ratio_fields(pair, name, value):
-    """Return field -> value by which a `GearPair` has a value of one of `RATIOS`."""
+    """Return the field of a `GearPair`, as a dict, that gives one of its `RATIOS` a value."""
     if name == "backlash_ratio":
         scale = pair.static_deflection
     else:

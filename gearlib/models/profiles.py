@@ -1,12 +1,12 @@
-"""Courses of a stiffness over one period: rectangles, truncated Fourier, series, steps, tables.
+"""Stiffness profiles over one mesh period: rectangles, Fourier series, steps and tables.
 
-A profile is written as pieces: between two neighbouring ``breaks`` the stiffness over its mean is
-a straight line plus harmonics,
+The engines use every profile as `Pieces`: between two neighbouring ``breaks`` the stiffness divided
+by its mean is a straight line plus harmonics,
 
     c(tau) = value + slope (tau - break) + sum_n a_n cos(n tau) + b_n sin(n tau).
 
-Breaks lie wherever c is not smooth and wherever it crosses its mean, so that every piece is
-wholly above or wholly below it ("at the lower stiffness").
+There is a break wherever c is not smooth and wherever it crosses its mean, so that each piece lies
+entirely above or entirely below the mean ("at the lower stiffness").
 """
 
 import csv
@@ -23,55 +23,55 @@ from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.models.harmonics import Harmonics
 
 _PHASES = parameters.Many(parameters.ANGLE)
-#: Phases per shortest wave at which a sum of harmonics is compared with its mean.
-_SCAN = 32
+#: Samples per period of the highest harmonic in a search for crossings of the mean.
+_SAMPLES_PER_WAVE = 32
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """A profile in pieces; of gear pairs the stiffness over its mean."""
+    """A periodic stiffness in pieces; for gear pairs it is divided by its mean."""
 
     breaks: np.ndarray  #: shape (m + 1,), from 0 to 2 pi
     lines: np.ndarray  #: value at the start of each piece and slope, shape (m, 2)
     low: np.ndarray  #: whether the piece lies below the mean, shape (m,)
     harmonics: np.ndarray  #: order, cosine, sine, shape (n, 3)
 
-    def at(self, breaks):
-        """Return the same profile cut at `breaks`, which hold all of its own."""
-        owner = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
-        values, slopes = self.lines[owner].T
-        values = values + slopes * (breaks[:-1] - self.breaks[owner])
-        return Pieces(breaks, np.column_stack([values, slopes]), self.low[owner], self.harmonics)
+    def cut_at(self, breaks):
+        """Return the same stiffness with more breaks, which must include the present ones."""
+        piece = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
+        values, slopes = self.lines[piece].T
+        values = values + slopes * (breaks[:-1] - self.breaks[piece])
+        return Pieces(breaks, np.column_stack([values, slopes]), self.low[piece], self.harmonics)
 
 
 class Profile:
-    """A course of the stiffness over one period."""
+    """A stiffness over one mesh period; subclasses have a method ``pieces``."""
 
     def as_dict(self):
-        """Return its kind and its parameters as plain values."""
+        """Return the kind of the profile and its parameters as plain values."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
 
 
 @dataclass(frozen=True)
 class Rectangular(Profile):
-    """The full series of Eq. (1): C_max around tau = 0, C_min elsewhere."""
+    """The rectangular stiffness of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
     def pieces(self, pair):
-        """Return the `Pieces` for a `GearPair`."""
+        """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean."""
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
         half_high, whole_low = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high, whole_low, half_high])
-        present = lengths > 0.0
-        breaks = np.append(0.0, np.cumsum(lengths[present]))
+        nonempty = lengths > 0.0
+        breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
         breaks[-1] = 2.0 * math.pi
         values, is_low = np.array([high, low, high]), np.array([False, True, False])
-        return _constant(breaks, values[present], is_low[present])
+        return _constant_pieces(breaks, values[nonempty], is_low[nonempty])
 
 
 @parameters.documented
 @dataclass(frozen=True)
 class Fourier(Profile):
-    """Eq. (1) cut after `harmonics` terms: a smooth stiffness, another model than the full series.
+    """The Fourier series of Eq. (1), truncated after `harmonics` terms: a smooth stiffness.
 
     Raises
     ------
@@ -85,19 +85,19 @@ class Fourier(Profile):
         parameters.check(self)
 
     def pieces(self, pair):
-        """Return the `Pieces` for a `GearPair`."""
+        """Return the truncated Fourier series of the stiffness of a `GearPair`, its mean 1."""
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
         n = np.arange(1, self.harmonics + 1)
-        swing = (high - low) / 2.0 * 4.0 / (math.pi * n) * (-1.0) ** n
-        cosines = swing * np.sin(n * math.pi * (pair.contact_ratio - 2.0))
+        amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * n) * (-1.0) ** n
+        cosines = amplitudes * np.sin(n * math.pi * (pair.contact_ratio - 2.0))
         table = np.column_stack([n, cosines, np.zeros(n.size)])
-        return _about(1.0, table)
+        return _harmonic_pieces(1.0, table)
 
 
 @parameters.documented
 @dataclass(frozen=True)
 class Series(Profile):
-    """A mean with harmonics about it, for `gearlib.DeadZoneOscillator`, in its unit of stiffness.
+    """A mean stiffness plus harmonics, for `gearlib.DeadZoneOscillator`.
 
     Raises
     ------
@@ -111,9 +111,9 @@ class Series(Profile):
     def __post_init__(self):
         parameters.check(self)
         table = self.harmonics.table()
-        phase = np.linspace(0.0, 2.0 * math.pi, _SCAN * len(table) + 1)
-        least = self.mean + float(_waves(table, phase).min())
-        # A series that touches zero rounds to either side of it.
+        phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
+        least = self.mean + float(_sum_of_harmonics(table, phase).min())
+        # The minimum of a series that touches zero is slightly negative by rounding.
         if least < -1e-12 * self.mean:
             raise ValueError(
                 f"harmonics = {self.harmonics!r} is not allowed: about mean = {self.mean!r} the "
@@ -121,14 +121,14 @@ class Series(Profile):
             )
 
     def pieces(self):
-        """Return the `Pieces`, in the unit of the mean."""
-        return _about(self.mean, self.harmonics.table())
+        """Return the stiffness as `Pieces`, in the unit of its mean."""
+        return _harmonic_pieces(self.mean, self.harmonics.table())
 
 
 @parameters.documented
 @dataclass(frozen=True)
 class Steps(Profile):
-    """A stiffness of constant segments, taken periodic, for `gearlib.DeadZoneOscillator`.
+    """A periodic stiffness of constant segments, for `gearlib.DeadZoneOscillator`.
 
     Raises
     ------
@@ -145,20 +145,20 @@ class Steps(Profile):
         _check_table(self, 1)
 
     def pieces(self):
-        """Return the `Pieces`, in the unit given."""
+        """Return the stiffness as `Pieces`, in the unit of its values."""
         starts, values = np.array(self.phase), np.array(self.stiffness)
         if starts[0] > 0.0:
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
-        # A stiffness that never changes lies at its mean, whatever the rounding of that.
-        return _constant(breaks, values, values < (1.0 - 1e-12) * mean)
+        # The tolerance keeps a constant stiffness from lying below its rounded mean.
+        return _constant_pieces(breaks, values, values < (1.0 - 1e-12) * mean)
 
 
 @parameters.documented
 @dataclass(frozen=True)
 class Tabulated(Profile):
-    """A table of a tooth-contact program, linear between its points, taken periodic.
+    """A periodic table of the mesh stiffness, linear between its points.
 
     Raises
     ------
@@ -174,11 +174,12 @@ class Tabulated(Profile):
 
     @classmethod
     def read(cls, path, phase="phase", stiffness="stiffness"):
-        """Return the table in a CSV file (with a header) or a netCDF file.
+        """Read the table from a CSV file with a header or from a netCDF file.
 
         Parameters
         ----------
         path : str or os.PathLike
+            Path of the file.
         phase, stiffness : str
             Names of the columns or variables, in rad and N/m.
 
@@ -193,15 +194,15 @@ class Tabulated(Profile):
                 rows = list(csv.DictReader(file))
             table = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
         else:
-            # Imported here: a start of the workflow with drawn gears needs no datasets.
+            # Imported here, since only netCDF files need xarray.
             import xarray as xr
 
             with xr.open_dataset(path) as dataset:
                 table = {name: dataset[name].values.tolist() for name in dataset.variables}
         missing = [name for name in (phase, stiffness) if name not in table]
         if missing:
-            words = f"it must be one of {sorted(table)}"
-            raise ValueError(f"{path.name} has no column {missing[0]!r}: {words}")
+            allowed = f"it must be one of {sorted(table)}"
+            raise ValueError(f"{path.name} has no column {missing[0]!r}: {allowed}")
         try:
             return cls(tuple(map(float, table[phase])), tuple(map(float, table[stiffness])))
         except ValueError as error:
@@ -209,13 +210,13 @@ class Tabulated(Profile):
 
     def mean(self):
         """Return the mean stiffness over one period, N/m."""
-        phase, values = self._closed()
+        phase, values = self._closed_period()
         return float(np.trapezoid(values, phase) / (2.0 * math.pi))
 
     def ratios(self):
-        """Return (max_stiffness, stiffness_ratio, contact_ratio) of a rectangle of equal mean.
+        """Return (max_stiffness, stiffness_ratio, contact_ratio) of an equivalent rectangle.
 
-        A `GearPair` with these has the table's extrema and mean stiffness.
+        The rectangle has the same extrema and the same mean as the table.
         """
         high, low, mean = max(self.stiffness), min(self.stiffness), self.mean()
         if high == low:
@@ -223,64 +224,67 @@ class Tabulated(Profile):
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
     def pieces(self, pair):
-        """Return the `Pieces`, the table scaled to the mean stiffness of a `GearPair`."""
-        phase, values = self._closed()
+        """Return the table divided by its mean as `Pieces`; the pair gives the mean stiffness."""
+        phase, values = self._closed_period()
         values = values / self.mean()
         before, after = values[:-1] - 1.0, values[1:] - 1.0
-        crossed = before * after < 0.0
-        share = before[crossed] / (before - after)[crossed]
-        crossings = phase[:-1][crossed] + np.diff(phase)[crossed] * share
-        # The closed table starts at its own first phase: bring all breaks into one period from 0.
+        crosses = before * after < 0.0
+        fraction = before[crosses] / (before - after)[crosses]
+        crossings = phase[:-1][crosses] + np.diff(phase)[crosses] * fraction
+        # The table may start at any phase, but breaks must lie in one period from 0.
         breaks = np.mod(np.concatenate([phase[1:], crossings]), 2.0 * math.pi)
         breaks = np.unique(np.append(breaks, [0.0, 2.0 * math.pi]))
-        at = np.interp(breaks, phase, values, period=2.0 * math.pi)
-        slopes = np.diff(at) / np.diff(breaks)
-        low = (at[:-1] + at[1:]) / 2.0 < 1.0
-        return Pieces(breaks, np.column_stack([at[:-1], slopes]), low, np.empty((0, 3)))
+        values = np.interp(breaks, phase, values, period=2.0 * math.pi)
+        slopes = np.diff(values) / np.diff(breaks)
+        low = (values[:-1] + values[1:]) / 2.0 < 1.0
+        return Pieces(breaks, np.column_stack([values[:-1], slopes]), low, np.empty((0, 3)))
 
-    def _closed(self):
+    def _closed_period(self):
+        """Return phases and stiffnesses with the first point repeated one period later."""
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
 
 
-def _check_table(profile, least):
-    """Check what a profile declares, and that its phases rise and are as many as its values."""
+def _check_table(profile, min_length):
+    """Raise ValueError unless phases rise in [0, 2 pi) and each of them has a stiffness."""
     parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
-    if len(phase) != len(stiffness) or len(phase) < least:
+    if len(phase) != len(stiffness) or len(phase) < min_length:
         table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"
-        words = f"it must have equally many, at least {least}"
-        raise ValueError(f"{table} is not allowed: {words}")
+        allowed = f"it must have equally many, at least {min_length}"
+        raise ValueError(f"{table} is not allowed: {allowed}")
     rising = all(a < b for a, b in pairwise(phase))
     if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
-        words = "is not allowed: it must rise strictly within [0, 2 pi)"
-        raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {words}")
+        reason = "is not allowed: it must rise strictly within [0, 2 pi)"
+        raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
 
 
-def _constant(breaks, values, low, harmonics=()):
-    """Return the `Pieces` of a constant in each piece, and harmonics, rows as in `Pieces`."""
+def _constant_pieces(breaks, values, low, harmonics=()):
+    """Return `Pieces` with a constant value in each piece, plus harmonics (order, cos, sin)."""
     lines = np.column_stack([values, 0.0 * values])
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 
-def _waves(table, phase):
-    """Return the sum of the harmonics in `table`, rows (order, cosine, sine), at phases."""
+def _sum_of_harmonics(table, phase):
+    """Return the sum of harmonics, rows (order, cosine, sine) of a table, at phases in rad."""
     angles = np.multiply.outer(phase, table[:, 0])
     return np.cos(angles) @ table[:, 1] + np.sin(angles) @ table[:, 2]
 
 
-def _about(mean, table):
-    """Return the `Pieces` of a mean and the harmonics in `table`, cut where they cross it."""
-    # Imported here: it costs every job of the workflow 0.3 s, and only these profiles need it.
+def _harmonic_pieces(mean, table):
+    """Return a mean plus harmonics, rows (order, cosine, sine), cut where it crosses the mean."""
+    # Imported here, since loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 
-    scan = np.linspace(0.0, 2.0 * math.pi, _SCAN * max(int(table[:, 0].max(initial=0.0)), 1) + 1)
-    signs = np.sign(_waves(table, scan))
-    turns = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
-    inner = [
-        brentq(lambda phase: float(_waves(table, phase)), scan[i], scan[i + 1], xtol=1e-15)
-        for i in turns
+    order = max(int(table[:, 0].max(initial=0.0)), 1)
+    phases = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * order + 1)
+    signs = np.sign(_sum_of_harmonics(table, phases))
+    sign_changes = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
+    crossings = [
+        brentq(lambda x: float(_sum_of_harmonics(table, x)), phases[i], phases[i + 1], xtol=1e-15)
+        for i in sign_changes
     ]
-    breaks = np.array([0.0, *inner, 2.0 * math.pi])
+    breaks = np.array([0.0, *crossings, 2.0 * math.pi])
     middle = (breaks[:-1] + breaks[1:]) / 2.0
-    return _constant(breaks, np.full(middle.size, mean), _waves(table, middle) < 0.0, table)
+    low = _sum_of_harmonics(table, middle) < 0.0
+    return _constant_pieces(breaks, np.full(middle.size, mean), low, table)

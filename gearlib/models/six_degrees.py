@@ -136,7 +136,7 @@ class SixDegreePair(WithPair):
     extra_samples = OUTPUTS
     propagators = {"exact": "linear.one_mesh"}
     moving_flank = True
-    by_default = {
+    defaults = {
         "inverse_deviation": lambda model: model.deviation,
         "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
         "torques": lambda model: tuple(model.pair.load * radius for radius in model.base_radii),

@@ -234,12 +234,12 @@ def inertia_of(model, driver, driven_mass, base_radius):
             raise ValueError(
                 "driven_mass and base_radius are not allowed: the inertias of the model are known"
             )
-        return inertia.of_train(model.train, driver)
+        return inertia.train_accelerations(model.train, driver)
     if driver is not None:
         raise ValueError(f"driver = {driver!r} is not allowed: the model has no bodies")
     if not driven_mass:
         return np.zeros(1)
-    return inertia.of_mesh(
+    return inertia.mesh_acceleration(
         model.mesh, driven_mass, checks.finite_positive("base_radius", base_radius)
     )
 

@@ -182,7 +182,7 @@ def _time_course(pair, samples, code):
         "contact": touching,
     }
     named = {name: (dims, values) for name, values in columns.items()}
-    return named | pair.more_samples(samples)
+    return named | pair.extra_sample_variables(samples)
 
 
 def _event_table(events):

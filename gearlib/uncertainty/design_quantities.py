@@ -136,7 +136,9 @@ def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
         return math.nan
     table = np.atleast_2d(summary)
     if name in _SHARES:
-        values = model.more_summary((), summary, 2.0 * math.pi * period)["load_sharing"][1]
+        values = model.extra_summary_variables((), summary, 2.0 * math.pi * period)["load_sharing"][
+            1
+        ]
     elif name == "contact_margin":
         values = table[:, columns.X_MIN] * model.static_deflection
     elif name == "transmission_error":

@@ -54,7 +54,7 @@ def test_energy_is_in_balance(model, tuning):
     speed, load = random_course(np.random.default_rng(0), model, tuning, 12, 0.5)
     push = np.array([0.5 * 0.05 / model.teeth]) if model.train is None else None
     if push is None:
-        push = acceleration.of_train(model) * model.static_deflection
+        push = acceleration.train_accelerations(model) * model.static_deflection
     t, q = course_of(model, speed, load, push, 1024)
     code, moved = reference(model, speed, load, push), np.diff(q, axis=0)
     system = code.system

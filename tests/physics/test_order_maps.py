@@ -27,7 +27,11 @@ OTHERS = {
 def by_quadrature(model, run, speed, load, orders):
     """Return coefficients of the first revolution, of `tests.independent` at Gauss's nodes."""
     train, teeth = model.train or model, float(model.periods_per_revolution)
-    push = [0.0] if model.size == 2 else acceleration.of_train(train) * model.static_deflection
+    push = (
+        [0.0]
+        if model.size == 2
+        else acceleration.train_accelerations(train) * model.static_deflection
+    )
     code = reference(model, speed, load, push)
     (_, first), (end, last) = speed[:2]
     turn = float(model.mesh_frequency(1.0)) / float(model.speed(1.0))

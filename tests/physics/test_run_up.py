@@ -198,7 +198,7 @@ def test_random_courses_of_many_coordinates_agree(model, tuning):
     speed, load = random_course(rng, model, tuning, 8)
     start = "static" if model.mesh_names else tuple(rng.normal(0.0, 1.0, model.size))
     run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
-    push = acceleration.of_train(train) * model.static_deflection
+    push = acceleration.train_accelerations(train) * model.static_deflection
     code = reference(model, speed, load, push)
     z = model.start_state(start) if model.mesh_names else np.array(start)
     # Rates by phase.
@@ -222,7 +222,11 @@ def test_a_course_that_rests_in_between(model):
     start = (0.0,) * max(2 * n, 2)
     run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
     train = model.train
-    push = [0.0] if train is None else acceleration.of_train(train) * model.static_deflection
+    push = (
+        [0.0]
+        if train is None
+        else acceleration.train_accelerations(train) * model.static_deflection
+    )
     code = reference(model, speed, load, push)
     moved, events = code.move(*np.zeros((2, n)), run.time.values)
     assert np.abs(run.displacement.values - moved[:, 0]).max() < 1e-12 * moved.max()
@@ -231,7 +235,7 @@ def test_a_course_that_rests_in_between(model):
 
 @pytest.mark.parametrize("model", [TRAIN, SIX.train, gearlib.idler(PAPER)])
 def test_inertia_is_that_of_newton(model):
-    push = acceleration.of_train(model) * model.static_deflection
+    push = acceleration.train_accelerations(model) * model.static_deflection
     forces = model.structure.mass @ push
     # The free rotation keeps to the speed: nothing is left for it to do.
     assert np.abs(model.free_motions.T @ forces).max() < 1e-9 * np.abs(forces).max()

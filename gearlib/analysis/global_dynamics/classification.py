@@ -10,7 +10,7 @@ from gearlib.analysis.global_dynamics.attractors import Attractor
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_one_mesh
 from gearlib.data import status
 from gearlib.engines import orbit as columns
-from gearlib.models.model import FAR
+from gearlib.models.model import UNBOUNDED_FACTOR
 
 #: Random states whose motions are computed first, to find the attractors.
 _SCOUT_COUNT = 128
@@ -73,7 +73,7 @@ class _Motions:
         #: Indices of the states without a label, and their current full states.
         self.remaining, self.current = np.arange(len(states)), strobe.start(states)
         #: Sizes beyond which a motion is unbounded, as in `Model.bound`.
-        self.bounds = FAR * np.maximum(strobe.pair.extent, strobe.size(self.current))
+        self.bounds = UNBOUNDED_FACTOR * np.maximum(strobe.pair.extent, strobe.size(self.current))
 
     def add_attractors(self, ends: np.ndarray) -> bool:
         """Add the attractors near final states; return whether there is a new one."""

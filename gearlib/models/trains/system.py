@@ -66,7 +66,7 @@ def _functionals(train):
         if math.isfinite(mesh.backlash):
             far[j, 2 * n] += mesh.backlash * unit
         else:
-            far[j] = one_mesh_system.never(far.shape[1], 2 * n)
+            far[j] = one_mesh_system.missing_flank(far.shape[1], 2 * n)
     return near, far
 
 
@@ -75,7 +75,7 @@ def train_system(train, tuning, segments):
     frequencies, parts, lines = train.excitation[0], scaled(train, tuning), train.structure.lines
     inverse, n = np.linalg.inv(parts.mass), lines.shape[1]
     near, far = _functionals(train)
-    free = one_mesh_system.waves(near.shape[1], 2 * n + 1, tuning * frequencies)
+    free = one_mesh_system.harmonic_oscillators(near.shape[1], 2 * n + 1, tuning * frequencies)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse @ parts.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse @ parts.damping

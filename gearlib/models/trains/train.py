@@ -462,13 +462,13 @@ class GearTrain(Model):
         shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
         return tuple(map(np.empty, shapes))
 
-    def more_samples(self, samples):
+    def extra_sample_variables(self, samples):
         """Return the motions of the bodies from the samples of `empty_record`."""
         q = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
-    def more_summary(self, dims, table, span):
+    def extra_summary_variables(self, dims, table, span):
         """Return mean forces, dynamic factors and load sharing of summaries, shape (..., m, 10).
 
         Dynamic factors are largest forces over those of the static equilibrium of the linear train;
