@@ -230,7 +230,7 @@ def _of_train(train, tuning):
             any(mesh.friction),
             train.rates[j],
             (Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
-            (pitch + turning.thicker(mesh, train.speeds) / 2, pitch),
+            (pitch + turning.thickness_difference(mesh, train.speeds) / 2, pitch),
         )
         meshes.append(
             MeshNumbers(

@@ -1,10 +1,10 @@
-"""Free motions and natural modes of a train, from its springs and masses one by one.
+"""Free motions and natural modes of a train, computed from its single springs and masses.
 
-With K = F^T k F and M = H^T m H, sums over springs and masses, a matrix K of floating-point numbers
-no longer holds a mesh of 1 N/m beside a shaft of 1e17. So K and M are never formed:
+The matrices K = F^T k F and M = H^T m H are sums over springs and masses. In floating-point numbers
+K would lose a mesh of 1 N/m beside a shaft of 1e17 N/m, so K and M are never formed:
 
-* What no spring resists, F v = 0, is decided by the directions of the springs alone. They are
-  scaled by powers of 2 and eliminated, which leaves ratios of radii as they are.
+* Free motions, F v = 0, follow from the directions of the springs alone, which are scaled by powers
+  of 2 and eliminated. This does not round ratios of radii.
 * Natural frequencies are singular values of k^(1/2) F R^-1 with M = R^T R. Elimination with the
   largest pivots and Jacobi's rotations from one side find the small ones to as many digits as the
   large ones. Demmel, Gu, Eisenstat, Slapnicar, Veselic, Drmac: Linear Algebra Appl. 299 (1999)
@@ -17,39 +17,39 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgejsv
 
-#: Of directions scaled to 1: less is rounding of the angles and radii of a drawing.
+#: Smaller pivots of directions of size 1 are rounding errors of the angles and radii of a drawing.
 _MIN_PIVOT = 1e-6
-#: Of the largest entry of a direction: less is rounding of a sine or cosine that is 0.
+#: Smaller entries, over the largest of a direction, are a sine or cosine that should be 0.
 _ROUNDED_ENTRY = 1e-13
-#: Of the stiffest spring: a softer one carries less than the rounding of the torques.
+#: Softer springs, over the stiffest, carry less than the rounding error of the torques.
 _MIN_STIFFNESS_SHARE = 1e-18
-#: Passes of the scaling of rows and columns; each halves the decades between them.
+#: Passes that scale rows and columns; each halves the decades between their sizes.
 _SCALING_PASSES = 12
 
 
 class Linear(NamedTuple):
-    """A linear train: n coordinates, k free motions, s springs."""
+    """Modes of a linear train with n coordinates, k free motions and s springs."""
 
     free: np.ndarray  #: motions that no spring resists, mass-normalised, shape (n, k)
-    squares: np.ndarray  #: angular frequencies, squared, ascending, shape (n - k,)
-    shapes: np.ndarray  #: mass-normalised, shape (n, n - k)
-    #: Stretch of each spring in each mode times root of its stiffness, over the frequency:
-    #: the square is its share of the strain energy; shape (s, n - k), orthonormal.
+    squares: np.ndarray  #: squared angular frequencies, ascending, shape (n - k,)
+    shapes: np.ndarray  #: mass-normalised mode shapes, shape (n, n - k)
+    #: Stretch of each spring in each mode times the root of its stiffness, over the frequency. The
+    #: squares are shares of the strain energy; shape (s, n - k), orthonormal.
     strains: np.ndarray
 
 
 def linear(springs, masses):
-    """Return the `Linear` train of springs and masses.
+    """Return the free motions and natural modes of springs and masses, as `Linear`.
 
-    Each are directions, functionals of the n coordinates, shape (s, n), and values >= 0, (s,).
+    Springs and masses are each (row vectors of the n coordinates, (s, n), values >= 0, (s,)).
     """
-    rows, stiffness, kept = _significant(springs, _MIN_STIFFNESS_SHARE)
+    rows, stiffness, significant = _significant(springs, _MIN_STIFFNESS_SHARE)
     free = _null_space(rows)
-    weights, heavy, _ = _significant(masses, 0.0)
-    weighted = np.sqrt(heavy)[:, None] * weights
+    mass_rows, mass_values, _ = _significant(masses, 0.0)
+    weighted = np.sqrt(mass_values)[:, None] * mass_rows
     root = np.empty((free.shape[0], free.shape[0]))
     triangle, order = qr(weighted, mode="r", pivoting=True)
-    # Coordinates of unit mass: motions are q = root z.
+    # The coordinates z with q = root z have unit mass.
     root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
     rank = rows.shape[1] - free.shape[1]
     values, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
@@ -58,43 +58,43 @@ def linear(springs, masses):
     free = solve_triangular(factor, free.T, trans="T").T
     shapes = root @ right
     signs = _signs(shapes)
-    strains = np.zeros((kept.size, rank))
-    strains[kept] = left * signs
+    strains = np.zeros((significant.size, rank))
+    strains[significant] = left * signs
     return Linear(free, values**2, shapes * signs, strains)
 
 
 def _signs(shapes):
-    """Return the signs with which the first large component of each shape is positive."""
+    """Return the signs that make the first large component of each mode shape positive."""
     sizes = np.abs(shapes)
-    # Not the largest: of several alike rounding would choose.
+    # If several components are largest, rounding errors would choose among them.
     first = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
     return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _significant(parts, least):
-    """Return directions and values of parts above `least` of the largest, and which they are."""
-    rows, values = parts
+def _significant(elements, min_share):
+    """Return rows and values of elements above a share of the largest, and a mask of them."""
+    rows, values = elements
     sizes = np.abs(rows)
     rows = np.where(
         sizes > _ROUNDED_ENTRY * sizes.max(axis=1, keepdims=True, initial=0.0), rows, 0.0
     )
     weight = values * (rows**2).sum(axis=1)
-    kept = weight > least * weight.max(initial=0.0)
-    return rows[kept], values[kept], kept
+    significant = weight > min_share * weight.max(initial=0.0)
+    return rows[significant], values[significant], significant
 
 
-def _eliminated(matrix, most, close=0.0):
-    """Eliminate with the largest pivots, at most so many and none of `close` or less.
+def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
+    """Factor a matrix by elimination with complete pivoting, until pivots become too small.
 
-    Returns (left, pivots, right, columns): matrix = left diag(pivots) right, but for what is left
-    over; the columns of the pivots in their order. Entries of left and right are at most 1.
+    Returns (left, pivots, right, columns of the pivots) with matrix = left diag(pivots) right up to
+    the remainder. The entries of left and right are at most 1.
     """
     remaining = matrix.copy()
     left, pivots, right, columns = [], [], [], []
-    while len(pivots) < most and remaining.size:
+    while len(pivots) < max_pivots and remaining.size:
         i, j = np.unravel_index(np.argmax(np.abs(remaining)), remaining.shape)
         pivot = remaining[i, j]
-        if not abs(pivot) > close:
+        if not abs(pivot) > min_pivot:
             break
         left.append(remaining[:, j] / pivot)
         right.append(remaining[i] / pivot)
@@ -102,52 +102,52 @@ def _eliminated(matrix, most, close=0.0):
         remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
-    shapes = (-1, matrix.shape[0]), (-1, matrix.shape[1])
-    lefts, rights = np.reshape(left, shapes[0]), np.reshape(right, shapes[1])
+    rows, n = matrix.shape
+    lefts, rights = np.reshape(left, (-1, rows)), np.reshape(right, (-1, n))
     return lefts.T, np.array(pivots), rights, columns
 
 
 def _null_space(rows):
-    """Return a basis of what all rows map to 0, shape (n, k), by their directions only."""
+    """Return a basis, shape (n, k), of the vectors that all rows, (s, n), map to 0."""
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
     for _ in range(_SCALING_PASSES):
-        along = _power(np.abs(scaled).max(axis=1, initial=0.0))
-        scaled *= along[:, None]
-        across = _power(np.abs(scaled).max(axis=0, initial=0.0))
-        scaled *= across
-        weights *= across
-        if (along == 1.0).all() and (across == 1.0).all():
+        row_scale = _root_scale(np.abs(scaled).max(axis=1, initial=0.0))
+        scaled *= row_scale[:, None]
+        column_scale = _root_scale(np.abs(scaled).max(axis=0, initial=0.0))
+        scaled *= column_scale
+        weights *= column_scale
+        if (row_scale == 1.0).all() and (column_scale == 1.0).all():
             break
-    _, _, right, pivoted = _eliminated(scaled, n, _MIN_PIVOT)
-    loose = [j for j in range(n) if j not in pivoted]
-    basis = np.eye(n)[:, loose]
-    # A row of its pivot is 0 until then.
-    for row, j in zip(right[::-1], pivoted[::-1], strict=True):
+    _, _, right, pivot_columns = _complete_pivoting(scaled, n, _MIN_PIVOT)
+    free_columns = [j for j in range(n) if j not in pivot_columns]
+    basis = np.eye(n)[:, free_columns]
+    # Back substitution: the row of a pivot column is 0 until its step.
+    for row, j in zip(right[::-1], pivot_columns[::-1], strict=True):
         basis[j] = -(row @ basis)
     return weights[:, None] * basis
 
 
-def _power(size):
-    """Return the power of 2 that brings sizes half way to 1; 1 for those that are 0."""
+def _root_scale(sizes):
+    """Return the powers of 2 nearest to 1 / sqrt(sizes), and 1 for sizes of 0."""
     with np.errstate(divide="ignore"):
-        exponent = np.where(size > 0.0, np.log2(size), 0.0)
+        exponent = np.where(sizes > 0.0, np.log2(sizes), 0.0)
     return np.exp2(-np.rint(exponent / 2.0))
 
 
 def _singular(matrix, rank):
-    """Return singular values, ascending, left and right vectors of a matrix of known rank."""
-    left, pivots, right, _ = _eliminated(matrix, rank)
-    turned, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
+    """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank."""
+    left, pivots, right, _ = _complete_pivoting(matrix, rank)
+    orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
     values, right, left = _jacobi((triangle @ right[order]).T)
-    return values, turned @ left, right
+    return values, orthogonal @ left, right
 
 
 def _jacobi(matrix):
-    """Return singular values, ascending, left and right vectors of a matrix (m, n), m >= n.
+    """Return (ascending singular values, left vectors, right vectors) of a matrix (m, n), m >= n.
 
-    Its columns may be of any size, if they are far from parallel: small values are as exact as
-    large ones.
+    Jacobi rotations find small singular values as exactly as large ones, if the columns of the
+    matrix are far from parallel.
     """
     if not matrix.size:
         return np.empty(0), np.empty((len(matrix), 0)), np.empty((0, 0))

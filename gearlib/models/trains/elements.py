@@ -1,8 +1,8 @@
-"""Bodies, shafts and meshes of gear trains in SI units, and what trains of them have to be.
+"""Bodies, shafts and meshes of gear trains in SI units, and the checks of whole trains.
 
-A body turns about its axis and, where its support is elastic, moves in two directions. Angles and
-torques count counterclockwise; the rotation is the arc length u = base_radius theta, with the mass
-inertia / base_radius^2. `gearlib.models.trains.structure` makes matrices of the elements.
+A body rotates about its axis; if its support is elastic, it also moves along x and y. Angles and
+torques are positive counterclockwise. The rotation is the arc length u = base_radius theta, with
+the mass inertia / base_radius^2. `gearlib.models.trains.structure` assembles the matrices.
 """
 
 import math
@@ -13,8 +13,8 @@ from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.harmonics import Harmonics
 
-#: Arguments of `Mesh.from_geometry` by which others are derived.
-_OF_DRAWING = (
+#: Arguments of `Mesh.from_geometry` that determine the stiffness and damping of a drawn mesh.
+_DRAWING_ARGUMENTS = (
     "torque",
     "damping_ratio",
     "logarithmic_decrement",
@@ -23,9 +23,9 @@ _OF_DRAWING = (
     "stiffness",
     "options",
 )
-#: Relative difference of base pitches that is rounding of base radii.
-_PITCH = 1e-4
-#: As many as the largest planetary train has.
+#: Largest relative difference of base pitches, from rounded base radii.
+_PITCH_TOLERANCE = 1e-4
+#: Largest number of meshes: those of the largest planetary train.
 _MAX_MESHES = 200
 
 
@@ -81,27 +81,29 @@ class Body:
 
     def __post_init__(self):
         parameters.check(self, f" of body {self.name}")
-        moves = not all(map(math.isinf, self.support_stiffness))
-        words = "a finite number > 0 where the support is elastic"
-        checks.require(self.mass is not None or not moves, f"mass of body {self.name}", None, words)
-        round_or_gear = self.teeth is not None or not self.eccentricity
-        name, words = f"eccentricity of body {self.name}", "0 for a body without teeth"
-        checks.require(round_or_gear, name, self.eccentricity, words)
+        rigid = all(map(math.isinf, self.support_stiffness))
+        allowed = "a finite number > 0 where the support is elastic"
+        checks.require(self.mass is not None or rigid, f"mass of body {self.name}", None, allowed)
+        name, allowed = f"eccentricity of body {self.name}", "0 for a body without teeth"
+        possible = self.teeth is not None or not self.eccentricity
+        checks.require(possible, name, self.eccentricity, allowed)
 
     @classmethod
     def from_gear(cls, gear, name, **more):
-        """Return a drawn gear: its teeth, base radius, mass and inertia.
+        """Return a body with the teeth, base radius, mass and inertia of a drawn gear.
 
         Parameters
         ----------
         gear : gearlib.geometry.SpurGear
+            The drawn gear.
         name : str
+            Name of the body.
         **more
-            Other parameters, also in place of these.
+            Other parameters of the class; they replace those of the drawing.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         values = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
-        # Mass and inertia of a drawing take time.
+        # The mass of a ring gear needs its outer diameter, unless the mass is given.
         values |= {key: getattr(gear, key) for key in ("mass", "inertia") if key not in more}
         return cls(name=name, **(values | more))
 
@@ -129,9 +131,9 @@ class Shaft:
 
     def __post_init__(self):
         names = self.bodies
-        two = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
-        named = two and all(isinstance(name, str) for name in names)
-        checks.require(named, "bodies of a shaft", names, "the names of two bodies")
+        different = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
+        possible = different and all(isinstance(name, str) for name in names)
+        checks.require(possible, "bodies of a shaft", names, "the names of two bodies")
         parameters.check(self, f" of shaft {names[0]}-{names[1]}")
 
 
@@ -236,40 +238,41 @@ class Mesh:
     def __post_init__(self):
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
-        whose = f" of mesh {self.name}"
-        parameters.check(self, whose)
+        suffix = f" of mesh {self.name}"
+        parameters.check(self, suffix)
         if self.driving is not None:
-            checks.one_of(f"driving{whose}", self.driving, (self.pinion, self.wheel))
+            checks.one_of(f"driving{suffix}", self.driving, (self.pinion, self.wheel))
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
-        name, words = f"line_of_action{whose}", "left out where position is given"
-        placed_once = self.line_of_action is None or self.position is None
-        checks.require(placed_once, name, self.line_of_action, words)
+        name, allowed = f"line_of_action{suffix}", "left out where position is given"
+        unique = self.line_of_action is None or self.position is None
+        checks.require(unique, name, self.line_of_action, allowed)
 
     @classmethod
     def from_geometry(cls, mesh, pinion, wheel, **more):
-        """Return a drawn mesh: stiffness, contact ratio, backlash, pressure angle and phases.
+        """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a drawing.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
+            The drawn mesh.
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Of its pinion, N m; matters to "iso" at low load and to the logarithmic contact.
+            Torque of the pinion, N m; needed by "iso" at low load and by the logarithmic contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, one of them at most; ratios are those of both gears by themselves.
-            Left out, it is unknown: modes and statics need none, motions ask for it.
+            Damping in contact, at most one of them; ratios are those of the two gears alone.
+            Without any, the damping is unknown, and only modes and statics can be computed.
         backlash_damping_ratio : float, default 0
+            Damping ratio in the backlash.
         stiffness, options
-            As of `GearPair.from_geometry`.
+            Method of the mesh stiffness and its options, see `GearPair.from_geometry`.
         **more
-            Other parameters, also in place of what is derived.
+            Other parameters of the class; they replace those of the drawing.
         """
-        drawn = {name: more.pop(name) for name in _OF_DRAWING if name in more}
-        return cls(
-            pinion=pinion, wheel=wheel, **(checks.drawn_mesh(mesh).train_parameters(**drawn) | more)
-        )
+        options = {name: more.pop(name) for name in _DRAWING_ARGUMENTS if name in more}
+        values = checks.drawn_mesh(mesh).train_parameters(**options) | more
+        return cls(pinion=pinion, wheel=wheel, **values)
 
     @property
     def line(self):
@@ -277,65 +280,69 @@ class Mesh:
         return self.line_by(math.pi)
 
     def line_by(self, pi):
-        """Return the same with pi as a number of another kind."""
+        """Return the angle of the line of action, rad, with pi as a float or a ball."""
         if self.line_of_action is not None:
             return self.line_of_action
-        return (self.position or 0.0) + self.direction * (pi / 2.0 + self._tilt)
+        return (self.position or 0.0) + self.direction * (pi / 2.0 + self._signed_pressure_angle)
 
     @property
     def centres(self):
-        """Angle of the line of centres, rad, see `position`."""
+        """Angle of the line of centres, rad, in the direction of `position`."""
         if self.line_of_action is None:
             return self.position or 0.0
-        return self.line_of_action - self.direction * (math.pi / 2.0 + self._tilt)
+        return self.line_of_action - self.direction * (math.pi / 2.0 + self._signed_pressure_angle)
 
     @property
-    def _tilt(self):
+    def _signed_pressure_angle(self):
         return self.pressure_angle if self.internal else -self.pressure_angle
 
     @property
     def mean_stiffness(self):
-        """C_s, N/m, Eq. (2)."""
+        """Mean mesh stiffness C_s, N/m, Eq. (2)."""
         return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
 
     @property
     def known_damping(self):
-        """`material_damping`, which a motion asks for where it is unknown."""
+        """The damping in contact, N s/m; raises ValueError if it is unknown."""
         return checks.known_damping(self.material_damping, f" of mesh {self.name}")
 
     @property
     def two_levels(self):
-        """Whether levels of the stiffness are told apart."""
+        """Whether the lower level of the stiffness counts as different from the upper level."""
         return self.stiffness_ratio < 1.0
 
     @property
     def varies(self):
-        """Whether the stiffness has two levels in a mesh period."""
+        """Whether the stiffness changes within a mesh period."""
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
 
 
 class Parts:
-    """A sequence of elements of a train."""
+    """Type of a field that is a sequence of bodies, meshes or shafts of a train."""
 
-    def __init__(self, kind, least=1):
-        self.kind, self.least, self.words = kind, least, f"a sequence of {kind.__name__}"
+    def __init__(self, element_class, min_length=1):
+        self.element_class, self.min_length = element_class, min_length
+        self.words = f"a sequence of {element_class.__name__}"
 
     def check(self, name, values):
-        """Return them as a tuple, else raise ValueError."""
-        enough = isinstance(values, (tuple, list)) and len(values) >= self.least
-        suits = enough and all(isinstance(value, self.kind) for value in values)
-        checks.require(suits, name, values, self.words)
+        """Return the elements as a tuple, or raise ValueError if one has another class."""
+        enough = isinstance(values, (tuple, list)) and len(values) >= self.min_length
+        valid = enough and all(isinstance(value, self.element_class) for value in values)
+        checks.require(valid, name, values, self.words)
         return tuple(values)
 
 
 def check_names(train):
-    """Refuse names twice or unknown, too many meshes, supports that a turning frame rules out."""
+    """Raise ValueError for repeated or unknown names, too many meshes or unequal supports.
+
+    A rotating frame requires supports with equal stiffness along x and y.
+    """
     for kind in ("bodies", "meshes"):
         names = [value.name for value in getattr(train, kind)]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
+        repeated = next((name for name in names if names.count(name) > 1), None)
+        if repeated is not None:
             raise ValueError(
-                f"{kind} = {names!r} is not allowed: the name {twice!r} must occur once"
+                f"{kind} = {names!r} is not allowed: the name {repeated!r} must occur once"
             )
     if len(train.meshes) > _MAX_MESHES:
         raise ValueError(
@@ -349,17 +356,17 @@ def check_names(train):
         for side in ("pinion", "wheel"):
             name = getattr(mesh, side)
             checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
-        name, words = f"wheel of mesh {mesh.name}", "another body than the pinion"
-        checks.require(mesh.pinion != mesh.wheel, name, mesh.wheel, words)
+        name, allowed = f"wheel of mesh {mesh.name}", "another body than the pinion"
+        checks.require(mesh.pinion != mesh.wheel, name, mesh.wheel, allowed)
     for body in train.bodies:
         if body.carrier is not None:
             checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
-            carries = body.carrier != body.name and train.by_name[body.carrier].carrier is None
-            name, words = f"carrier of body {body.name}", "another body, which no carrier carries"
-            checks.require(carries, name, body.carrier, words)
+            possible = body.carrier != body.name and train.by_name[body.carrier].carrier is None
+            name, allowed = f"carrier of body {body.name}", "another body, which no carrier carries"
+            checks.require(possible, name, body.carrier, allowed)
         elif train.gyroscopic:
-            equal = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
-            if not equal:
+            isotropic = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
+            if not isotropic:
                 raise ValueError(
                     f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
                     "allowed: it must be, as its damping, the same along x and y in a turning frame"
@@ -367,50 +374,52 @@ def check_names(train):
 
 
 def check_gears(train):
-    """Refuse gears that do not mesh, turn or fit together."""
+    """Raise ValueError for gears that cannot mesh, rotate or be assembled."""
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):
-            words = f"an integer >= 3, because it is in mesh {mesh.name}"
-            checks.require(body.teeth is not None, f"teeth of body {body.name}", None, words)
+            allowed = f"an integer >= 3, because it is in mesh {mesh.name}"
+            checks.require(body.teeth is not None, f"teeth of body {body.name}", None, allowed)
         pitches = [2.0 * math.pi * body.base_radius / body.teeth for body in (pinion, wheel)]
         checks.require(
-            abs(pitches[0] - pitches[1]) <= _PITCH * max(pitches),
+            abs(pitches[0] - pitches[1]) <= _PITCH_TOLERANCE * max(pitches),
             f"base_radius of body {wheel.name}",
             wheel.base_radius,
             f"{pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the base pitch "
             f"(module) of {pinion.name} in mesh {mesh.name}",
         )
         fits = not mesh.internal or wheel.teeth > pinion.teeth
-        words = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
-        checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, words)
-    train.phases  # noqa: B018 (refuses what does not turn or fit)
+        allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
+        checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, allowed)
+    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
 
 
 def check_balance(train):
-    """Refuse bodies without motion, mass or balance, and a backlash that moves with a free axis."""
+    """Raise ValueError for trains without coordinates, masses or balanced torques.
+
+    A moving backlash is not possible where the axis of a gear moves freely.
+    """
     if not train.structure.coordinates:
         raise ValueError("bodies is not allowed: at least one of them must be able to move")
-    # Each coordinate is that of one body, and what pins add to its mass adds to the others' too.
     if train.structure.mass.diagonal().min() <= 0.0:
         raise ValueError("bodies is not allowed: every motion must have a mass")
     load = train.structure.load
     for motion in train.free_motions.T:
         work = motion * load
         if abs(work.sum()) > 1e-9 * abs(work).sum():
-            turned = [
+            moving = [
                 body.name
                 for body, rows in zip(train.bodies, train.structure.motions, strict=True)
                 if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
             ]
             raise ValueError(
-                f"torque of bodies {', '.join(turned)} is not allowed: they must balance on "
+                f"torque of bodies {', '.join(moving)} is not allowed: they must balance on "
                 "the free rotation of the train, whose power is now "
                 f"{work.sum() / abs(work).sum():.3g} of that of the single torques"
             )
-    sliding = abs(train.far_lines @ train.free_motions)
+    changes = abs(train.far_lines @ train.free_motions)
     scale = abs(train.far_lines) @ abs(train.free_motions)
-    moved = sliding > 1e-9 * scale
-    for mesh, slides in zip(train.meshes, moved.any(axis=1), strict=True):
-        name, words = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
-        checks.require(not (mesh.moving_backlash and slides), name, True, words + "moves freely")
+    opening = (changes > 1e-9 * scale).any(axis=1)
+    for mesh, opens in zip(train.meshes, opening, strict=True):
+        name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
+        checks.require(not (mesh.moving_backlash and opens), name, True, allowed + "moves freely")

@@ -1,13 +1,12 @@
-"""Static equilibrium of a train with gaps and errors: how the meshes share the load.
+"""Static equilibrium of a train with backlash and errors, and its load sharing.
 
-In every mesh at most one of two conditions holds with a force, drive side or coast side,
+In every mesh either the drive side or the coast side can carry a force,
 
     P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q at the far flank:
 
-a linear complementarity problem. Its solutions are the minima of a convex, piecewise quadratic
-energy, so the forces are unique. Newton's method on the set of touching flanks, with an exact
-search along each step, ends after finitely many steps; what it returns is checked against all
-conditions.
+which is a linear complementarity problem. Its solutions are the minima of a convex, piecewise
+quadratic energy, so the forces are unique. Newton's method with an exact line search ends after
+finitely many steps, and the result is checked against all conditions.
 """
 
 import math
@@ -18,65 +17,65 @@ import xarray as xr
 
 from gearlib.data import status
 from gearlib.data.variables import describe
-from gearlib.models.trains.waves import SAME_PHASE, at_lower_level
+from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level
 
-_MAX_STEPS = 200
-#: Of the forces: residual of a solution. Loose gears may lie far off, with the rounding of that.
-_BALANCED = 1e-9
+_MAX_NEWTON_STEPS = 200
+#: Largest residual of a solution over its forces; loose gears can have a large rounding error.
+_RESIDUAL_TOLERANCE = 1e-9
 
 
 class Equilibrium(NamedTuple):
-    """A proven solution: n coordinates, m meshes."""
+    """Static equilibrium with n coordinates and m meshes, checked against all conditions."""
 
-    q: np.ndarray  #: m, shape (n,); no part in free motions
-    force: np.ndarray  #: N, of drive sides positive, of coast sides negative, shape (m,)
-    contact: np.ndarray  #: 1, 0, -1 as of `contact_states`, shape (m,)
-    wedged: np.ndarray  #: bool, whether both flanks touch, each with a force of its own, shape (m,)
+    q: np.ndarray  #: coordinates, m, shape (n,), without free motions
+    force: np.ndarray  #: N, positive on drive sides, negative on coast sides, shape (m,)
+    contact: np.ndarray  #: contact codes 1, 0 and -1, shape (m,)
+    wedged: np.ndarray  #: bool, whether both flanks touch with a force each, shape (m,)
 
 
 def equilibrium(train, phase=0.0):
-    """Return the `Equilibrium` under the stiffness, errors and run-out at a reference mesh phase.
+    """Return the static `Equilibrium` with the stiffness and errors at a reference mesh phase.
 
-    There is none, a ValueError, where the load opens a mesh without a far flank for good.
+    Raises ValueError if the load opens a mesh without a coast flank for good.
     """
     frequencies, waves, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
-    # Distances without motion of (coast, drive) flanks.
+    # Distances of (coast, drive) flanks without motion.
     gaps = constants + waves @ harmonics.ravel()
     gaps[0] += [mesh.backlash for mesh in train.meshes]
-    stiffness = _levels(train, phase)
-    # In coordinates in which the linear train has unit stiffness; free motions take no part.
+    stiffness = _stiffness_levels(train, phase)
+    # Amplitudes of modes in which the linear train has unit stiffness exclude free motions.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
     near = train.linear_stretches / np.sqrt(squares)
     moving = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    # Of coast and drive side.
     lines = np.stack([np.where(moving, train.far_lines @ basis, near), near])
     strains = train.strains[: -len(train.meshes)]
     load = basis.T @ train.structure.load
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
-    # What rounding of the gaps makes of the forces, where there is no load.
-    finite = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
-    floor = (np.abs(near.T) @ (stiffness * finite).max(axis=0)).max(initial=0.0)
-    a = _minimum(energy, floor)
-    if a is None:
+    # Rounding errors of the gaps cause forces of this size, even without a load.
+    gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
+    force_scale = (np.abs(near.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
+    amplitudes = _minimum(energy, force_scale)
+    if amplitudes is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh without a far "
             "flank for good; a finite backlash would close"
         )
-    distances = lines @ a + gaps
-    forces, (residual, sizes) = energy.forces(distances), energy.slope(a)
-    scale = floor + np.abs(load).sum() + sizes.sum()
-    if not np.abs(residual).max(initial=0.0) <= _BALANCED * scale:
+    distances = lines @ amplitudes + gaps
+    forces, (residual, sizes) = energy.forces(distances), energy.slope(amplitudes)
+    scale = force_scale + np.abs(load).sum() + sizes.sum()
+    if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
-    # Less than rounding of a distance is no overlap.
-    wedged = (contact == 1) & (distances[0] < -1e-12 * (finite.max() + np.abs(near @ a)))
-    return Equilibrium(basis @ a, forces.sum(axis=0), contact.astype(np.int8), wedged)
+    # A smaller overlap of the coast-side flanks is a rounding error of the distance.
+    rounding = 1e-12 * (gap_sizes.max() + np.abs(near @ amplitudes))
+    wedged = (contact == 1) & (distances[0] < -rounding)
+    return Equilibrium(basis @ amplitudes, forces.sum(axis=0), contact.astype(np.int8), wedged)
 
 
 def static(train, phase=0.0):
-    """Return the load sharing of a train, see `GearTrain.static`."""
+    """Return the static equilibrium of a train as a dataset, as `GearTrain.static` describes it."""
     balance = equilibrium(train, phase)
     code = status.JAMMED if balance.wedged.any() else status.OK
     dataset = xr.Dataset(
@@ -97,7 +96,7 @@ def static(train, phase=0.0):
 
 
 def branches(train):
-    """Return the branch group of every mesh: of meshes that share a pinion or a wheel, one."""
+    """Return the name of the central gear whose load each mesh shares, as (kind, name) per mesh."""
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
     groups = []
@@ -109,111 +108,124 @@ def branches(train):
 
 
 def load_shares(train, forces):
-    """Return forces over their mean in the branches of a train, shape (..., m); NaN without any."""
+    """Return mesh forces over the mean force at the same central gear, shape (..., m).
+
+    They are NaN where all forces at a central gear are 0.
+    """
     groups = np.array(["/".join(group) for group in branches(train)])
     shares = np.empty_like(forces)
     with np.errstate(divide="ignore", invalid="ignore"):
         for group in set(groups):
-            alike = groups == group
-            total = forces[..., alike].sum(axis=-1, keepdims=True)
-            shares[..., alike] = forces[..., alike] * alike.sum() / np.where(total, total, math.nan)
+            branch = groups == group
+            total = forces[..., branch].sum(axis=-1, keepdims=True)
+            total = np.where(total, total, math.nan)
+            shares[..., branch] = forces[..., branch] * branch.sum() / total
     return shares
 
 
-def _levels(train, phase):
+def _stiffness_levels(train, phase):
     """Return the stiffness of coast and drive sides just after a phase, N/m, shape (2, m)."""
     period, local = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, rate) in enumerate(zip(train.meshes, train.rates, strict=True)):
         shifts = train.inverse_phases[mesh.name], train.phases[mesh.name]
-        turns = float(int(period) * rate % 1) + (local + SAME_PHASE) / math.tau * float(rate)
-        low = at_lower_level(mesh, shifts, np.array([turns]))[:, 0]
+        local_periods = (local + SAME_PHASE_TOLERANCE) / math.tau
+        mesh_phase = float(int(period) * rate % 1) + local_periods * float(rate)
+        low = at_lower_level(mesh, shifts, np.array([mesh_phase]))[:, 0]
         levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
     return levels
 
 
 class _Energy(NamedTuple):
-    """The energy by amplitudes of the elastic modes, shape (p,), convex and piecewise quadratic."""
+    """Potential energy as a convex, piecewise quadratic function of p modal amplitudes."""
 
-    elastic: np.ndarray  #: stiffness of all but the meshes, shape (p, p)
-    lines: np.ndarray  #: distances of (coast, drive) flanks by amplitudes, shape (2, m, p)
-    stiffness: np.ndarray  #: of the same, shape (2, m)
-    gaps: np.ndarray  #: distances without motion, shape (2, m)
-    load: np.ndarray  #: shape (p,)
+    elastic: np.ndarray  #: stiffness without the meshes, shape (p, p)
+    lines: np.ndarray  #: distances of (coast, drive) flanks per amplitude, shape (2, m, p)
+    stiffness: np.ndarray  #: stiffness of (coast, drive) flanks, shape (2, m)
+    gaps: np.ndarray  #: distances of (coast, drive) flanks without motion, shape (2, m)
+    load: np.ndarray  #: modal load, shape (p,)
 
     def forces(self, distances: np.ndarray) -> np.ndarray:
-        """Return the forces of the flanks at distances, positive on the drive side, (2, m)."""
+        """Return the forces of (coast, drive) flanks at given distances, shape (2, m)."""
         coast, drive = distances
         return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
 
     def slope(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slope, and the sum of the sizes of the mesh forces in it, (p,) each."""
+        """Return the gradient of the energy, (p,), and the size of the mesh forces in it, (p,)."""
         forces = self.forces(self.lines @ amplitudes + self.gaps)
-        slope = self.elastic @ amplitudes + _sum_along(self.lines, forces) - self.load
-        return slope, _sum_along(np.abs(self.lines), np.abs(forces))
+        slope = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
+        return slope, _modal_forces(np.abs(self.lines), np.abs(forces))
 
     def hessian(self, distances: np.ndarray) -> np.ndarray:
-        """Return the stiffness with the flanks that touch at distances, shape (p, p)."""
+        """Return the stiffness matrix, (p, p), with the flanks that touch at given distances."""
         touching = self.stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
         sides = zip(self.lines, touching, strict=True)
         return self.elastic + sum(side.T @ (c[:, None] * side) for side, c in sides)
 
 
-def _sum_along(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the sum of forces of (coast, drive) sides along their lines, shape (p,)."""
+def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the modal forces, (p,), of the forces of (coast, drive) flanks, (2, m)."""
     return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
-def _minimum(energy: _Energy, floor: float) -> np.ndarray | None:
-    """Return the amplitudes of least energy, or None if it falls for ever."""
-    a, load, gaps = energy.load.copy(), energy.load, energy.gaps
-    # Far beyond all gaps and deflections a load drives on what touches nothing.
+def _minimum(energy: _Energy, force_scale: float) -> np.ndarray | None:
+    """Return the modal amplitudes of least energy by Newton's method, None if there is no minimum.
+
+    `force_scale` is the size of forces whose rounding errors may remain.
+    """
+    amplitudes, load, gaps = energy.load.copy(), energy.load, energy.gaps
+    # A body that is this far away moves without end under its load.
     largest_gap = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
     deflection = np.abs(energy.lines @ load).max(initial=0.0)
-    horizon = 1e6 * (largest_gap + deflection) if deflection > 0.0 else math.inf
-    for _ in range(_MAX_STEPS):
-        hessian = energy.hessian(energy.lines @ a + gaps)
+    max_distance = 1e6 * (largest_gap + deflection) if deflection > 0.0 else math.inf
+    for _ in range(_MAX_NEWTON_STEPS):
+        hessian = energy.hessian(energy.lines @ amplitudes + gaps)
         if np.linalg.eigvalsh(hessian)[0] < 1e-11:
-            # A part is loose: a step that is long in its direction, for the search to cut.
-            hessian = hessian + 1e-9 * np.eye(a.size)
-        step = -np.linalg.solve(hessian, energy.slope(a)[0])
-        length = _search(energy, a, step)
+            # A body is loose: a small stiffness makes a long step, which the line search shortens.
+            hessian = hessian + 1e-9 * np.eye(amplitudes.size)
+        step = -np.linalg.solve(hessian, energy.slope(amplitudes)[0])
+        length = _line_search(energy, amplitudes, step)
         if length is None:
             return None
-        a = a + length * step
-        if -(energy.lines[1] @ a + gaps[1]).min() > horizon:
+        amplitudes = amplitudes + length * step
+        if -(energy.lines[1] @ amplitudes + gaps[1]).min() > max_distance:
             return None
-        slope, sizes = energy.slope(a)
-        scale = floor + sum(np.abs(x).max(initial=0.0) for x in (load, energy.elastic @ a, sizes))
-        if np.abs(slope).max(initial=0.0) <= 1e-14 * a.size * scale:
+        slope, sizes = energy.slope(amplitudes)
+        forces = load, energy.elastic @ amplitudes, sizes
+        scale = force_scale + sum(np.abs(force).max(initial=0.0) for force in forces)
+        if np.abs(slope).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
             break
-    return a
+    return amplitudes
 
 
-def _search(energy: _Energy, a: np.ndarray, step: np.ndarray) -> float | None:
-    """Return where the energy along a step is least: its slope is piecewise linear and rises."""
-    distances, rates = energy.lines @ a + energy.gaps, energy.lines @ step
+def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
+    """Return the length along a step at which the energy is least, None if it falls for ever.
+
+    The slope of the energy along the step rises and is linear between contacts of flanks.
+    """
+    distances, rates = energy.lines @ amplitudes + energy.gaps, energy.lines @ step
     with np.errstate(divide="ignore", invalid="ignore"):
-        breaks = -distances / rates
-    breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > 0.0)])
+        contacts = -distances / rates
+    contacts = np.sort(contacts[np.isfinite(contacts) & (contacts > 0.0)])
 
-    def slope(t):
-        forces = energy.forces(distances + t * rates)
-        return step @ (energy.elastic @ (a + t * step) - energy.load) + (rates * forces).sum()
+    def slope(length):
+        forces = energy.forces(distances + length * rates)
+        elastic = energy.elastic @ (amplitudes + length * step)
+        return step @ (elastic - energy.load) + (rates * forces).sum()
 
-    before, value = 0.0, slope(0.0)
-    if value >= 0.0:
+    start, start_slope = 0.0, slope(0.0)
+    if start_slope >= 0.0:
         return 0.0
-    for t in breaks:
-        at = slope(t)
-        if at >= 0.0:
-            return before + (t - before) * value / (value - at)
-        before, value = t, at
-    # Beyond the last flank the slope is linear.
-    ahead = 2.0 * before + 1.0
-    at = slope(ahead)
-    rise = at - value
-    if rise <= 1e-13 * (abs(at) + abs(value)):
-        # Without load nothing drives on, and what is left of the slope is rounding.
-        return None if energy.load.any() else before
-    return before - value * (ahead - before) / rise
+    for end in contacts:
+        end_slope = slope(end)
+        if end_slope >= 0.0:
+            return start + (end - start) * start_slope / (start_slope - end_slope)
+        start, start_slope = end, end_slope
+    # Beyond the last contact the slope is linear.
+    end = 2.0 * start + 1.0
+    end_slope = slope(end)
+    rise = end_slope - start_slope
+    if rise <= 1e-13 * (abs(end_slope) + abs(start_slope)):
+        # Without a load the remaining slope is a rounding error.
+        return None if energy.load.any() else start
+    return start - start_slope * (end - start) / rise

@@ -1,4 +1,4 @@
-"""`GearTrain`: bodies, shafts and meshes as one piecewise-linear model."""
+"""Gear trains of bodies, shafts and meshes as one piecewise-linear model."""
 
 import math
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ class GearTrain(Model):
 
     @property
     def force_note(self):
-        """Return the sentence on forces of the mesh whose stiffness changes most."""
+        """A sentence on the jumps of mesh forces where the stiffness changes most."""
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
     def __post_init__(self):
@@ -117,38 +117,38 @@ class GearTrain(Model):
 
     @cached_property
     def structure(self):
-        """The `Structure`: matrices in SI units."""
+        """Mass, stiffness and damping matrices of the train in SI units."""
         return self.assembled()
 
     def assembled(self, numbers=FLOATS):
-        """Return the `Structure` in a kind of numbers."""
+        """Return the matrices of the train in SI units, in floats or balls."""
         return structure(self.by_name, self.meshes, self.shafts, numbers)
 
     @cached_property
     def far_lines(self):
-        """Coast-side distances by coordinates, (m, n): without supports where backlash moves."""
+        """Rows of the coast-side distances, (m, n), see `structure.far_lines`."""
         return far_lines(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
-        """Name of a body -> its speed by reference mesh phase, a signed `Fraction`."""
+        """Signed speeds of the bodies per radian of reference mesh phase, name -> Fraction."""
         return turning.speeds(self.by_name, self.meshes, self.shafts, self.reference)
 
     @cached_property
     def rates(self):
-        """Mesh frequencies over that of the reference mesh, `Fraction`."""
+        """Mesh frequencies over that of the reference mesh, as Fractions."""
         return tuple(
             abs(self.speeds[mesh.pinion]) * self.by_name[mesh.pinion].teeth for mesh in self.meshes
         )
 
     @cached_property
     def phases(self):
-        """Name of a mesh -> phase of its stiffness in its mesh periods."""
+        """Phases of the stiffness of the drive sides, mesh name -> its mesh periods."""
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
     def inverse_phases(self):
-        """The same of the coast-side flanks."""
+        """Phases of the stiffness of the coast sides, mesh name -> its mesh periods."""
         return {
             mesh.name: turning.inverse_phase(mesh, self.speeds, self.phases[mesh.name])
             for mesh in self.meshes
@@ -156,35 +156,36 @@ class GearTrain(Model):
 
     @cached_property
     def pitch_phases(self):
-        """Name of a mesh -> its phase with drive-side contact at the pitch point, rad."""
+        """Phases at which drive sides touch at the pitch point, mesh name -> rad."""
         return {mesh.name: turning.pitch_phase(mesh, self.speeds) for mesh in self.meshes}
 
     @cached_property
     def repeats(self):
-        """Reference mesh periods after which stiffness, deviations and run-out repeat."""
+        """Number of reference mesh periods after which the whole excitation repeats."""
         return waves.common_period(self)
 
     @cached_property
     def excitation(self):
-        """Deviations, run-out and errors, see `waves.excitation`."""
+        """Frequencies and amplitudes of errors, deviations and run-out, see `waves.excitation`."""
         return waves.excitation(self)
 
     @cached_property
     def segments(self):
-        """Segments of constant stiffness until all repeats, see `waves.segments`."""
+        """Segments of constant stiffness of the whole period of the excitation."""
         return self.segments_of(0, self.repeats)
 
     def segments_of(self, first, count):
-        """Return the `Segments` of some reference mesh periods, the n-th at n modulo `count`."""
+        """Return the segments of constant stiffness of `count` mesh periods from `first` on."""
         return waves.segments(self, first, count)
 
     @property
     def size(self):
-        """Components that vary: coordinates and their rates."""
+        """Length of the state: coordinates and their rates."""
         return 2 * len(self.structure.coordinates)
 
     @cached_property
     def _linear(self):
+        """Free motions and natural modes with all flanks in contact at mean stiffness."""
         (rows, values), lines = self.structure.springs, self.structure.lines
         means = [mesh.mean_stiffness for mesh in self.meshes]
         springs = np.concatenate([rows, lines]), np.concatenate([values, means])
@@ -197,21 +198,25 @@ class GearTrain(Model):
 
     @property
     def linear_modes(self):
-        """(squared angular frequencies, mass-normalised shapes) of the elastic modes."""
+        """Squared angular frequencies and mass-normalised shapes of the elastic modes."""
         return self._linear.squares, self._linear.shapes
 
     @property
     def strains(self):
-        """`Linear.strains` of the springs of the structure, then of the meshes."""
+        """Strains of the springs of the structure, then of the meshes, see `Linear.strains`."""
         return self._linear.strains
 
     def linear(self, system):
-        """Return the linear model, see `Model.linear`: all flanks in contact at mean stiffness."""
+        """Return dimensionless modes with all flanks in contact at mean stiffness.
+
+        They are (frequencies, shapes, free motions, mass matrix), as in `Model.linear`.
+        """
         omega = self.reference_angular_frequency
         mass = self.scaled(system.tuning).mass
         squares, shapes = self.linear_modes
         modes = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
-        # Orthonormal to the last place: what is missing would be an error of all frequencies.
+        # A step of Newton's method makes the modes orthonormal to the last digit, so that their
+        # frequencies are exact.
         modes = modes @ (1.5 * np.eye(len(mass)) - 0.5 * (modes.T @ mass @ modes))
         return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
 
@@ -224,7 +229,7 @@ class GearTrain(Model):
 
     @cached_property
     def loaded_stretches(self):
-        """Relative displacements of the meshes of the linear train under its load, m, (m,)."""
+        """Relative displacements of meshes of the linear train under its load, m, shape (m,)."""
         squares, shapes = self.linear_modes
         return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
 
@@ -252,7 +257,7 @@ class GearTrain(Model):
         (squares, shapes), load = self.linear_modes, self.structure.load
         stretches = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
         value = abs(stretches @ (shapes.T @ load))
-        # Without load rounding is left of the parts.
+        # A smaller value is a rounding error of terms that cancel without a load.
         largest = np.abs(stretches) @ (np.abs(shapes).T @ np.abs(load))
         return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
 
@@ -267,10 +272,10 @@ class GearTrain(Model):
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._linear.squares
-        share = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
-        # Modes of equal frequency count together: energy may lie in any direction among them.
-        together = [share[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
-        return math.sqrt(squares[int(np.argmax(np.array(together) > 0.999999 * max(together)))])
+        energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
+        # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
+        sums = [energies[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
+        return math.sqrt(squares[int(np.argmax(np.array(sums) > 0.999999 * max(sums)))])
 
     def mesh_frequency(self, tuning):
         """Return the angular frequency of the reference mesh, rad/s (float or array)."""
@@ -291,18 +296,18 @@ class GearTrain(Model):
         }
 
     def damped(self):
-        """Return whether there is any damping on the way of the motion."""
+        """Return whether a mesh, support or shaft is damped."""
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
     def scaled(self, tuning):
-        """Return the `Scaled` matrices without the meshes at one tuning."""
+        """Return the dimensionless matrices without the meshes at a tuning."""
         return scaled(self, tuning)
 
     def system(self, tuning, first=0, count=None):
-        """Return the `TrainSystem` of the kernels at one tuning, by default with all segments.
+        """Return the state-space matrices at a tuning, over all segments of constant stiffness.
 
-        Else with those of so many mesh periods, see `segments_of`.
+        With a count, they cover only `count` mesh periods from `first` on.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
@@ -312,28 +317,28 @@ class GearTrain(Model):
 
     @cached_property
     def norm_at_rest(self):
-        """Largest norm of the matrices without gyroscopic forces, the same at all tunings."""
+        """Bound of the norms of state matrices without gyroscopic forces, equal at all tunings."""
         return largest_norm(self, self.scaled(1.0))
 
     @cached_property
     def _system(self):
-        # Without a turning frame and without waves only the tuning differs.
+        # Without gyroscopic forces and excitation only the tuning of the system changes.
         return train_system(self, 1.0, self.segments)
 
     def static(self, phase=0.0):
-        """Return how the meshes share the load at rest, with gaps and errors.
+        """Return the static equilibrium of the train, with backlash and errors.
 
         Parameters
         ----------
         phase : float, default 0
-            Of the reference mesh, rad: decides stiffness, deviations and run-out.
+            Phase of the reference mesh, rad, at which stiffness and errors are taken.
 
         Returns
         -------
         xarray.Dataset
-            Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean of the meshes of
-            the same central gear); over `body` and `axis`: body_displacement (m); and status:
-            jammed where both flanks of a mesh touch, whose mesh_force is then that of both.
+            Over `mesh`: mesh_force (N), contact, load_sharing (force over the mean force of the
+            meshes of the same central gear); over `body` and `axis`: body_displacement (m); and
+            status: jammed if both flanks of a mesh touch, whose mesh_force is then that of both.
 
         Raises
         ------
@@ -343,7 +348,7 @@ class GearTrain(Model):
         return statics.static(self, checks.number("phase", phase, "finite", math.isfinite))
 
     def modes(self):
-        """Return the natural modes at mean stiffness, all flanks in contact.
+        """Return the natural modes with mean mesh stiffness and all flanks in contact.
 
         Returns
         -------
@@ -354,25 +359,25 @@ class GearTrain(Model):
         return natural_modes.modes(self)
 
     def phasing(self, count=12):
-        """Return which harmonics of the mesh stiffness excite which modes.
+        """Return the modal forces by which harmonics of the mesh stiffness excite the modes.
 
         Parameters
         ----------
         count : int, default 12
-            Highest order, over the reference mesh frequency.
+            Highest order of the harmonics, over the reference mesh frequency.
 
         Returns
         -------
         xarray.Dataset
-            Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the phases cancel, 1: all
-            meshes in phase), excites.
+            Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the meshes cancel each
+            other, 1: all meshes in phase), excites.
         """
         return natural_modes.phasing(self, checks.integer("count", count, 1, 1000))
 
     def campbell(self, count=3):
-        """Return the speeds at which mesh frequencies and their multiples meet natural ones.
+        """Return the critical speeds, where multiples of mesh frequencies are natural frequencies.
 
-        Natural frequencies are those of `modes`, so they do not depend on speed.
+        The natural frequencies are those of `modes` and do not depend on the speed.
 
         Parameters
         ----------
@@ -382,22 +387,22 @@ class GearTrain(Model):
         Returns
         -------
         xarray.Dataset
-            That of `phasing` at these orders, and critical_speed over `stiffness_order` and
-            `mode`, rpm of the reference pinion.
+            The dataset of `phasing` at these orders, and critical_speed over `stiffness_order` and
+            `mode`, in rpm of the reference pinion.
         """
         return natural_modes.campbell(self, checks.integer("count", count, 1, 1000))
 
     @cached_property
     def _static_state(self):
-        # Every run of a sweep starts from it.
+        """State of static equilibrium at phase 0, from which sweeps start."""
         q = statics.equilibrium(self).q
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
     def start_state(self, initial_state):
-        """Return the state (q, dq/dtau) at tau = 0, shape (size,), or refuse another value.
+        """Return the initial state (q, dq/dtau), shape (size,), or raise ValueError.
 
-        (0, 0) is at rest, every flank just touching where there are no errors; "static" at rest in
-        static equilibrium under the stiffness at tau = 0, without the forces of a turning frame.
+        (0, 0) means all coordinates are 0, so that flanks without errors just touch. "static" means
+        the static equilibrium with the stiffness at tau = 0, without forces of a rotating frame.
         """
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
@@ -421,12 +426,12 @@ class GearTrain(Model):
 
     @property
     def flank_lines(self):
-        """Displacements at which drive- and coast-side contact begin, a row each, shape (2, m)."""
+        """Displacements at which (drive-side, coast-side) contact begins, shape (2, m)."""
         backlash = np.array([mesh.backlash for mesh in self.meshes])
         return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
 
     def check_state(self, value):
-        """Return an initial state, checked, as of `start_state`."""
+        """Return a checked initial state: "static" or a tuple of numbers."""
         state = self.start_state(value)
         return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
 
@@ -437,25 +442,25 @@ class GearTrain(Model):
     contact_map = contact_map
 
     def disturbed(self, state, disturbance):
-        """Return an initial state with so much added to the first coordinate that can bend."""
+        """Return an initial state with a disturbance added to the first elastic mode."""
         state = self.start_state(state)
         _, lift = self.reduction()
         return tuple(map(float, state + disturbance * lift[:, 0]))
 
     def coordinates(self):
-        """Return name -> values of the dimensions of results."""
+        """Return the coordinates of datasets that belong to the train: name -> labels."""
         return {"component": list(self.components)} | self.names
 
     @property
     def names(self):
-        """Names of meshes, bodies and axes by the dimensions of datasets."""
+        """Labels of the dimensions mesh, body and axis of datasets."""
         names = {"mesh": self.mesh_names, "body": self.body_names, "axis": AXES}
         return {dimension: list(values) for dimension, values in names.items()}
 
     def empty_record(self, samples=0, events=16):
-        """Return empty tables for the record of a run, see `Model.empty_record`.
+        """Return empty tables (samples, events, summary) for the record of a run.
 
-        Samples have six columns for each mesh, then the coordinates.
+        Samples have six columns for each mesh, then one for each coordinate.
         """
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
@@ -463,16 +468,16 @@ class GearTrain(Model):
         return tuple(map(np.empty, shapes))
 
     def extra_sample_variables(self, samples):
-        """Return the motions of the bodies from the samples of `empty_record`."""
+        """Return the motions of the bodies in a table of samples: name -> (dims, values)."""
         q = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims, table, span):
-        """Return mean forces, dynamic factors and load sharing of summaries, shape (..., m, 10).
+        """Return mean force, dynamic factor and load sharing of each mesh: name -> (dims, values).
 
-        Dynamic factors are largest forces over those of the static equilibrium of the linear train;
-        NaN in a mesh that it leaves without load.
+        `table`, shape (..., m, 10), holds summaries over a span of phase. The dynamic factor is the
+        largest force over the static force of the linear train, NaN for a mesh without load.
         """
         mean = table[..., FORCE_SUM] / span
         static = self.mean_forces
@@ -483,10 +488,9 @@ class GearTrain(Model):
         return {name: (dims, values) for name, values in columns.items()}
 
     def layout(self):
-        """Return where the gears lie, without errors of assembly, and how they turn.
+        """Return the positions of the gears, without assembly errors, and their speeds.
 
-        Positions, pins and shafts lead from axis to axis; x = y = 0 is that of the first carrier,
-        without one that of the first body.
+        The origin is the axis of the first carrier or, without carriers, of the first body.
 
         Returns
         -------
@@ -499,25 +503,25 @@ class GearTrain(Model):
 
     @property
     def mean_forces(self):
-        """Static forces of the linear train, without errors, over the load, shape (m,)."""
+        """Static mesh forces of the linear train without errors, over the load, shape (m,)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
         return means * self.loaded_stretches / self.load
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: onto the elastic modes.
+        """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
 
-        A free rotation that is damped or feels the turning of the frame is refused.
+        Raises ValueError if damping or gyroscopic forces act on the free rotation.
         """
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
         forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
-        # Against the parts that cancel, so that nothing is small beside a stiff shaft.
+        # Each force is compared with the size of the terms that cancel in it.
         if any((np.abs(a @ free) > 1e-9 * (np.abs(a) @ np.abs(free))).any() for a in forces):
             raise ValueError(
                 "this train is not allowed here: its free rotation must feel neither damping nor "
                 "gyroscopic forces"
             )
-        # Columns of largest entry 1, so that residuals count in static deflections.
+        # The largest entry of a lifted mode is 1, so that residuals are in static deflections.
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale

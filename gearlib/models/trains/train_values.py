@@ -1,7 +1,8 @@
-"""The numbers of a train that can be read and changed by name, and those that its meshes share.
+"""Named numbers of a train, which can be read and changed.
 
-A number of one element is called as in refusals, ``inertia of body sun``; a field of meshes alone
-means all meshes, which share one value, and that of a support without an axis both axes.
+The name of a number of one element is that of error messages, such as ``inertia of body sun``. The
+name of a mesh field alone means all meshes, if they share one value; the name of a support without
+an axis means both axes.
 """
 
 import dataclasses
@@ -9,9 +10,9 @@ import math
 
 from gearlib import checks
 
-#: Static deflection of a train whose reference mesh carries no load, m.
+#: Unit of displacements of a train whose reference mesh carries no load, m.
 UNLOADED_DEFLECTION = 1e-6
-#: Parameters over which motions are followed: name -> (CF units, long_name).
+#: Continuation parameters of trains: name -> (CF units, long_name).
 PARAMETERS = {
     "tuning": ("1", "tuning nu, reference mesh frequency over reference frequency"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max of all meshes"),
@@ -19,7 +20,7 @@ PARAMETERS = {
     "backlash": ("1", "backlash of all meshes in static deflections"),
     "material_damping": ("N s m-1", "damping in contact of all meshes"),
 }
-#: Fields of bodies, shafts and meshes -> (CF units, words).
+#: Fields of bodies, shafts and meshes -> (CF units, description).
 FIELDS: dict = {
     "body": {
         "inertia": ("kg m2", "inertia"),
@@ -50,7 +51,7 @@ FIELDS: dict = {
 
 
 def shared_value(train, name):
-    """Return the value of one of `PARAMETERS` that all meshes share, else raise ValueError."""
+    """Return the value that all meshes share of a name in `PARAMETERS`, or raise ValueError."""
     values = {getattr(mesh, name) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
@@ -62,9 +63,9 @@ def shared_value(train, name):
 
 
 def with_shared_value(train, name, value):
-    """Return the train with one of `PARAMETERS` of all meshes changed and checked.
+    """Return a checked copy of a train with a new value of a parameter of all meshes.
 
-    The mean stiffness stays, and with it natural frequencies and static deflection.
+    The mean stiffness does not change, nor do natural frequencies and static deflection.
     """
     if name == "backlash":
         value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
@@ -81,7 +82,7 @@ def with_shared_value(train, name, value):
 
 
 def _elements(train):
-    """Return (kind, name) -> body, shaft or mesh."""
+    """Return the elements of a train, (kind, name) -> body, shaft or mesh."""
     return (
         {("body", body.name): body for body in train.bodies}
         | {("shaft", "-".join(shaft.bodies)): shaft for shaft in train.shafts}
@@ -90,9 +91,10 @@ def _elements(train):
 
 
 def _places(train):
-    """Return name -> [((kind, label), field, axes), ...] of the finite numbers of all elements.
+    """Return where the finite numbers of a train are stored, name -> [(element, field, axes)].
 
-    Axes are those that a value with a number for x and for y changes, none of other values.
+    An element is (kind, name); axes is "x", "y" or "xy" for fields with a value for x and y, else
+    "".
     """
     places: dict = {}
     for key, element in _elements(train).items():
@@ -116,7 +118,7 @@ def _places(train):
 
 
 def _shared_places(train):
-    """Return the places of the fields that all meshes share, see `_places`."""
+    """Return where the mesh fields with one common value are stored, as `_places` does."""
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
         for field in FIELDS["mesh"]
@@ -125,22 +127,22 @@ def _shared_places(train):
 
 
 def settable(train):
-    """Return name -> (CF units, words) of the finite numbers of a train's elements.
+    """Return the numbers of a train that can be changed, name -> (CF units, description).
 
     ``load`` stands for all torques in proportion.
     """
-    described = {"load": ("N", "load, all torques in proportion")}
+    numbers = {"load": ("N", "load, all torques in proportion")}
     for field in _shared_places(train):
-        units, words = FIELDS["mesh"][field]
-        described[field] = units, f"{words} of all meshes"
+        units, description = FIELDS["mesh"][field]
+        numbers[field] = units, f"{description} of all meshes"
     for name, [((kind, _), field, _)] in _places(train).items():
-        units, words = FIELDS[kind][field]
-        described[name] = units, words + name.removeprefix(field)
-    return described
+        units, description = FIELDS[kind][field]
+        numbers[name] = units, description + name.removeprefix(field)
+    return numbers
 
 
 def value(train, name):
-    """Return the value of one of `settable`."""
+    """Return a number of a train by its name in `settable`."""
     if name == "load":
         return train.load
     key, field, axes = (_shared_places(train) | _places(train))[name][0]
@@ -149,7 +151,7 @@ def value(train, name):
 
 
 def with_values(train, changes):
-    """Return the train with some of `settable` changed and checked."""
+    """Return a checked copy of a train with new values of numbers in `settable`."""
     places, elements = _shared_places(train) | _places(train), _elements(train)
     fields: dict = {key: {} for key in elements}
     for name, new in changes.items():
@@ -159,12 +161,13 @@ def with_values(train, changes):
             continue
         for key, field, axes in places[name]:
             if axes:
-                old = zip("xy", fields[key].get(field, getattr(elements[key], field)), strict=True)
-                fields[key][field] = tuple(new if axis in axes else entry for axis, entry in old)
+                old = fields[key].get(field, getattr(elements[key], field))
+                pairs = zip("xy", old, strict=True)
+                fields[key][field] = tuple(new if axis in axes else entry for axis, entry in pairs)
             else:
                 fields[key][field] = new
-    parts: dict = {"body": (), "shaft": (), "mesh": ()}
+    changed: dict = {"body": (), "shaft": (), "mesh": ()}
     for key, element in elements.items():
-        changed = dataclasses.replace(element, **fields[key]) if fields[key] else element
-        parts[key[0]] += (changed,)
-    return train.replace(bodies=parts["body"], shafts=parts["shaft"], meshes=parts["mesh"])
+        copy = dataclasses.replace(element, **fields[key]) if fields[key] else element
+        changed[key[0]] += (copy,)
+    return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])

@@ -1,24 +1,24 @@
-"""How the gears of a train turn: speeds from tooth numbers, phases from positions.
+"""Rotation of the gears of a train: speeds from tooth numbers, mesh phases from positions.
 
-Which flanks of a mesh are the drive side and in which sense its gears turn say which of them drives
-through these flanks. The middle of a tooth of a gear with z teeth lies o tooth pitches from angle 0
-at the start; its drive-side flank, half a thickness s (in pitches) to the side f, comes to a pitch
-point at the angle alpha after
+The drive-side flanks of a mesh and the sense of rotation determine which gear drives through these
+flanks. At the start, the middle of a tooth of a gear with z teeth lies o tooth pitches from angle
+0. Its drive-side flank, half a tooth thickness s (in pitches) to the side f, reaches a pitch point
+at the angle alpha after
 
     t = sign(w) (z alpha / 2 pi - o - f s / 2)   mesh periods, modulo 1,
 
-w being its speed, f = 1 for counterclockwise flanks. There the stiffness is past the middle of its
-upper level: by `pitch_phase` where the pinion drives, before it by as much where the wheel does.
-Both gears of a mesh have the same t; around every loop of meshes the orientations o have to come
-out the same, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi has to
+with the speed w of the gear and f = 1 for counterclockwise flanks. At that time the stiffness is
+past the middle of its upper level by `pitch_phase` if the pinion drives, and before it by as much
+if the wheel drives. Both gears of a mesh have the same t. Around a loop of meshes the orientations
+o must agree, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi must
 be an integer. Parker, J. Sound Vib. 236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004)
-365-370. Gears on a shaft have teeth in line, middle on middle, or as far apart as they are keyed,
-unless the loops ask for another angle: of the gear that is oriented first the tooth nearest to the
-line of centres of the mesh that orients it.
+365-370. The teeth of gears on one shaft are in line, or apart by the angle of the keying, unless
+loops of meshes require another angle. The tooth of the first gear is the tooth nearest to the line
+of centres of the mesh that orients the gear.
 
-On the coast side the other gear drives: with the play shared by both gears, coast-side flanks come
-to the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side ones, s_1 being the thickness of
-the gear that drives these; see Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271.
+On the coast side the other gear drives. If both gears share the backlash, coast-side flanks reach
+the pitch point (1 + s_1 - s_2) / 2 periods after the drive-side flanks, where s_1 is the thickness
+of the gear that drives on the drive side; Guo & Parker, Mech. Mach. Theory 78 (2014) 263-271.
 """
 
 import math
@@ -26,17 +26,17 @@ from fractions import Fraction
 
 from gearlib import checks
 
-#: Of a tooth pitch: positions are angles in floating point, often with few digits.
-_CLOSE = 1e-6
+#: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
+_POSITION_TOLERANCE = 1e-6
 
 
 def speeds(bodies, meshes, shafts, reference):
-    """Return name -> signed speed in radians per radian of reference mesh phase, `Fraction`.
+    """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
 
-    Bodies that neither mesh nor sit on a shaft of others have speed 0. A mesh that is not connected
-    to the reference, or a locked train, is refused.
+    Bodies without a mesh or shaft have speed 0. Raises ValueError for a locked train or a mesh
+    without connection to the reference mesh.
     """
-    ratios = []  # of the second body's speed over that of the first
+    ratios = []  # (first body, second body, ratio of their speeds, description)
     for mesh in meshes:
         ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
         ratio *= 1 if mesh.internal else -1
@@ -47,13 +47,13 @@ def speeds(bodies, meshes, shafts, reference):
     count = 0
     while len(speed_of) > count:
         count = len(speed_of)
-        for body, other, ratio, words in ratios:
+        for body, other, ratio, connection in ratios:
             if body in speed_of:
                 speed = speed_of[body] * ratio
                 if speed_of.setdefault(other, speed) != speed:
                     raise ValueError(
                         f"teeth of body {other} = {bodies[other].teeth!r} is not allowed: by "
-                        f"{words} the train is locked; speeds must agree around every loop"
+                        f"{connection} the train is locked; speeds must agree around every loop"
                     )
             elif other in speed_of:
                 speed_of[body] = speed_of[other] / ratio
@@ -68,16 +68,16 @@ def speeds(bodies, meshes, shafts, reference):
 
 
 def _sense(meshes, first, speed):
-    """Return 1 if the gears that drive turn at these speeds, -1 if they turn the other way."""
+    """Return the sign of the speeds with which the declared driving gears of meshes drive."""
     declared = [mesh for mesh in meshes if mesh.driving]
     senses = [1 if driver(mesh, speed) == mesh.driving else -1 for mesh in declared]
     for sense, mesh in zip(senses, declared, strict=True):
-        right = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
+        allowed = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
         checks.require(
             sense == senses[0],
             f"driving of mesh {mesh.name}",
             mesh.driving,
-            f"{right!r} as the gears turn and press where {declared[0].driving!r} drives in mesh "
+            f"{allowed!r} as the gears turn and press where {declared[0].driving!r} drives in mesh "
             f"{declared[0].name}",
         )
     return senses[0] if senses else (1 if driver(first, speed) == first.pinion else -1)
@@ -89,22 +89,22 @@ def driver(mesh, speed):
 
 
 def pitch_phase(mesh, speed):
-    """Return the phase of a mesh at which its drive-side flanks touch at the pitch point, rad."""
+    """Return the mesh phase at which drive-side flanks touch at the pitch point, rad."""
     return mesh.pitch_phase if driver(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
 
 def sliding_turns(mesh, speed):
-    """Return where the sliding turns to 1, (coast, drive), in mesh periods after the drive phase.
+    """Return the phases at which the sliding becomes positive on (coast, drive) side.
 
-    Flanks of the coast side touch at the pitch point half a period from there: their force has the
-    other sign.
+    They are counted in mesh periods from the phase of the drive side. Coast-side flanks touch at
+    the pitch point half a period later, because their force has the opposite sign.
     """
     drive = pitch_phase(mesh, speed) / math.tau
-    return drive + float(thicker(mesh, speed)) / 2.0, drive
+    return drive + float(thickness_difference(mesh, speed)) / 2.0, drive
 
 
-def thicker(mesh, speed):
-    """Return by how much teeth of the gear that drives are thicker, in pitches, a `Fraction`."""
+def thickness_difference(mesh, speed):
+    """Return the tooth thickness of the driving minus the driven gear in pitches, a Fraction."""
     if mesh.tooth_thickness is None:
         return Fraction(0)
     pinion, wheel = map(Fraction, mesh.tooth_thickness)
@@ -112,101 +112,120 @@ def thicker(mesh, speed):
 
 
 def inverse_phase(mesh, speed, phase):
-    """Return the phase of the coast side of a mesh in mesh periods; `phase` of its drive side."""
+    """Return the coast-side phase of a mesh from its drive-side phase, in mesh periods."""
     if mesh.inverse_phase is not None:
         return mesh.inverse_phase % 1.0
     if mesh.tooth_thickness is None:
         return phase
-    # The other gear drives there: its middle lies as far past the pitch point as before it here.
+    # The other gear drives on the coast side, so that the pitch phase changes its sign.
     return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
 
 
 def phases(bodies, meshes, shafts, reference, speed):
-    """Return name of a mesh -> its phase in mesh periods, in [0, 1), if it can be assembled."""
-    middles: dict = {}
-    phase_of: dict = {}
+    """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
+
+    Raises ValueError if the teeth do not fit together, so that the train cannot be assembled.
+    """
     free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
-    # What is asked for comes before what is left to the loops.
+    # Given keyings come before those that follow from the loops of meshes.
     shafts = sorted(shafts, key=lambda shaft: shaft.keying is None)
+    teeth = _ToothPositions(bodies, shafts, speed)
+    teeth.place_pinion(next(mesh for mesh in meshes if mesh.name == reference))
+    while len(teeth.phases) < len(free):
+        while any([teeth.place_by_mesh(mesh) for mesh in free]):
+            pass
+        if not teeth.place_by_shaft() and len(teeth.phases) < len(free):
+            teeth.place_pinion(next(mesh for mesh in free if mesh.name not in teeth.phases))
+    for shaft in shafts:
+        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.middles):
+            _check_keying(shaft, bodies, teeth.middles)
+    given_phases = {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
+    phase_of = teeth.phases | given_phases
+    return {mesh.name: _rounded(phase_of[mesh.name]) for mesh in meshes}
 
-    def orient(mesh, name, t):
-        """Turn a gear so that its flank is at the mesh after t periods; return what is missing."""
-        flank, side = _flank(mesh, name, bodies), _side(mesh, name)
-        wanted = flank - math.copysign(1.0, speed[name]) * t
-        if name in middles:
-            return abs(_modulo(middles[name] - wanted))
-        # The tooth nearest to the line of centres; half-way between two, that on the side of its
-        # drive-side flank, so that a mirror image has the same.
-        ahead = side * (wanted - flank) - _thickness(mesh, name) / 2.0
-        middles[name] = wanted - side * math.ceil(ahead - 0.5 - _CLOSE)
-        return 0.0
 
-    def tie(mesh):
-        """Orient a gear by the other one; return whether anything is new."""
-        known = [name for name in (mesh.pinion, mesh.wheel) if name in middles]
-        if not known or mesh.name in phase_of:
+class _ToothPositions:
+    """Angular positions of the gears of a train at mesh phase 0, found gear by gear."""
+
+    def __init__(self, bodies: dict, shafts: list, speed: dict):
+        self.bodies, self.shafts, self.speed = bodies, shafts, speed
+        self.middles: dict = {}  #: name of a gear -> tooth pitches from angle 0 to a tooth's middle
+        self.phases: dict = {}  #: name of a mesh -> its phase in mesh periods
+
+    def place_pinion(self, mesh) -> None:
+        """Place the pinion of a mesh so that the mesh has its given phase, by default 0."""
+        self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, self.speed)[1])
+
+    def place_by_mesh(self, mesh) -> bool:
+        """Place a gear by the gear that it meshes with; return whether the mesh is new."""
+        placed = [name for name in (mesh.pinion, mesh.wheel) if name in self.middles]
+        if not placed or mesh.name in self.phases:
             return False
-        gear = known[0]
-        t = math.copysign(1.0, speed[gear]) * (_flank(mesh, gear, bodies) - middles[gear])
+        gear = placed[0]
+        pitches = _flank(mesh, gear, self.bodies) - self.middles[gear]
+        periods = math.copysign(1.0, self.speed[gear]) * pitches
         for name in (mesh.pinion, mesh.wheel):
-            if orient(mesh, name, t) > _CLOSE:
+            if self._place(mesh, name, periods) > _POSITION_TOLERANCE:
                 raise ValueError(
                     f"position of mesh {mesh.name} = {mesh.centres!r} is not allowed: the teeth of "
                     f"{mesh.pinion} and {mesh.wheel} do not fit together there; around every loop "
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        phase_of[mesh.name] = t - sliding_turns(mesh, speed)[1]
+        self.phases[mesh.name] = periods - sliding_turns(mesh, self.speed)[1]
         return True
 
-    def key():
-        """Orient a body by the other one on its shaft; return whether there was one."""
-        for shaft in shafts:
+    def place_by_shaft(self) -> bool:
+        """Place a gear by another gear on the same shaft; return whether there was one to place."""
+        for shaft in self.shafts:
             for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
-                if body in middles and other not in middles:
-                    turns = middles[body] / (bodies[body].teeth or 1) + sign * _keyed(shaft)
-                    middles[other] = turns * (bodies[other].teeth or 1)
+                if body in self.middles and other not in self.middles:
+                    turns = self.middles[body] / (self.bodies[body].teeth or 1)
+                    turns += sign * _keying_turns(shaft)
+                    self.middles[other] = turns * (self.bodies[other].teeth or 1)
                     return True
         return False
 
-    def start(mesh):
-        orient(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, speed)[1])
+    def _place(self, mesh, name: str, periods: float) -> float:
+        """Place a gear whose flank reaches the pitch point after some mesh periods.
 
-    start(next(mesh for mesh in meshes if mesh.name == reference))
-    while len(phase_of) < len(free):
-        while any([tie(mesh) for mesh in free]):
-            pass
-        if not key() and len(phase_of) < len(free):
-            start(next(mesh for mesh in free if mesh.name not in phase_of))
-    for shaft in shafts:
-        if shaft.keying is not None and set(shaft.bodies) <= set(middles):
-            _check_keying(shaft, bodies, middles)
-    phase_of |= {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
-    return {mesh.name: _rounded(phase_of[mesh.name]) for mesh in meshes}
+        Returns by how many pitches a gear that was placed before misses that position.
+        """
+        flank, side = _flank(mesh, name, self.bodies), _side(mesh, name)
+        middle = flank - math.copysign(1.0, self.speed[name]) * periods
+        if name in self.middles:
+            return abs(_modulo(self.middles[name] - middle))
+        # Take the tooth nearest to the line of centres. Half-way between two teeth, take that on
+        # the side of its drive-side flank, so that a mirror image of the train has the same tooth.
+        pitches = side * (middle - flank) - _thickness(mesh, name) / 2.0
+        self.middles[name] = middle - side * math.ceil(pitches - 0.5 - _POSITION_TOLERANCE)
+        return 0.0
 
 
 def _check_keying(shaft, bodies, middles):
-    """Refuse an angle between the teeth of two gears that is not what the loops make it."""
+    """Raise ValueError if the keying of a shaft contradicts the loops of meshes."""
     teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
     first, second = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
-    # Which teeth are in line does not matter.
+    # Any two teeth may be in line, so that angles count modulo 2 pi over this number.
     count = math.lcm(*teeth)
-    if abs(_modulo(count * (second - first - _keyed(shaft)))) > count * _CLOSE / max(teeth):
-        right = math.tau / count * ((count * (second - first)) % 1.0)
+    if abs(
+        _modulo(count * (second - first - _keying_turns(shaft)))
+    ) > count * _POSITION_TOLERANCE / max(teeth):
+        required = math.tau / count * ((count * (second - first)) % 1.0)
         raise ValueError(
             f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
-            f"the loops of meshes it must be {right:.9g}, or a whole multiple of 2 pi / {count} "
+            f"the loops of meshes it must be {required:.9g}, or a whole multiple of 2 pi / {count} "
             "from there"
         )
 
 
-def _keyed(shaft):
-    """Return by how many turns the second body of a shaft is ahead of being in line."""
+def _keying_turns(shaft):
+    """Return the keying angle between the teeth of both gears of a shaft in turns."""
     return (shaft.keying or 0.0) / math.tau
 
 
 def _side(mesh, name):
-    """Return whether the drive-side flanks of a gear are the counterclockwise ones, 1, or -1."""
+    """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1."""
     return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
 
 
@@ -216,18 +235,18 @@ def _thickness(mesh, name):
 
 
 def _flank(mesh, name, bodies):
-    """Return at how many pitches the middle of a tooth lies whose flank is at the pitch point."""
-    turned = mesh.internal or name == mesh.pinion
-    angle = mesh.centres + (0.0 if turned else math.pi)
+    """Return the angle, in pitches, of the middle of a tooth with its flank at the pitch point."""
+    along_centres = mesh.internal or name == mesh.pinion
+    angle = mesh.centres + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _side(mesh, name) * _thickness(mesh, name) / 2.0
 
 
 def _modulo(value):
-    """Return a value modulo 1, in [-1/2, 1/2]."""
+    """Return the difference of a value to the nearest integer, in [-1/2, 1/2]."""
     return value - round(value)
 
 
 def _rounded(phase):
-    """Return a phase in [0, 1); equal ones equal in all digits: 1e-13 is rounding of the angles."""
+    """Return a phase modulo 1, rounded to 13 digits, so that equal phases are equal numbers."""
     return round(phase % 1.0, 13) % 1.0

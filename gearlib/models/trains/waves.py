@@ -1,7 +1,7 @@
-"""What drives a train over the phase of its reference mesh: stiffness levels, deviations, run-out.
+"""Excitation of a train over its reference mesh phase: stiffness levels, deviations, run-out.
 
-The stiffness of a mesh is at its upper level while its own phase rate tau - 2 pi g, g being its
-phase in mesh periods, lies within pi (epsilon - 1) of a whole period; see `engines.pair.stiffness`.
+The stiffness of a mesh with the phase g, in mesh periods, is at its upper level while the angle
+rate tau - 2 pi g is at most pi (epsilon - 1) from a whole period; see `engines.pair.stiffness`.
 """
 
 import math
@@ -13,46 +13,35 @@ import numpy as np
 from gearlib.models.trains import turning
 from gearlib.models.trains.structure import FLOATS
 
-#: Boundaries that are closer in phase are one.
-SAME_PHASE = 1e-12
+#: Boundaries of segments closer than this in phase count as equal.
+SAME_PHASE_TOLERANCE = 1e-12
 
 
 class Segments(NamedTuple):
-    """Segments of the common period in which no stiffness and no sliding changes."""
+    """Intervals of the common period without a change of stiffness or sliding direction."""
 
     starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
-    first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
-    low: np.ndarray  #: whether at the lower level, coast and drive side, shape (2, p, m)
-    sense: np.ndarray  #: of the sliding, 1 or -1, 1 without friction, as `low`, shape (2, p, m)
-    kinds: list  #: of each mesh those that come: 2 at the lower level, 1 more for sliding by -1
+    first_segment: np.ndarray  #: first segment of each reference mesh period, shape (repeats + 1,)
+    low: np.ndarray  #: whether coast and drive side are at the lower level, shape (2, p, m)
+    sense: np.ndarray  #: direction of sliding, 1 or -1, 1 without friction, shape (2, p, m)
+    kinds: (
+        list  #: kinds of segments of each mesh: 2 for the lower level plus 1 for negative sliding
+    )
 
 
 def segments(train, first, count):
-    """Return the `Segments` of `count` reference mesh periods from the `first` on.
+    """Return the `Segments` of `count` reference mesh periods that begin with period `first`.
 
-    The n-th period lies at n modulo `count`, so that those before it come after the last ones.
+    Periods are stored cyclically: period n lies at position n modulo `count`.
     """
-    marks = [math.tau * k for k in range(count + 1)]
-    early = first % count
+    period_starts = [math.tau * k for k in range(count + 1)]
+    offset = first % count
     timings = [_timing(train, mesh) for mesh in train.meshes]
-    cuts = [np.array(marks)]
-    for mesh, rate, (shifts, turns) in zip(train.meshes, train.rates, timings, strict=True):
-        changes = set()
-        if mesh.varies:
-            half = (mesh.contact_ratio - 1.0) / 2.0
-            changes |= {g + side for g in shifts for side in (half, -half)}
-        if any(mesh.friction):
-            changes |= {turn + half for turn in turns for half in (0.0, 0.5)}
-        # A change comes back every mesh period; the first of them begins `lead` from `first`.
-        before = math.floor(first * rate)
-        periods = np.arange(math.ceil((first + count) * rate) - before)
-        lead = float(before / rate - first)
-        for change in changes:
-            places = lead + (change % 1.0 + periods) / float(rate)
-            places = places[(places >= 0.0) & (places <= count)]
-            wrapped = places + early
-            cuts.append(math.tau * np.where(wrapped > count, wrapped - count, wrapped))
-    starts = _distinct(np.sort(np.concatenate(cuts)), set(marks))
+    boundaries = [np.array(period_starts)]
+    for mesh, rate, timing in zip(train.meshes, train.rates, timings, strict=True):
+        stored = _change_times(mesh, rate, timing, first, count) + offset
+        boundaries.append(math.tau * np.where(stored > count, stored - count, stored))
+    starts = _distinct(np.sort(np.concatenate(boundaries)), set(period_starts))
     middles = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
     low = np.zeros((2, middles.size, len(train.meshes)), dtype=bool)
     sense = np.ones(low.shape)
@@ -60,8 +49,8 @@ def segments(train, first, count):
     for j, (mesh, rate, (shifts, turns)) in enumerate(
         zip(train.meshes, train.rates, timings, strict=True)
     ):
-        offsets = [float((first + lag) * rate % 1) for lag in (-early, count - early)]
-        phases = middles * float(rate) + np.where(middles > early, *offsets)
+        leads = [float((first + lag) * rate % 1) for lag in (-offset, count - offset)]
+        phases = middles * float(rate) + np.where(middles > offset, *leads)
         low[:, :, j] = at_lower_level(mesh, shifts, phases)
         rubs = any(mesh.friction)
         if rubs:
@@ -69,56 +58,77 @@ def segments(train, first, count):
                 np.mod(phases - np.array(turns)[:, None], 1.0) < 0.5, 1.0, -1.0
             )
         levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
-        kinds.append([2 * level + way for level in levels for way in ((0, 1) if rubs else (0,))])
-    first_segment = np.searchsorted(starts, np.array(marks) - SAME_PHASE)
+        kinds.append([2 * level + sign for level in levels for sign in ((0, 1) if rubs else (0,))])
+    first_segment = np.searchsorted(starts, np.array(period_starts) - SAME_PHASE_TOLERANCE)
     return Segments(starts, first_segment, low, sense, kinds)
 
 
+def _change_times(mesh, rate, timing, first, count):
+    """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
+
+    They lie between 0 and `count` and are counted from the start of period `first`.
+    """
+    shifts, turns = timing
+    phases = set()
+    if mesh.varies:
+        half = (mesh.contact_ratio - 1.0) / 2.0
+        phases |= {shift + side for shift in shifts for side in (half, -half)}
+    if any(mesh.friction):
+        phases |= {turn + half for turn in turns for half in (0.0, 0.5)}
+    # A change returns in every period of the mesh; the first of these starts `lead` from `first`.
+    before = math.floor(first * rate)
+    periods = np.arange(math.ceil((first + count) * rate) - before)
+    lead = float(before / rate - first)
+    times = [lead + (phase % 1.0 + periods) / float(rate) for phase in phases]
+    times = np.concatenate([np.empty(0), *times])
+    return times[(times >= 0.0) & (times <= count)]
+
+
 def _timing(train, mesh):
-    """Return phases of the stiffness and of the sliding of (coast, drive) in mesh periods."""
+    """Return the phases of stiffness and of sliding, each of (coast, drive) side, in periods."""
     coast, drive = train.inverse_phases[mesh.name], train.phases[mesh.name]
     turns = turning.sliding_turns(mesh, train.speeds)
     return (coast, drive), tuple(drive + turn for turn in turns)
 
 
 def at_lower_level(mesh, shifts, phases):
-    """Return whether (coast, drive) sides are at the lower stiffness level, shape (2, p).
+    """Return whether (coast, drive) sides have the lower stiffness at mesh phases, shape (2, p).
 
-    `shifts` are the phases of the stiffness of both, `phases` those of the mesh, in mesh periods.
+    `shifts` are the phases of the stiffness of both sides; all phases are in mesh periods.
     """
     if not mesh.varies:
         return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
-    away = np.abs(np.mod(phases - np.array(shifts)[:, None] + 0.5, 1.0) - 0.5)
-    return away > (mesh.contact_ratio - 1.0) / 2.0
+    distance = np.abs(np.mod(phases - np.array(shifts)[:, None] + 0.5, 1.0) - 0.5)
+    return distance > (mesh.contact_ratio - 1.0) / 2.0
 
 
-def _distinct(cuts, marks):
-    """Return ascending cuts without those of the same phase, of which a mark stays."""
-    kept = [0.0]
-    for cut in cuts.tolist():
-        if cut - kept[-1] > SAME_PHASE:
-            kept.append(cut)
-        elif cut in marks:
-            kept[-1] = cut
-    return np.array(kept)
+def _distinct(boundaries, period_starts):
+    """Return sorted boundaries without duplicates up to rounding; period starts stay exact."""
+    distinct = [0.0]
+    for boundary in boundaries.tolist():
+        if boundary - distinct[-1] > SAME_PHASE_TOLERANCE:
+            distinct.append(boundary)
+        elif boundary in period_starts:
+            distinct[-1] = boundary
+    return np.array(distinct)
 
 
 def stiffness_harmonic(mesh, order, phase):
-    """Return twice a Fourier coefficient of the stiffness of a mesh, N/m, complex.
+    """Return the complex amplitude, N/m, of a harmonic of the mesh stiffness.
 
-    The order is over the frequency of the mesh, the phase that of the middle of the upper level, in
+    The order counts periods of this mesh; the phase is that of the middle of the upper level, in
     mesh periods.
     """
     jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
-    size = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0)) / (math.pi * order)
-    return size * np.exp(-2.0j * np.pi * order * phase)
+    amplitude = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
+    return amplitude / (math.pi * order) * np.exp(-2.0j * np.pi * order * phase)
 
 
 def excitation(train):
-    """Return (frequencies, waves, constants): what is added to d_j beside the motion, m.
+    """Return (frequencies, waves, constants) of the errors, deviations and run-out of meshes, m.
 
-    Frequencies by reference mesh phase, shape (h,); waves of shape (2, m, 2 h), cosines and sines
-    by turns, and constants of shape (2, m), each for coast and drive side.
+    The frequencies are over the reference mesh phase, shape (h,); waves, shape (2, m, 2 h), hold
+    cosines and sines in turn, and constants have the shape (2, m), for coast and drive side.
     """
     rows, constants = excited(train, train.structure.arms)
     frequencies = sorted(rows)
@@ -128,45 +138,47 @@ def excitation(train):
 
 
 def excited(train, arms, numbers=FLOATS):
-    """Return (rows, constants) in a kind of numbers; `arms` are those of a `Structure` of it.
+    """Return the excitation of the meshes as (harmonics, constants), in floats or balls.
 
-    Rows are frequency, `Fraction` -> cosine and sine, shape (2, m, 2); constants as above.
+    Harmonics are a dict, frequency (Fraction) -> cosine and sine, shape (2, m, 2); constants have
+    the shape (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
     """
-    rows: dict = {}
+    harmonics: dict = {}
     of, constants = numbers.of, numbers.zeros(2, len(train.meshes))
 
-    def add(frequency, j, sides, cosine, sine):
-        # A pair for each frequency; -sin of a gear that turns clockwise.
-        entry = rows.setdefault(abs(frequency), numbers.zeros(2, len(train.meshes), 2))
+    def add_harmonic(frequency, j, sides, cosine, sine):
+        """Add a cosine and a sine to mesh j; a negative frequency changes the sign of the sine."""
+        entry = harmonics.setdefault(abs(frequency), numbers.zeros(2, len(train.meshes), 2))
         entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
 
     for j, mesh in enumerate(train.meshes):
-        # A coast side that moves with the axes meets nothing of what only they do.
-        axes = [1] if mesh.moving_backlash else [0, 1]
+        # A coast-side flank that moves with the axes is not excited by their errors and run-out.
+        sides = [1] if mesh.moving_backlash else [0, 1]
         constants[:, j] += of(mesh.error)
         for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
             body = train.by_name[name]
             c, s = numbers.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
             x, y = map(of, body.offset)
-            constants[axes, j] += arm @ (c * x - s * y, s * x + c * y)
+            constants[sides, j] += arm @ (c * x - s * y, s * x + c * y)
             if body.eccentricity:
-                # arm . e (cos(theta + phase), sin(theta + phase))
+                # The run-out e (cos(theta + phase), sin(theta + phase)) along the arm.
                 length, angle = numbers.polar(*arm)
-                size, lead = of(body.eccentricity) * length, of(body.eccentricity_phase) - angle
-                lead += body.angle if body.carrier else 0.0
-                c, s = numbers.cos_sin(lead)
-                add(train.speeds[name], j, axes, size * c, -size * s)
-        rate, g = train.rates[j], train.phases[mesh.name]
-        deviations = (mesh.inverse_deviation, mesh.deviation)
-        for side, deviation in enumerate(deviations):
+                run_out = of(body.eccentricity) * length
+                phase = of(body.eccentricity_phase) - angle
+                phase += body.angle if body.carrier else 0.0
+                c, s = numbers.cos_sin(phase)
+                add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
+        rate, mesh_phase = train.rates[j], train.phases[mesh.name]
+        for side, deviation in enumerate((mesh.inverse_deviation, mesh.deviation)):
             for order, cosine, sine in deviation.table().tolist():
-                c, s = numbers.cos_sin(2.0 * numbers.pi * order * g)
-                add(int(order) * rate, j, [side], cosine * c - sine * s, cosine * s + sine * c)
-    return rows, constants
+                c, s = numbers.cos_sin(2.0 * numbers.pi * order * mesh_phase)
+                rotated = cosine * c - sine * s, cosine * s + sine * c
+                add_harmonic(int(order) * rate, j, [side], *rotated)
+    return harmonics, constants
 
 
 def common_period(train):
-    """Return after how many reference mesh periods stiffness, deviations and run-out repeat."""
+    """Return the number of reference mesh periods after which the whole excitation repeats."""
     rates = list(train.rates)
     for mesh in train.meshes:
         rates += [
