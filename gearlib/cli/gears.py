@@ -39,7 +39,7 @@ class Gears(NamedTuple):
 
         settings, gears = self.settings, self.drawn
         if self.kind == "train":
-            from gearlib.models.trains.described_train import described
+            from gearlib.models.from_values import described
 
             return described(**settings.train_parameters(self.damping))
         pair = GearPair(**settings.pair_parameters(self.damping))

@@ -166,7 +166,7 @@ class Config(Section):
         return arguments
 
     def train_parameters(self, damping):
-        """Return the keyword arguments of `gearlib.models.trains.described_train.described`.
+        """Return the keyword arguments of `gearlib.models.from_values.described`.
 
         They are plain values; `damping` is the name of one, for the trains made of the gear pair.
         """

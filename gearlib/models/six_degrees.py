@@ -1,47 +1,52 @@
-"""Six degrees of freedom: rotations and bearing motions of both gears, Eq. (3), (4).
+"""Gear pair with six degrees of freedom: rotations and bearing motions of both gears, Eq. (3), (4).
 
     (J3 / Rb3^2) u3'' = M3 / Rb3 - P - Q     m3 y3'' = -P - b Q - C3y y3 - k3y y3'
     (J2 / Rb2^2) u2'' = M2 / Rb2 - P - Q     m2 y2'' = +P + b Q - C2y y2 - k2y y2'
                                              m3 z3'' = -F_T - C3z z3 - k3z z3'
                                              m2 z2'' = +F_T - C2z z2 - k2z z2'
 
-with the rotations as arc lengths u_j = Rb_j phi_j, y along the line of action, z across it, the
-relative mesh displacement and the backlash line of Eq. (4)
+The rotations are arc lengths u_j = Rb_j phi_j; y is along the line of action, z across it. The
+relative mesh displacement and the backlash line of Eq. (4) are
 
     y(tau) = u3 + u2 + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau)
     s(tau) = -s_k + y3 - y2 + e3 sin phi3 - e2 sin(Delta - phi2) + f(tau) - f_far(tau)
 
-and the forces between the normal flanks, over y, and between the far ones, over y - s,
+and the forces between the drive-side flanks, over y, and the coast-side flanks, over y - s, are
 
     P = k_m y' + H1 (C(tau) y + (k - k_m) y'),        Q = H2 (C(tau) (y - s) + (k - k_m) (y - s)').
 
-H1 is 1 in normal mesh, H2 in inverse mesh, else 0. A force acts on a coordinate by the derivative
-of its own distance, by virtual work: b = d(y - s)/dy3, 0 for the s above, 1 if the backlash does
-not move. At a flank that is just touched no force jumps; why in this way, and where k_m > k makes
-dampers drive: `docs/theory/model.md`. Friction F_T = mu sigma(tau) C g acts across the line of
-action, with g = y in normal mesh, y - s in inverse mesh, 0 in the backlash; its direction sigma
-reverses at the pitch point and half a mesh period later. It opposes the sliding with z a quarter
-turn from y the way gear 3 turns.
+H1 is 1 in normal mesh and H2 is 1 in inverse mesh; otherwise they are 0. By virtual work, a force
+acts on a coordinate with the derivative of its distance: b = d(y - s)/dy3 is 0 for the s above and
+1 if the backlash does not move. Forces do not jump when flanks touch; `docs/theory/model.md` gives
+the reasons and says where dampers with k_m > k drive the motion. Friction F_T = mu sigma(tau) C g
+acts across the line of action, with g = y in normal mesh, y - s in inverse mesh and 0 in the
+backlash. Its direction sigma reverses at the pitch point and half a mesh period later. It opposes
+the sliding, with z a quarter turn from y in the direction in which gear 3 rotates.
 
-In the run-out the rotations are those of the steady speed, phi_j = tau / teeth_j: the vibration
-of an angle, 1e-5 rad, moves the run-out by 1e-5 of itself. So the system is linear between events.
-Its matrices are those of a train of two gears, `gearlib.models.trains.two_gears`.
+The run-out uses the rotations at steady speed, phi_j = tau / teeth_j, because a vibration of 1e-5
+rad changes the run-out by only 1e-5 of itself. So the system is linear between events. Its matrices
+are those of a train of two gears, `TwoGears`.
 
-The paper prints none of the values beyond those of the pair; whoever sets them chooses.
+The paper prints only the values of the pair; all others are choices of the user.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.models.geometry.mesh import bodies
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.model import Model
+from gearlib.models.model import Model, unchecked
 from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
+from gearlib.models.trains import waves
+from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.trains.structure import FLOATS, Numbers, structure
+from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     ANGLE,
     DAMPING,
@@ -62,10 +67,23 @@ from gearlib.parameters import (
 
 _BEARING = Number("N/m", "1 kN/um", above=0, infinite="infinity: rigid")
 _BEARINGS = ("y3", "z3", "y2", "z2")
-#: How the bearing coordinates enter y; z does not.
-_IN_Y = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
+#: Derivatives of the relative displacement y by the bearing coordinates.
+_Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
-#: Names of the recorded functionals, after the columns of `gearlib.engines.orbit`.
+#: Fields of a `Mesh` that are those of the `GearPair`, and those of the `SixDegreePair`.
+_MESH_FIELDS_OF_PAIR = (
+    *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
+    *("material_damping", "backlash_damping"),
+)
+_MESH_FIELDS_OF_GEARS = (
+    "deviation",
+    "inverse_deviation",
+    "friction",
+    "pitch_phase",
+    "moving_backlash",
+)
+
+#: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
 OUTPUTS = (
     *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in _BEARINGS)),
     *("backlash", "friction_force", *(f"bearing_force_{name}" for name in _BEARINGS)),
@@ -77,9 +95,9 @@ OUTPUTS = (
 class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
-    Pairs of values are of gear 3 and gear 2, four of the bearings y3, z3, y2, z2. The reduced mass
-    of `pair` is only the reference of the tuning: the inertias decide the motion.
-    `reduced_mass_torsional` and `reduced_mass_free` give the two readings of the paper.
+    Two values belong to gears 3 and 2, four values to the bearings y3, z3, y2 and z2. The reduced
+    mass of `pair` only defines the tuning; the inertias determine the motion. The paper can be read
+    in two ways, which `reduced_mass_torsional` and `reduced_mass_free` give.
 
     Raises
     ------
@@ -144,18 +162,19 @@ class SixDegreePair(WithPair):
 
     @classmethod
     def from_geometry(cls, mesh, *, bearing_stiffness, **more):
-        """Return the pair of two drawn gears, the pinion as gear 3, on bearings.
+        """Return the pair of two drawn gears on bearings, with the pinion as gear 3.
 
-        Radii, masses, inertias, teeth and pitch phase are those of the drawing. Friction and
-        run-out are 0 unless given.
+        Radii, masses, inertias, teeth and pitch phase follow from the drawing. Friction and
+        run-out are 0 by default.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
+            The drawn gears.
         bearing_stiffness : sequence of float
             C3y, C3z, C2y, C2z along and across the line of action, N/m; > 0 or infinite.
         **more
-            Other parameters of the class, also in place of those of the drawing, and arguments of
+            Other parameters of the class, which replace those of the drawing, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         fields = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
@@ -168,17 +187,17 @@ class SixDegreePair(WithPair):
 
     @property
     def reduced_mass_torsional(self):
-        """1 / (Rb3^2 / J3 + Rb2^2 / J2), kg: rigid bearings."""
+        """Reduced mass with rigid bearings, 1 / (Rb3^2 / J3 + Rb2^2 / J2), kg."""
         return 1.0 / sum(r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True))
 
     @property
     def reduced_mass_free(self):
-        """The same with 1 / m3 + 1 / m2 added, kg: bearings far softer than the mesh."""
+        """Reduced mass with very soft bearings, 1 / (Rb3^2/J3 + Rb2^2/J2 + 1/m3 + 1/m2), kg."""
         return 1.0 / (1.0 / self.reduced_mass_torsional + sum(1.0 / m for m in self.masses))
 
     @property
     def repeats(self):
-        """Mesh periods after which the excitation repeats: 1, or those of the run-out."""
+        """Number of mesh periods after which the excitation, including the run-out, repeats."""
         return self.train.repeats
 
     def speed(self, tuning):
@@ -191,68 +210,144 @@ class SixDegreePair(WithPair):
 
     @property
     def size(self):
-        """Components that vary: 4, and two for each flexible bearing."""
+        """Length of the state: 4, and two for each elastic bearing direction."""
         return 4 + 2 * len(self.flexible())
 
     def reduction(self):
-        """Return (reduce, lift), see `Model.reduction`: shapes (n - 2, n), (n, n - 2)."""
+        """Return matrices (reduce, lift), (n - 2, n) and (n, n - 2), without the free rotation."""
         n = self.size
-        # Only the sum of the two rotations enters the mesh; their difference turns freely.
-        # Rows u3 + u2, bearings, and their rates; lifted back with all of the sum in u3.
+        # Only the sum u3 + u2 of the rotations enters the mesh; their difference is free. The lift
+        # puts the whole sum into u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
 
     def damped(self):
-        """Return whether any phase of the motion is damped."""
+        """Return whether the mesh or a bearing is damped."""
         return self.pair.damped() or any(self.bearing_damping)
 
     def flexible(self):
-        """Return the indices of the bearing coordinates that can move."""
+        """Return the indices of the bearing coordinates with a finite stiffness."""
         return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
 
     @cached_property
     def train(self):
-        """The `TwoGears` of which the matrices are made."""
-        from gearlib.models.trains.two_gears import TwoGears
-
+        """The train of two gears with the matrices of the pair."""
         return TwoGears(gears=self)
 
     def outputs(self, system):
-        """Return the functionals of OUTPUTS of states by phase, shape (12, 3, p, n)."""
-        pair, moving = self.pair, self.flexible()
-        m, shape = 2 + len(moving), (*system.effect.shape[:2], len(system.free))
+        """Return rows that map states to the variables in OUTPUTS, shape (12, 3, p, n)."""
+        pair, elastic = self.pair, self.flexible()
+        m, shape = 2 + len(elastic), (*system.effect.shape[:2], len(system.free))
         rows = np.zeros((len(OUTPUTS), *shape), system.free.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
-        # s = y - (y - s)
+        # The backlash line s is the difference of the distances y and y - s.
         rows[OUTPUTS.index("backlash")] = system.near[0] - system.far[0]
         if math.isinf(pair.backlash):
             rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
         rows[OUTPUTS.index("friction_force")] = system.grip[0, system.effect[:, :, 0], 1]
-        rate = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
-        for k, i in enumerate(moving, 2):
+        damping_unit = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
+        for k, i in enumerate(elastic, 2):
             rows[2 + i, ..., k] = 1.0
             rows[8 + i, ..., k] = self.bearing_stiffness[i] / pair.mean_stiffness
-            rows[8 + i, ..., m + k] = self.bearing_damping[i] * rate
+            rows[8 + i, ..., m + k] = self.bearing_damping[i] * damping_unit
         return rows
 
     def initial(self, system, state):
-        """Return the full state z at tau = 0 for a relative displacement and velocity, by phase."""
+        """Return the full state vector at tau = 0 with a relative displacement and its rate.
+
+        The bearings start in their static deflection if `preload` is set.
+        """
         z = np.zeros(len(system.free), system.free.dtype)
-        moving, near = self.flexible(), system.near[0]
-        m = 2 + len(moving)
+        elastic, near = self.flexible(), system.near[0]
+        m = 2 + len(elastic)
         if self.preload:
-            for k, i in enumerate(moving):
-                share = self.pair.mean_stiffness / self.bearing_stiffness[i]
-                z[2 + k] = -_IN_Y[_BEARINGS[i]] * share
-        # The gears share a motion of the mesh so that their free rotation is not set off.
+            for k, i in enumerate(elastic):
+                deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
+                z[2 + k] = -_Y_DERIVATIVES[_BEARINGS[i]] * deflection
+        # With these shares in the relative motion, the gears start without a free rotation.
         shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
         shares /= shares.sum()
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
         z[:2] = shares * (state[0] - near @ z)
         z[m : m + 2] = shares * (state[1] - near @ (system.free @ z) / system.tuning)
-        # The shares round, and the displacement is to be met exactly.
+        # This removes the rounding error of the shares from the displacement.
         z[0] += state[0] - near @ z
         return z
+
+
+class _PairMesh(Mesh):
+    """A mesh whose stiffness has two levels even if they are equal, like that of a `GearPair`."""
+
+    two_levels = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoGears(GearTrain):
+    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assembled.
+
+    The line of action lies along x: the bearings y of the pair are the supports along x, its
+    bearings z those along y. The scales are those of the pair, whatever its torques.
+
+    Parameters
+    ----------
+    gears : SixDegreePair
+        The pair.
+    numbers : Numbers, optional
+        Arithmetic of the run-out phases, by default floats.
+    """
+
+    gears: Any
+    numbers: Numbers = FLOATS
+    bodies: tuple = ()
+    meshes: tuple = ()
+
+    def __post_init__(self):
+        gears = self.gears
+        quarter = self.numbers.pi / 2.0
+        # e3 sin phi3 and -e2 sin(Delta - phi2), where the gears rotate in opposite directions.
+        run_out_phases = -quarter, self.numbers.of(gears.run_out_phase) - quarter
+        bodies = tuple(
+            unchecked(
+                Body,
+                name=name,
+                teeth=gears.teeth[i],
+                base_radius=gears.base_radii[i],
+                inertia=gears.inertias[i],
+                mass=gears.masses[i],
+                torque=gears.torques[i],
+                support_stiffness=gears.bearing_stiffness[2 * i : 2 * i + 2],
+                support_damping=gears.bearing_damping[2 * i : 2 * i + 2],
+                eccentricity=gears.eccentricities[i],
+                eccentricity_phase=run_out_phases[i],
+            )
+            for i, name in enumerate("32")
+        )
+        checks.known_damping(gears.pair.material_damping)
+        values = {name: getattr(gears.pair, name) for name in _MESH_FIELDS_OF_PAIR}
+        values |= {name: getattr(gears, name) for name in _MESH_FIELDS_OF_GEARS}
+        mesh = unchecked(
+            _PairMesh, name="mesh", pinion="3", wheel="2", line_of_action=0.0, phase=0.0, **values
+        )
+        for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):
+            object.__setattr__(self, name, value)
+
+    def assembled(self, numbers=FLOATS):
+        """Return the matrices in floats or balls, with rotations before bearing motions."""
+        return structure(self.by_name, self.meshes, (), numbers, rotations_first=True)
+
+    def segments_of(self, first, count):
+        """Return the segments of one mesh period, which the run-out does not change."""
+        return waves.segments(self, 0, 1)
+
+    @property
+    def static_deflection(self):
+        """Static deflection of the pair, m."""
+        return self.gears.static_deflection
+
+    @property
+    def reference_angular_frequency(self):
+        """Mean eigenfrequency of the pair, rad/s."""
+        return self.gears.mean_eigenfrequency

@@ -8,8 +8,8 @@ import xarray as xr
 
 from gearlib.data.motions import ROUNDING, lost_share
 from gearlib.data.result import result
+from gearlib.models.from_values import described
 from gearlib.models.pair import GearPair
-from gearlib.models.trains.described_train import described
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
 

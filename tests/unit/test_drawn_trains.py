@@ -9,7 +9,7 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import load, train_section
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from gearlib.models.trains.described_train import described
+from gearlib.models.from_values import described
 from tests.paper import CONFIG
 
 SET = {

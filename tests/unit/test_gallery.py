@@ -9,7 +9,7 @@ import yaml
 from gearlib import GearPair, sweep
 from gearlib.config import cases, chosen, load
 from gearlib.geometry import Material, Mesh
-from gearlib.models.trains.described_train import described
+from gearlib.models.from_values import described
 from gearlib.studies.trains import over_speed
 from gearlib.tunings import grid
 from tests.geometry.drawings import fzg_c, iso_example, twenty

@@ -11,7 +11,7 @@ import yaml
 import gearlib
 from gearlib.config import load, train_section
 from gearlib.config import train_section as trains
-from gearlib.models.trains.described_train import described
+from gearlib.models.from_values import described
 from tests.paper import CONFIG
 from tests.trains.random_trains import random_train
 

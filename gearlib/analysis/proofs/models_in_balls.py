@@ -17,9 +17,9 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, flint
 from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.models.six_degrees import TwoGears
 from gearlib.models.trains import turning
 from gearlib.models.trains.structure import Numbers, far_lines
-from gearlib.models.trains.two_gears import TwoGears
 from gearlib.models.trains.waves import excited
 
 #: Numbers of the two sides of a tooth, as in tables of the models.

@@ -1,4 +1,4 @@
-"""Planetary trains: by numbers, and by the drawing of their gears."""
+"""Planetary trains, from numbers or from drawn gears."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ from gearlib.parameters import (
     checked,
 )
 
-#: Largest pressure angle of a ring's mesh, rad.
+#: Largest pressure angle of a ring mesh, rad.
 _MAX_RING_ANGLE = math.radians(45.0)
 
 Planets = Annotated[int, Integer(1, limit=100), "Number of planets"]
@@ -103,12 +103,13 @@ def planetary(
     gyroscopic: Gyroscopic = False,
     **options,
 ):
-    """Return a planetary train: sun, ring, carrier and planets, by default of Lin and Parker.
+    """Return a planetary train of sun, ring, carrier and planets.
 
-    J. Vib. Acoust. 121 (1999) 316-321, where the mesh data beside the mean stiffness are choices.
-    Bodies are called ``sun``, ``ring``, ``carrier``, ``planet 1``, ..., meshes ``sun 1``, ...,
-    ``ring 1``, .... The sun's torque is counterclockwise; those of ring and carrier, where they can
-    turn freely, are in balance with it. Other options are those of `GearTrain`.
+    The defaults are those of Lin and Parker, J. Vib. Acoust. 121 (1999) 316-321, except for the
+    mesh data beside the mean stiffness. Bodies are called ``sun``, ``ring``, ``carrier``, ``planet
+    1``, ..., meshes ``sun 1``, ..., ``ring 1``, .... The torque of the sun is counterclockwise;
+    those of ring and carrier balance it where they can rotate freely. Other options are those of
+    `GearTrain`.
 
     Raises
     ------
@@ -122,27 +123,29 @@ def planetary(
     if ring_phase is not None:
         checks.number("ring_phase", ring_phase, "finite", math.isfinite)
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
-    centre, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
-    r_sun, twists = sun_base_radius, (*torsional_stiffness, 0.0)
-    radii = r_sun, r_sun * ring / sun, centre, r_sun * planet_teeth / sun
+    pin_radius, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
+    r_sun, torsional_stiffness = sun_base_radius, (*torsional_stiffness, 0.0)
+    radii = r_sun, r_sun * ring / sun, pin_radius, r_sun * planet_teeth / sun
     torque = n * load * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
-    def body(i, name, z, **more):
-        # A support takes the torque itself.
-        stands = i in (1, 2) and twists[i] > 0.0
+    def body(i, name, z, **fields):
+        """Return a body of kind i: 0 sun, 1 ring, 2 carrier, 3 planet; with z teeth."""
+        stiffness = torsional_stiffness[i]
+        # The torsional support of a fixed ring or carrier carries its torque.
+        fixed = i in (1, 2) and stiffness > 0.0
         return Body(
             name=name,
             teeth=z,
             mass=masses[i],
             inertia=reduced_inertias[i] * radii[i] ** 2,
             base_radius=radii[i],
-            torque=0.0 if stands else torques[i],
+            torque=0.0 if fixed else torques[i],
             support_stiffness=support_stiffness[i],
             support_damping=damping_of(support_stiffness[i], structural_damping),
-            torsional_stiffness=twists[i] * radii[i] ** 2,
-            torsional_damping=damping_of(twists[i], structural_damping) * radii[i] ** 2,
-            **more,
+            torsional_stiffness=stiffness * radii[i] ** 2,
+            torsional_damping=damping_of(stiffness, structural_damping) * radii[i] ** 2,
+            **fields,
         )
 
     bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
@@ -184,7 +187,7 @@ def planetary(
 
 
 def _planet_teeth(teeth, planet_teeth):
-    """Return the number of teeth of a planet, by default from those of (sun, ring)."""
+    """Return the checked number of teeth of a planet, by default from those of (sun, ring)."""
     sun, ring = teeth
     if planet_teeth is None:
         if ring <= sun or (ring - sun) % 2:
@@ -197,18 +200,18 @@ def _planet_teeth(teeth, planet_teeth):
 
 
 def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
-    """Return the radius of the pins and the pressure angles of the sun's and the ring's meshes."""
+    """Return the radius of the planet pins and the pressure angles of (sun, ring) meshes."""
     sun, ring = teeth
     r_planet, r_ring = sun_base_radius * planet_teeth / sun, sun_base_radius * ring / sun
-    centre = (sun_base_radius + r_planet) / math.cos(pressure_angle)
-    cosine = (r_ring - r_planet) / centre
+    pin_radius = (sun_base_radius + r_planet) / math.cos(pressure_angle)
+    cosine = (r_ring - r_planet) / pin_radius
     if not math.cos(_MAX_RING_ANGLE) <= cosine <= 1.0:
         raise ValueError(
             f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
             "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
         )
-    equal = planet_teeth * 2 == ring - sun
-    return centre, (pressure_angle, pressure_angle if equal else math.acos(cosine))
+    equal_angles = planet_teeth * 2 == ring - sun
+    return pin_radius, (pressure_angle, pressure_angle if equal_angles else math.acos(cosine))
 
 
 @checked
@@ -256,12 +259,12 @@ def planetary_set(
     gyroscopic: Gyroscopic = False,
     **more,
 ):
-    """Return the `GearTrain` of a drawn sun, planets and ring, each a `gearlib.geometry.SpurGear`.
+    """Return the planetary train of a drawn sun, planet and ring.
 
-    Stiffness, contact ratios, backlash, inertias, pressure angles and phases are those of the
-    drawing, the ring's with its `outer_diameter`; bodies and meshes have the names that
-    `gearlib.planetary` gives them. `stiffness`, `options` and the damping, which only motions need,
-    are as of `gearlib.Mesh.from_geometry`, others of `GearTrain`.
+    Each gear is a `gearlib.geometry.SpurGear`; the ring needs its `outer_diameter`. Stiffness,
+    contact ratios, backlash, inertias, pressure angles and phases follow from the drawing. Bodies
+    and meshes have the same names as in `gearlib.planetary`. `stiffness`, `options` and the damping
+    are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
 
     Raises
     ------
@@ -279,13 +282,13 @@ def planetary_set(
         backlashes=backlashes,
     )
     n = len(drawn.positions)
-    centre = drawn.sun_mesh.centre_distance
-    disc = math.pi * centre**2 * planet.width * planet.material.density
-    mass = disc if carrier_mass is None else carrier_mass
-    inertia = disc * centre**2 / 2.0 if carrier_inertia is None else carrier_inertia
+    pin_radius = drawn.sun_mesh.centre_distance
+    disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
+    mass = disc_mass if carrier_mass is None else carrier_mass
+    inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
     reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)]
-    reduced.insert(2, inertia / centre**2)
-    # On each pinion: of the sun its share, of a planet the same force at its own base circle.
+    reduced.insert(2, inertia / pin_radius**2)
+    # The torques of the pinions: a share of that of the sun, and the same force at a planet.
     share = torque / n
     torques = share, share * planet.teeth / sun.teeth
     derivation = {

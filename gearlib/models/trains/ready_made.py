@@ -1,18 +1,18 @@
-"""Trains whose meshes are all one `GearPair`: an idler, two stages, the paper's reducer.
+"""Trains with equal meshes: an idler train, two stages, and the reducer of the paper.
 
-Where inertias are left out, gears of one stage have I / r^2 in proportion to z^2, as discs of one
-width have, such that the first mesh has the reduced mass of the pair.
+Without given inertias, the gears of one stage have I / r^2 in proportion to z^2, like discs of
+equal width, such that the first mesh has the reduced mass of the pair.
 
-Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, Fig. 1 a, name a pseudoplanetary reducer
-with three double satellites and split power flow; they print no number of it beyond those of one
-mesh. All others are choices:
+Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, Fig. 1 a, mention a pseudoplanetary
+reducer with three double satellites and split power flow, but print only the numbers of one mesh.
+All other numbers are choices:
 
 * teeth 24 : 36 in the first stage, 24 : 36 (external) or 24 : 84 (internal second central gear) in
-  the second, of one module of 4 mm: equal centre distances, the branches in phase, and three
+  the second stage, all with a module of 4 mm: equal centre distances, branches in phase, and three
   periods of the first mesh to two of the second;
-* the load of the pair on each first mesh, and gears twice as heavy as I / r^2, as discs are;
-* shafts of 1e6 N m/rad, steel of 60 mm diameter and 100 mm length;
-* bearings of 1e9 N/m for all gears, some three times as stiff as a mesh.
+* the load of the pair on each first mesh, and masses of 2 I / r^2, as those of discs;
+* shafts of 1e6 N m/rad: steel of 60 mm diameter and 100 mm length;
+* bearings of 1e9 N/m for all gears, about three times as stiff as a mesh.
 """
 
 import math
@@ -38,9 +38,9 @@ from gearlib.parameters import (
     checked,
 )
 
-#: Damping of supports and shafts over their stiffness, s; a choice.
+#: Default damping of supports and shafts over their stiffness, s.
 STRUCTURAL_DAMPING = 1e-6
-#: In operation, rad.
+#: Default working pressure angle, rad.
 PRESSURE_ANGLE = math.radians(20.0)
 _REDUCED_WORDS = "I / r^2 of each; by default in proportion to z^2"
 _MASS_WORDS = "Of each gear; by default twice I / r^2, as of discs"
@@ -59,20 +59,24 @@ FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_WORDS]
 
 
 def train_of(**parts):
-    """Return a `GearTrain` of its bodies, meshes and shafts."""
-    # A start of the workflow reads the declarations and does not load the models.
+    """Return the `GearTrain` of bodies, meshes, shafts and other fields."""
+    # Imported here, since reading the configuration needs the signatures but no train.
     from gearlib.models.trains.train import GearTrain
 
     return GearTrain(**parts)
 
 
 def damping_of(stiffness, structural_damping):
-    """Return the damping of a stiffness, N s/m; none of a rigid one."""
+    """Return the damping of a spring in proportion to its stiffness, 0 for a rigid one."""
     return structural_damping * stiffness if stiffness < math.inf else 0.0
 
 
-class _Gears:
-    """Gears that mesh as a pair, on equal supports; their sizes, I / r^2 and masses in order."""
+class _GearSet:
+    """The gears of a train on equal supports, whose meshes all have the values of one `GearPair`.
+
+    `stages` holds the tooth numbers of the gears of each stage; `modules`, `reduced` (I / r^2) and
+    `masses` are lists over all gears in the same order.
+    """
 
     def __init__(self, pair, stages, modules, pressure_angle, reduced, masses, support, damping):
         from gearlib.models.pair import GearPair
@@ -83,41 +87,43 @@ class _Gears:
         self.reduced = reduced or [mass for stage in stages for mass in self._disc_masses(*stage)]
         self.masses = masses or [2.0 * value for value in self.reduced]
         self.support_stiffness = support
-        #: Of the base circles, m.
-        self.radii = [
+        self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
             for module, z in zip(modules, self.teeth, strict=True)
         ]
 
     def _disc_masses(self, first, second, *others):
-        """Return I / r^2 in proportion to z^2; the first two have the pair's reduced mass."""
+        """Return I / r^2 of gears in proportion to the squares of their tooth numbers.
+
+        The first two gears have the reduced mass of the pair.
+        """
         unit = self.pair.reduced_mass * (1.0 / first**2 + 1.0 / second**2)
         return [unit * z**2 for z in (first, second, *others)]
 
-    def body(self, i, name, force=0.0, **more):
-        """Return the i-th gear as a `Body`; the force acts at its base circle."""
+    def body(self, i, name, force=0.0, **fields):
+        """Return gear i as a `Body` with a tangential force at its base circle, N."""
         return Body(
             name=name,
             teeth=self.teeth[i],
-            base_radius=self.radii[i],
-            inertia=self.reduced[i] * self.radii[i] ** 2,
+            base_radius=self.base_radii[i],
+            inertia=self.reduced[i] * self.base_radii[i] ** 2,
             mass=self.masses[i],
-            torque=force * self.radii[i],
+            torque=force * self.base_radii[i],
             support_stiffness=self.support_stiffness,
             support_damping=damping_of(self.support_stiffness, self.structural_damping),
-            **more,
+            **fields,
         )
 
-    def mesh(self, pinion, wheel, **more):
-        """Return a `Mesh` with the values of the pair."""
+    def mesh(self, pinion, wheel, **fields):
+        """Return a `Mesh` with the stiffness, damping and backlash of the pair."""
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
         values = {name: getattr(self.pair, name) for name in names}
         angle = self.pressure_angle
-        return Mesh(pinion=pinion, wheel=wheel, **({"pressure_angle": angle} | values | more))
+        return Mesh(pinion=pinion, wheel=wheel, **({"pressure_angle": angle} | values | fields))
 
     def shaft(self, first, second, stiffness):
-        """Return a `Shaft` against torsion."""
+        """Return a `Shaft` between two bodies with a torsional stiffness in N m/rad."""
         damping = damping_of(stiffness, self.structural_damping)
         return Shaft(bodies=(first, second), stiffness=stiffness, damping=damping)
 
@@ -138,19 +144,21 @@ def idler(
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
-    """Return a train of three gears in a row, ``pinion``, ``idler``, ``wheel``, with two meshes.
+    """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
 
-    `pair`, a `GearPair`, gives stiffness, damping, backlash and load of both meshes; its reduced
-    mass is that of the first. Other options are those of `GearTrain`.
+    Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the first
+    mesh has its reduced mass. Other options are those of `GearTrain`.
     """
     support = support_stiffness, structural_damping
-    gears = _Gears(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, *support)
+    gears = _GearSet(
+        pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, *support
+    )
     bodies = [
         gears.body(0, "pinion", pair.load),
         gears.body(1, "idler"),
         gears.body(2, "wheel", -pair.load),
     ]
-    # From the wheel's side of the idler the drive flanks are the other ones.
+    # The idler drives the wheel with the opposite flanks.
     meshes = [
         gears.mesh("pinion", "idler", position=0.0),
         gears.mesh("idler", "wheel", position=math.pi + angle, direction=-1),
@@ -172,21 +180,21 @@ def two_stage(
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
-    """Return two stages, ``pinion 1`` and ``wheel 1``, ``pinion 2`` and ``wheel 2``, with a shaft.
+    """Return a train of two stages that a shaft joins: pinion 1, wheel 1, pinion 2 and wheel 2.
 
-    `pair` as of `idler`: I / r^2 of each stage follows from it. Other options are those of
-    `GearTrain`.
+    Both meshes have the stiffness, damping, backlash and reduced mass of `pair`, a `GearPair`,
+    whose load acts on the first mesh. Other options are those of `GearTrain`.
     """
-    stages, sizes = (teeth[:2], teeth[2:]), [modules[i // 2] for i in range(4)]
+    stages, gear_modules = (teeth[:2], teeth[2:]), [modules[i // 2] for i in range(4)]
     support = support_stiffness, structural_damping
-    gears = _Gears(pair, stages, sizes, pressure_angle, reduced_inertias, masses, *support)
-    # The shaft turns clockwise, and the second wheel counterclockwise against its load.
-    out = -pair.load * gears.radii[1] / gears.radii[2]
+    gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, *support)
+    # The shaft rotates clockwise, and the second wheel counterclockwise against its load.
+    output_force = -pair.load * gears.base_radii[1] / gears.base_radii[2]
     bodies = [
         gears.body(0, "pinion 1", pair.load),
         gears.body(1, "wheel 1"),
         gears.body(2, "pinion 2"),
-        gears.body(3, "wheel 2", out),
+        gears.body(3, "wheel 2", output_force),
     ]
     meshes = [
         gears.mesh("pinion 1", "wheel 1", position=0.0),
@@ -223,11 +231,12 @@ def split_power_reducer(
     ] = None,
     **options,
 ):
-    """Return the reducer with double satellites whose axes stand still in the housing.
+    """Return the reducer of the paper, with double satellites on fixed axes.
 
     Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
-    of branch i ``first i`` (input and a) and ``second i`` (b and output). Every mesh is `pair`, a
-    `GearPair`, whose load acts on each of the first stage; other options are those of `GearTrain`.
+    of branch i are ``first i`` (input and a) and ``second i`` (b and output). All meshes have the
+    values of `pair`, a `GearPair`, whose load acts on each mesh of the first stage. Other options
+    are those of `GearTrain`.
 
     Raises
     ------
@@ -236,37 +245,38 @@ def split_power_reducer(
     """
     n = branches
     z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
-    sizes, support = [modules[i // 2] for i in range(4)], (support_stiffness, structural_damping)
-    gears = _Gears(pair, [z], sizes, pressure_angle, reduced_inertias, masses, *support)
-    centres = sizes[0] * (z[0] + z[1]), sizes[2] * (z[3] - z[2] if internal else z[3] + z[2])
-    if abs(centres[0] - centres[1]) > 1e-9 * centres[0]:
+    gear_modules = [modules[i // 2] for i in range(4)]
+    support = support_stiffness, structural_damping
+    gears = _GearSet(pair, [z], gear_modules, pressure_angle, reduced_inertias, masses, *support)
+    output_teeth = z[3] - z[2] if internal else z[3] + z[2]
+    diameters = gear_modules[0] * (z[0] + z[1]), gear_modules[2] * output_teeth
+    if abs(diameters[0] - diameters[1]) > 1e-9 * diameters[0]:
         raise ValueError(
             f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
-            f"{centres[0] / 2.0:.6g} m in the first, {centres[1] / 2.0:.6g} m in the second"
+            f"{diameters[0] / 2.0:.6g} m in the first, {diameters[1] / 2.0:.6g} m in the second"
         )
     errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
-    gaps = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
-    # The satellites turn clockwise. They push an external output counterclockwise, against its
-    # load, and a ring gear clockwise.
-    out = n * pair.load * gears.radii[1] / gears.radii[2] * (1.0 if internal else -1.0)
-    bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", out)]
+    backlashes = checks.many("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
+    # The satellites rotate clockwise. They drive an external output counterclockwise and a ring
+    # gear clockwise, against the load.
+    output_force = n * pair.load * gears.base_radii[1] / gears.base_radii[2]
+    output_force *= 1.0 if internal else -1.0
+    bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", output_force)]
     first, second, shafts = [], [], []
-    for i, ((radial, tangential), (first_gap, second_gap)) in enumerate(
-        zip(errors, gaps, strict=True)
+    for i, ((radial, tangential), (backlash_1, backlash_2)) in enumerate(
+        zip(errors, backlashes, strict=True)
     ):
-        psi = 2.0 * math.pi * i / n
+        angle = 2.0 * math.pi * i / n
         a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
-        c, s = math.cos(psi), math.sin(psi)
+        c, s = math.cos(angle), math.sin(angle)
         offset = c * radial - s * tangential, s * radial + c * tangential
         bodies += [gears.body(1, a, offset=offset), gears.body(2, b, offset=offset)]
         name = f"first {i + 1}"
-        first.append(gears.mesh("input", a, name=name, position=psi, backlash=first_gap))
-        side = (
-            {"internal": True, "position": psi}
-            if internal
-            else {"position": psi + math.pi, "direction": -1}
-        )
+        first.append(gears.mesh("input", a, name=name, position=angle, backlash=backlash_1))
+        fields = {"position": angle + math.pi, "direction": -1}
+        if internal:
+            fields = {"position": angle, "internal": True}
         name = f"second {i + 1}"
-        second.append(gears.mesh(b, "output", name=name, backlash=second_gap, **side))
+        second.append(gears.mesh(b, "output", name=name, backlash=backlash_2, **fields))
         shafts.append(gears.shaft(a, b, shaft_stiffness))
     return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)
