@@ -1,10 +1,9 @@
-"""A gear by its drawing, and its parts: material, basic rack, web, tip relief (ISO 21771, ISO 53).
+"""A drawn gear and its parts: material, basic rack, web and tip relief (ISO 21771, ISO 53).
 
-Formulas are those of ISO 21771, with a negative number of teeth for a ring gear there and
-``sign = -1`` here; all diameters are positive. A positive profile shift moves the teeth towards
-their tips, of a ring gear towards its axis. A gap is measured along the line of action, in m: by so
-much later than its involutes a pair of teeth touches. Positions on the path of contact are those of
-`gearlib.models.geometry.mesh`.
+The formulas are those of ISO 21771, which gives a ring gear a negative number of teeth; here it has
+``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
+their tips, those of a ring gear towards its axis. A gap is a distance of flanks along the line of
+action, in m. Positions on the path of contact are those of `gearlib.models.geometry.mesh`.
 """
 
 import math
@@ -32,9 +31,9 @@ from gearlib.parameters import (
     documented,
 )
 
-#: By so much the shift may lie below the limit of undercut: 17 teeth without shift, the limit of
-#: the textbooks, lie 0.006 below; the rack takes away less than a thousandth of a module.
-_UNDERCUT = 0.02
+#: Largest difference of the profile shift below the limit of undercut. The textbook limit of 17
+#: teeth without shift lies 0.006 below, and removes less than a thousandth of a module.
+_UNDERCUT_TOLERANCE = 0.02
 
 
 def inv(angle):
@@ -43,11 +42,11 @@ def inv(angle):
 
 
 def angle_of(value):
-    """Return the angle in [0, pi / 2) whose involute is `value` >= 0, by Newton's method."""
-    # inv is convex: from the right of the root, Newton's steps fall towards it.
+    """Return the angle in [0, pi / 2) whose involute function has a value >= 0."""
+    # Newton's method converges from above, because the function is convex.
     tangent = value + math.pi / 2.0
     for _ in range(100):
-        # In t = tan(angle): t - arctan(t) = value, whose derivative is t^2 / (1 + t^2).
+        # With t = tan(angle), t - arctan(t) = value has the derivative t^2 / (1 + t^2).
         step = (tangent - math.atan(tangent) - value) * (1.0 + tangent**2) / tangent**2
         tangent -= step
         if tangent <= 0.0:
@@ -86,9 +85,9 @@ class Rack:
 
     def __post_init__(self):
         check(self, " of a rack")
-        words = f">= 0 and below the dedendum, {self.dedendum}"
+        allowed = f">= 0 and below the dedendum, {self.dedendum}"
         fits = self.tip_radius < self.dedendum
-        checks.require(fits, "tip_radius of a rack", self.tip_radius, words)
+        checks.require(fits, "tip_radius of a rack", self.tip_radius, allowed)
 
 
 #: The four basic racks of ISO 53.
@@ -112,11 +111,11 @@ class Web:
     def __post_init__(self):
         check(self, " of a web")
         fits = self.rim_diameter > self.hub_diameter
-        words = f"above hub_diameter, {self.hub_diameter!r}"
-        checks.require(fits, "rim_diameter of a web", self.rim_diameter, words)
+        allowed = f"above hub_diameter, {self.hub_diameter!r}"
+        checks.require(fits, "rim_diameter of a web", self.rim_diameter, allowed)
 
 
-#: Exponent of the relief over its length.
+#: Shape of a tip relief -> exponent of the gap over the length.
 SHAPES = {"linear": 1, "parabolic": 2}
 
 
@@ -140,13 +139,12 @@ class TipRelief:
     def __post_init__(self):
         check(self, " of a tip relief")
 
-    def gap(self, from_tip):
+    def gap(self, tip_distance):
         """Return the gap at distances from the tip along the path of contact, m."""
-        # Here and below: a start of the workflow checks drawings without the numerical stack.
-        import numpy as np
+        import numpy as np  # Imported here, since checking a drawing needs no numpy.
 
-        inside = np.maximum(1.0 - np.asarray(from_tip) / self.length, 0.0)
-        return self.amount * inside ** SHAPES[self.shape]
+        fraction = np.maximum(1.0 - np.asarray(tip_distance) / self.length, 0.0)
+        return self.amount * fraction ** SHAPES[self.shape]
 
 
 @dataclass(frozen=True)
@@ -158,8 +156,7 @@ class PathTable:
     position : sequence of float
         Radii of curvature of the pinion's flank, m, strictly rising; ``mesh.path`` bounds them.
     value : sequence of float
-        What is tabulated: a deviation of the flanks in m, or the stiffness of a pair of teeth in
-        N/m; finite.
+        Deviations of the flanks in m, or stiffnesses of a pair of teeth in N/m; finite.
 
     Raises
     ------
@@ -180,14 +177,14 @@ class PathTable:
             raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
 
     def at(self, position):
-        """Return the values at positions of the path."""
+        """Return the values at positions on the path of contact by linear interpolation."""
         import numpy as np
 
         return np.interp(position, self.position, self.value)
 
 
 class _RackKind(OneOf):
-    """A basic rack, or its letter."""
+    """Type of a field that is a basic rack or its letter in ISO 53."""
 
     def check(self, name, value):
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
@@ -257,129 +254,129 @@ class SpurGear:
         self._check_teeth()
         self._check_blank()
 
-    def _set_within(self, name, allowed, accept):
-        """Set a field to its value as a float, else refuse it."""
+    def _check_field(self, name, allowed, accept):
+        """Convert a field to float, or raise ValueError if a function does not accept it."""
         value = checks.number(name, getattr(self, name), allowed, accept)
         object.__setattr__(self, name, value)
 
     def _check_teeth(self):
-        """Refuse teeth that the rack undercuts, pointed tips, relief that leaves no tip."""
+        """Raise ValueError for undercut teeth, pointed tips or too much tip relief."""
         rack, root, base = self.rack, self.root_diameter, self.base_diameter
-        most = math.pi / 4.0 / math.tan(self.pressure_angle)
-        words = f"<= {most:.4g} at this pressure angle, where its own tips are pointed"
-        checks.require(rack.dedendum <= most, "dedendum of a rack", rack.dedendum, words)
+        limit = math.pi / 4.0 / math.tan(self.pressure_angle)
+        allowed = f"<= {limit:.4g} at this pressure angle, where its own tips are pointed"
+        checks.require(rack.dedendum <= limit, "dedendum of a rack", rack.dedendum, allowed)
         if not self.internal:
             radius = self.teeth / (2.0 * math.cos(self.helix_angle))
             height = self.rack_form_height / self.module
             limit = height - radius * math.sin(self.transverse_pressure_angle) ** 2
-            words = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
-            checks.require(self.shift >= limit - _UNDERCUT, "shift", self.shift, words)
+            allowed = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
+            possible = self.shift >= limit - _UNDERCUT_TOLERANCE
+            checks.require(possible, "shift", self.shift, allowed)
         if self.tip_diameter is None:
-            add = 2.0 * self.module * (self.shift + rack.addendum)
-            object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * add)
-            fits = not self.internal or self.tip_diameter > base
-            words = "larger, or a tip_diameter be given outside of its base circle"
-            checks.require(fits, "teeth of the ring gear", self.teeth, words)
+            addenda = 2.0 * self.module * (self.shift + rack.addendum)
+            object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * addenda)
+            possible = not self.internal or self.tip_diameter > base
+            allowed = "larger, or a tip_diameter be given outside of its base circle"
+            checks.require(possible, "teeth of the ring gear", self.teeth, allowed)
         low, high = (base, root) if self.internal else (max(root, base), math.inf)
         allowed = f"from {low:.6g} to {high:.6g} m" if self.internal else f"above {low:.6g} m"
         allowed += ", by its base and root circles"
-        self._set_within("tip_diameter", allowed, lambda v: low < v < high)
+        self._check_field("tip_diameter", allowed, lambda v: low < v < high)
         thickness = self.thickness_at(self.tip_diameter)
-        words = (
-            f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick; > 0 "
-        )
-        words += "is allowed)"
-        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, words)
-        words = f"{self.teeth} numbers, one for each tooth"
-        fits = len(self.pitch_errors) in (0, self.teeth)
-        checks.require(fits, "pitch_errors", self.pitch_errors, words)
+        allowed = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick;"
+        allowed += " > 0 is allowed)"
+        checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
+        allowed = f"{self.teeth} numbers, one for each tooth"
+        possible = len(self.pitch_errors) in (0, self.teeth)
+        checks.require(possible, "pitch_errors", self.pitch_errors, allowed)
         if self.tip_relief is not None:
             amount = self.tip_relief.amount
-            words = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
-            checks.require(amount < thickness / 2.0, "amount of a tip relief", amount, words)
+            allowed = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
+            checks.require(amount < thickness / 2.0, "amount of a tip relief", amount, allowed)
 
     def _check_blank(self):
-        """Refuse bore, rim and web that do not fit the root circle."""
+        """Raise ValueError if bore, rim or web do not fit the root circle."""
         root, ring, web = self.root_diameter, self.internal, self.web
-        words = "0 for a ring gear" if ring else f">= 0 and < {root:.6g} m"
-        self._set_within("bore", words, lambda v: v == 0.0 if ring else 0.0 <= v < root)
+        allowed = "0 for a ring gear" if ring else f">= 0 and < {root:.6g} m"
+        self._check_field("bore", allowed, lambda v: v == 0.0 if ring else 0.0 <= v < root)
         if self.outer_diameter is not None:
-            words = f"above the root circle of a ring gear, {root:.6g} m"
-            words = words if ring else "left out: only a ring gear has one"
-            self._set_within("outer_diameter", words, lambda v: ring and root < v < math.inf)
+            allowed = f"above the root circle of a ring gear, {root:.6g} m"
+            allowed = allowed if ring else "left out: only a ring gear has one"
+            self._check_field("outer_diameter", allowed, lambda v: ring and root < v < math.inf)
         if web is None:
             return
         checks.require(not ring, "web", web, "left out of a ring gear")
-        thick, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
-        for name, value, fits, words in (
-            ("thickness", thick, thick <= self.width, f"at most the face width, {self.width!r} m"),
+        thickness, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
+        width = self.width
+        for name, value, possible, allowed in (
+            ("thickness", thickness, thickness <= width, f"at most the face width, {width!r} m"),
             ("rim_diameter", rim, rim < root, f"below the root circle, {root:.6g} m"),
             ("hub_diameter", hub, hub >= self.bore, f"at least the bore, {self.bore!r} m"),
         ):
-            checks.require(fits, f"{name} of the web", value, words)
+            checks.require(possible, f"{name} of the web", value, allowed)
 
     @property
     def sign(self):
-        """1, of a ring gear -1: the sign of its number of teeth in ISO 21771."""
+        """1 for an external gear, -1 for a ring gear, as the number of teeth in ISO 21771."""
         return -1 if self.internal else 1
 
     @property
     def transverse_module(self):
-        """m_t = m_n / cos(beta), m."""
+        """Transverse module m_t = m_n / cos(beta), m."""
         return self.module / math.cos(self.helix_angle)
 
     @property
     def transverse_pressure_angle(self):
-        """alpha_t, tan(alpha_t) = tan(alpha_n) / cos(beta), rad."""
+        """Transverse pressure angle alpha_t with tan(alpha_t) = tan(alpha_n) / cos(beta), rad."""
         return math.atan(math.tan(self.pressure_angle) / math.cos(self.helix_angle))
 
     @property
     def base_helix_angle(self):
-        """beta_b, sin(beta_b) = sin(beta) cos(alpha_n), rad."""
+        """Base helix angle beta_b with sin(beta_b) = sin(beta) cos(alpha_n), rad."""
         return math.asin(math.sin(self.helix_angle) * math.cos(self.pressure_angle))
 
     @property
     def virtual_teeth(self):
-        """z_n = z / (cos^2(beta_b) cos(beta)), of the spur gear in the normal section."""
+        """Number of teeth of the virtual spur gear, z_n = z / (cos^2(beta_b) cos(beta))."""
         return self.teeth / (math.cos(self.base_helix_angle) ** 2 * math.cos(self.helix_angle))
 
     @property
     def reference_diameter(self):
-        """d = z m_t, m."""
+        """Reference diameter d = z m_t, m."""
         return self.teeth * self.transverse_module
 
     @property
     def base_diameter(self):
-        """d_b = d cos(alpha_t), m."""
+        """Base diameter d_b = d cos(alpha_t), m."""
         return self.reference_diameter * math.cos(self.transverse_pressure_angle)
 
     @property
     def root_diameter(self):
-        """d_f = d + 2 m_n (x - h_fP), of a ring gear d - 2 m_n (x - h_fP), m."""
+        """Root diameter d_f = d + 2 m_n (x - h_fP), with - for a ring gear, m."""
         depth = 2.0 * self.module * (self.shift - self.rack.dedendum)
         return self.reference_diameter + self.sign * depth
 
     @property
     def fillet_radius(self):
-        """Radius of the rack's tip in the normal section rho_fP, at most the full round, m."""
+        """Tip radius rho_fP of the rack in the normal section, at most a full round, m."""
         angle = self.pressure_angle
-        # Half the gap of the rack at its tip line, in which the round has to fit.
-        half = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
-        full = max(half, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
-        return min(self.rack.tip_radius * self.module, full)
+        # The round must fit between the flanks of the rack at its tip line.
+        half_width = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
+        full_round = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
+        return min(self.rack.tip_radius * self.module, full_round)
 
     @property
     def rack_form_height(self):
-        """Height of the straight flank of the rack below its datum line h_FfP, m; ISO 21771."""
-        round_off = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
-        return self.rack.dedendum * self.module - round_off
+        """Height h_FfP of the straight flank of the rack below its datum line, m; ISO 21771."""
+        round_height = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
+        return self.rack.dedendum * self.module - round_height
 
     @property
     def form_roll_length(self):
         """Radius of curvature at which the involute begins above the fillet, m; >= 0.
 
-        External gears, cut by the rack: r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO
-        21771. A ring gear's flank is taken to reach its root circle.
+        For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771. The
+        flank of a ring gear is assumed to reach its root circle.
         """
         base = self.base_diameter / 2.0
         if self.internal:
@@ -395,7 +392,7 @@ class SpurGear:
 
     @property
     def tooth_thickness(self):
-        """Transverse, on the reference circle, allowance included: s_t, m."""
+        """Transverse tooth thickness s_t on the reference circle, with its allowance, m."""
         nominal = math.pi / 2.0 + 2.0 * self.shift * math.tan(self.pressure_angle)
         return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
 
@@ -407,44 +404,44 @@ class SpurGear:
 
     @property
     def pitch_deviation(self):
-        """Tolerance of a single pitch f_ptT of its quality, not rounded, m; ISO 1328-1:2013."""
+        """Tolerance f_ptT of a single pitch, not rounded, m; ISO 1328-1:2013."""
         return self._tolerance(1e-6 * self.reference_diameter + 4e-4 * self.module + 5e-6)
 
     @property
     def form_deviation(self):
-        """Tolerance of the profile's form f_falphaT of its quality, not rounded, m; the same."""
+        """Tolerance f_falphaT of the profile form, not rounded, m; ISO 1328-1:2013."""
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
-    def _tolerance(self, of_class_5):
-        """Return the tolerance of the quality from that of class 5."""
-        words = "an integer from 1 to 11, or the deviations must be given"
-        checks.require(self.quality is not None, "quality", None, words)
-        return of_class_5 * math.sqrt(2.0) ** (self.quality - 5)
+    def _tolerance(self, class_5_tolerance):
+        """Return the tolerance of the quality of the gear from that of class 5."""
+        allowed = "an integer from 1 to 11, or the deviations must be given"
+        checks.require(self.quality is not None, "quality", None, allowed)
+        return class_5_tolerance * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
     def mean_diameter(self):
-        """(d_a + d_f) / 2, where ISO 6336-1 ends the disc that stands for the gear, m."""
+        """Diameter (d_a + d_f) / 2 of the disc that replaces the gear in ISO 6336-1, m."""
         return (self.tip_diameter + self.root_diameter) / 2.0
 
     @property
     def mass(self):
-        """Of disc, disc with bore, with web, or of the rim of a ring gear, kg."""
+        """Mass of the gear as a disc with bore and web, or of the rim of a ring gear, kg."""
         return self._moment(2, math.pi / 4.0)
 
     @property
     def inertia(self):
-        """About the axis, of the same bodies, kg m^2; ISO 6336-1."""
+        """Moment of inertia about the axis, of the same body as the mass, kg m^2; ISO 6336-1."""
         return self._moment(4, math.pi / 32.0)
 
     def _moment(self, power, factor):
-        """Return `factor` times the density times the volume with a power of the diameters."""
+        """Return factor * density * width * (outer^power - inner^power), without the web recess."""
         outer, inner = self.mean_diameter, self.bore
         if self.internal:
-            words = f"given for the inertia of a ring gear, above {self.root_diameter:.6g} m"
-            checks.require(self.outer_diameter is not None, "outer_diameter", None, words)
+            allowed = f"given for the inertia of a ring gear, above {self.root_diameter:.6g} m"
+            checks.require(self.outer_diameter is not None, "outer_diameter", None, allowed)
             outer, inner = self.outer_diameter, self.mean_diameter
-        volume = self.width * (outer**power - inner**power)
+        moment = self.width * (outer**power - inner**power)
         if self.web is not None:
-            gap = self.web.rim_diameter**power - self.web.hub_diameter**power
-            volume -= (self.width - self.web.thickness) * gap
-        return factor * volume * self.material.density
+            recess = self.web.rim_diameter**power - self.web.hub_diameter**power
+            moment -= (self.width - self.web.thickness) * recess
+        return factor * moment * self.material.density

@@ -1,12 +1,12 @@
-"""Mesh stiffness and dynamic factor of the load over speed after ISO 6336-1, method B.
+"""Mesh stiffness and dynamic factor after ISO 6336-1, method B.
 
-The standard knows three ranges of N, speed over resonance speed n_E1, and the teeth by B_p (base
-pitch), B_f (form of the profile) and B_k (tip relief): the force c' f b of a deviation f over the
-load. The running-in allowances are those of case-hardened and nitrided steel.
+The standard distinguishes three ranges of N, the speed over the resonance speed n_E1. The teeth
+enter by B_p (base pitch), B_f (profile form) and B_k (tip relief), each the force c' f b of a
+deviation f over the load. The running-in allowances are those of case-hardened and nitrided steel.
 
-The standard itself was not at hand: formulas and constants of the dynamic factor are those of
-gfsReboucas/Drivetrain, a public program after the editions of 2006 and 2019, on which several
-others agree. That B_k is 1 from quality 6 on is what a printed factor of KISSsoft shows.
+The formulas and constants of the dynamic factor are those of gfsReboucas/Drivetrain, a public
+program after the editions of 2006 and 2019, because the standard itself was not available. Several
+other programs agree with it. A printed factor of KISSsoft shows that B_k is 1 from quality 6 on.
 """
 
 import math
@@ -15,48 +15,53 @@ from typing import Any
 
 from gearlib import checks
 
-#: q' = sum of these times 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
+#: Coefficients of q' with 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
 _FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188)
 _FLEXIBILITY += (0.00529, 0.00182)
-_THEORY_FACTOR = 0.8  # C_M: measured over theoretical stiffness
-_STEEL = 206e9  # Pa, of c'th
-_LEAST_FORCE = 100.0  # N/mm, below which c' falls with the force
-_LEAST_LOAD = 1e5  # N/m: below, the main resonance begins at a lower speed
-_MAIN_END, _BEYOND_START = 1.15, 1.5  # N at the end of the main resonance, at the start of the last
-_COARSE_QUALITY = 6  # the first quality at which tip relief no longer counts
+_THEORY_FACTOR = 0.8  # C_M, the measured over the theoretical stiffness
+_STEEL_MODULUS = 206e9  # Pa, the modulus of elasticity for which c'th holds
+_MIN_SPECIFIC_FORCE = 100.0  # N/mm; below it c' falls with the force
+_MIN_SPECIFIC_LOAD = 1e5  # N/m; below it the main resonance range begins at a lower speed
+_MAIN_RANGE_END, _UPPER_RANGE_START = 1.15, 1.5  # limits of N
+_FIRST_QUALITY_WITHOUT_RELIEF = 6  # tip relief has no effect from this quality on
 
 
 @dataclass(frozen=True)
 class IsoStiffness:
-    """Stiffness per mm of face width, N/(mm um); virtual teeth and the factors on the way."""
+    """Mesh stiffness of ISO 6336-1 per face width, N/(mm um), and its factors."""
 
-    virtual_teeth: tuple  #: z_n in the order of the standard; of a ring gear infinite
-    theoretical: float  #: c'th = 1 / q'
-    rack_factor: float  #: C_B, mean of both gears
-    blank_factor: float  #: C_R
-    single: float  #: c', of one pair of teeth
-    mean: float  #: c_gamma_alpha = c' (0.75 eps_alpha + 0.25)
+    virtual_teeth: tuple  #: z_n in the order of the standard; infinite for a ring gear
+    theoretical: float  #: theoretical single stiffness c'th = 1 / q'
+    rack_factor: float  #: basic rack factor C_B, mean of both gears
+    blank_factor: float  #: gear blank factor C_R
+    single: float  #: single stiffness c' of a pair of teeth
+    mean: float  #: mesh stiffness c_gamma_alpha = c' (0.75 eps_alpha + 0.25)
 
 
 def iso_stiffness(mesh, torque=None, application_factor=1.0):
-    """Return the `IsoStiffness` of a mesh.
+    """Return the mesh stiffness after ISO 6336-1, method B, with its factors.
 
     Parameters
     ----------
     mesh : Mesh
+        The drawn gears.
     torque : float, optional
-        Of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with its fourth
-        root; without a torque it does not.
+        Torque of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with the
+        fourth root of the force. Without a torque it does not.
     application_factor : float, default 1
-        K_A; finite, > 0.
+        Application factor K_A; finite, > 0.
+
+    Returns
+    -------
+    IsoStiffness
+        Stiffness per face width, N/(mm um).
 
     Notes
     -----
-    Its formula is not symmetric: number 1 is the gear with fewer teeth, of equal numbers that with
-    the larger shift, whichever drives. The standard states it for x_1 >= x_2 and
-    -0.5 <= x_1 + x_2 <= 2; outside it is an approximation. Other materials than steel: times
-    2 E_1 E_2 / (E_1 + E_2) over 206 GPa. cos(beta) takes c' of the virtual spur gears to the
-    helical ones.
+    The formula is not symmetric: number 1 is the gear with fewer teeth or, of equal tooth numbers,
+    with the larger shift. The standard gives it for x_1 >= x_2 and -0.5 <= x_1 + x_2 <= 2; outside
+    this range it is an approximation. Materials other than steel enter by a factor of
+    2 E_1 E_2 / (E_1 + E_2) over 206 GPa, helical gears by cos(beta).
     """
     gears = (checks.drawn_mesh(mesh).pinion, mesh.wheel)
     if not mesh.wheel.internal:
@@ -69,56 +74,58 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     rack = sum((1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle for gear in gears) / 2.0
     blank = min(_blank_factor(gear) for gear in gears)
     moduli = [gear.material.young for gear in gears]
-    elastic = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL
+    material = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL_MODULUS
     single = (
-        theoretical * _THEORY_FACTOR * blank * rack * math.cos(mesh.pinion.helix_angle) * elastic
+        theoretical * _THEORY_FACTOR * blank * rack * math.cos(mesh.pinion.helix_angle) * material
     )
     factor = checks.finite_positive("application_factor", application_factor)
     if torque is not None:
         torque = checks.finite_positive("torque", torque)
         force = mesh.tangential_force(torque) * factor / (mesh.width * 1e3)
-        single *= min(force / _LEAST_FORCE, 1.0) ** 0.25
+        single *= min(force / _MIN_SPECIFIC_FORCE, 1.0) ** 0.25
     mean = single * (0.75 * mesh.contact_ratio + 0.25)
     return IsoStiffness(teeth, theoretical, rack, blank, single, mean)
 
 
 def pair_stiffness(mesh, **options):
-    """Return c' of one pair of teeth over the face width in N/m, by `iso_stiffness`."""
+    """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m."""
     # N/(mm um) is 1e9 N/m per m of face width.
     return iso_stiffness(mesh, **options).single * 1e9 * mesh.width
 
 
 def iso_rectangle(mesh, **options):
-    """Return C_max in N/m, kappa and epsilon of the rectangle of a mesh, by `iso_stiffness`.
+    """Return (C_max in N/m, kappa, epsilon) of the rectangular mesh stiffness after ISO 6336-1.
 
-    One pair of teeth has c', each more 0.75 c', so that the mean is c_gamma_alpha. Of helical gears
-    they are extrema and mean of the average over the face, see
+    The first pair of teeth has the stiffness c', each further pair 0.75 c', so that the mean is
+    c_gamma_alpha. For helical gears, extrema and mean are those of the average over the face, see
     `gearlib.models.geometry.mesh_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     single = pair_stiffness(mesh, **options)
-    less = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - less
-    low, step = single * (0.25 + 0.75 * less), single * 0.75
+    fewer_pairs = math.floor(mesh.contact_ratio)
+    segment = mesh.contact_ratio - fewer_pairs
+    low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
     if not mesh.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
-    # What is left of the overlap beside whole periods lies in the upper segment as far as it can,
-    # or as little as it must.
+    # A face spans whole mesh periods and a remainder. The stiffness is largest when as much of the
+    # remainder as possible lies in the segment with more pairs, and smallest with the least part.
     whole = math.floor(mesh.overlap_ratio)
-    beyond = mesh.overlap_ratio - whole
-    inside = min(beyond, segment), max(beyond - (1.0 - segment), 0.0)
-    top, bottom = ((whole * segment + part) / mesh.overlap_ratio for part in inside)
-    high, least = low + step * top, low + step * bottom
-    if 1.0 - least / high < 1e-12:  # constant up to rounding, as with a whole overlap ratio
+    remainder = mesh.overlap_ratio - whole
+    upper_parts = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
+    top, bottom = ((whole * segment + part) / mesh.overlap_ratio for part in upper_parts)
+    high, low = low + step * top, low + step * bottom
+    if 1.0 - low / high < 1e-12:  # constant up to rounding, as with a whole overlap ratio
         return high, 1.0, 1.5
-    return high, least / high, 1.0 + (segment - bottom) / (top - bottom)
+    return high, low / high, 1.0 + (segment - bottom) / (top - bottom)
 
 
 def _blank_factor(gear):
-    """Return C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))) of a web, 1 of a solid disc."""
+    """Return the gear blank factor C_R of a gear with a web, 1 for a solid disc.
+
+    C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))), with b_s / b >= 0.2 and s_R >= m_n.
+    """
     if gear.web is None:
         return 1.0
-    # 0.2 <= b_s / b <= 1.2 and s_R >= m_n are the limits of the standard.
     width = max(gear.web.thickness / gear.width, 0.2)
     rim = max((gear.root_diameter - gear.web.rim_diameter) / 2.0 / gear.module, 1.0)
     return 1.0 + math.log(width) / (5.0 * math.exp(rim / 5.0))
@@ -126,14 +133,14 @@ def _blank_factor(gear):
 
 @dataclass(frozen=True)
 class DynamicFactor:
-    """K_v and what leads to it; speeds in rpm of the pinion."""
+    """Dynamic factor K_v and its intermediate results; speeds in rpm of the pinion."""
 
     factor: Any  #: K_v
     resonance_ratio: Any  #: N = n_1 / n_E1
     resonance_speed: float  #: n_E1
-    lower_limit: float  #: N_S, where the main resonance begins
-    pitch_deviation: float  #: f_pb,eff after running in, m
-    form_deviation: float  #: f_f,eff after running in, m
+    lower_limit: float  #: N_S, where the main resonance range begins
+    pitch_deviation: float  #: effective base pitch deviation f_pb,eff after running in, m
+    form_deviation: float  #: effective profile form deviation f_f,eff after running in, m
     pitch: float  #: B_p
     form: float  #: B_f
     relief: float  #: B_k
@@ -154,17 +161,18 @@ def dynamic_factor(
     Parameters
     ----------
     mesh : Mesh
+        The drawn gears.
     torque : float
-        Of the pinion, N m; finite, > 0.
+        Torque of the pinion, N m; finite, > 0.
     rpm : float or array_like of float
-        Speed of the pinion; finite, > 0.
+        Speed of the pinion, rpm; finite, > 0.
     pitch_deviation, form_deviation : float, optional
-        Single pitch deviation f_pt and form deviation of the profile f_falpha, m; finite, >= 0. By
-        default the larger of both gears, by their `quality`.
+        Single pitch deviation f_pt and profile form deviation f_falpha, m; finite, >= 0. By
+        default the larger of both gears, from their `quality`.
     tip_relief : float, default 0
-        C_a, m; finite, >= 0. Counts for gears finer than quality 6.
+        Tip relief C_a, m; finite, >= 0. It has an effect on gears finer than quality 6.
     application_factor : float, default 1
-        K_A; finite, > 0.
+        Application factor K_A; finite, > 0.
 
     Returns
     -------
@@ -180,7 +188,7 @@ def dynamic_factor(
     -----
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
-    import numpy as np  # here: a start of the workflow checks drawings without the numerical stack
+    import numpy as np  # Imported here, since checking a drawing needs no numpy.
 
     torque = checks.finite_positive("torque", torque)
     stiffness = iso_stiffness(checks.drawn_mesh(mesh), torque, application_factor)
@@ -194,47 +202,48 @@ def dynamic_factor(
     # N/(mm um) is 1e9 N/m per m of face width.
     eigenfrequency = math.sqrt(1e9 * stiffness.mean / (mesh.reduced_mass / mesh.width))
     resonance = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
-    lower = 0.5 + 0.35 * min(math.sqrt(load / _LEAST_LOAD), 1.0)
+    lower_limit = 0.5 + 0.35 * min(math.sqrt(load / _MIN_SPECIFIC_LOAD), 1.0)
     gears = (mesh.pinion, mesh.wheel)
     pitch = _deviation("pitch_deviation", pitch_deviation, gears)
-    pitch = _run_in(pitch * math.cos(mesh.pinion.transverse_pressure_angle))
-    form = _run_in(_deviation("form_deviation", form_deviation, gears))
+    pitch = _after_running_in(pitch * math.cos(mesh.pinion.transverse_pressure_angle))
+    form = _after_running_in(_deviation("form_deviation", form_deviation, gears))
     relief = checks.finite_nonnegative("tip_relief", tip_relief)
     unit = 1e9 * stiffness.single / load
-    coarse = any((gear.quality or 0) >= _COARSE_QUALITY for gear in gears)
+    coarse = any((gear.quality or 0) >= _FIRST_QUALITY_WITHOUT_RELIEF for gear in gears)
     b_p, b_f, b_k = unit * pitch, unit * form, 1.0 if coarse else abs(1.0 - unit * relief)
     ratio = speed / resonance
     c = _coefficients(mesh.total_contact_ratio)
-    below = 1.0 + ratio * (c[0] * b_p + c[1] * b_f + c[2] * b_k)
-    main = 1.0 + c[0] * b_p + c[1] * b_f + c[3] * b_k
-    beyond = c[4] * b_p + c[5] * b_f + c[6]
-    # Constant up to N = 1.15 and from 1.5 on, a straight line between.
-    above = np.interp(ratio, [_MAIN_END, _BEYOND_START], [main, beyond])
-    factor = np.where(ratio <= lower, below, above)
+    subcritical = 1.0 + ratio * (c[0] * b_p + c[1] * b_f + c[2] * b_k)
+    resonant = 1.0 + c[0] * b_p + c[1] * b_f + c[3] * b_k
+    supercritical = c[4] * b_p + c[5] * b_f + c[6]
+    # Between the main resonance and the supercritical range the standard interpolates linearly.
+    limits = [_MAIN_RANGE_END, _UPPER_RANGE_START]
+    factor = np.interp(ratio, limits, [resonant, supercritical])
+    factor = np.where(ratio <= lower_limit, subcritical, factor)
     if ratio.ndim == 0:
         ratio, factor = float(ratio), float(factor)
-    return DynamicFactor(factor, ratio, resonance, lower, pitch, form, b_p, b_f, b_k)
+    return DynamicFactor(factor, ratio, resonance, lower_limit, pitch, form, b_p, b_f, b_k)
 
 
-def _coefficients(contact):
-    """Return C_v1 ... C_v7 for a total contact ratio eps_gamma."""
-    last = 1.0
-    if contact <= 2.5:
-        last = 0.125 * math.sin(math.pi * (max(contact, 1.5) - 2.0)) + 0.875
-    if contact <= 2.0:
-        return 0.32, 0.34, 0.23, 0.90, 0.47, 0.47, last
-    second, third = 0.57 / (contact - 0.3), 0.096 / (contact - 1.56)
-    fourth = (0.57 - 0.05 * contact) / (contact - 1.44)
-    return 0.32, second, third, fourth, 0.47, 0.12 / (contact - 1.74), last
+def _coefficients(contact_ratio):
+    """Return the coefficients C_v1 ... C_v7 of ISO 6336-1 for a total contact ratio."""
+    c_v7 = 1.0
+    if contact_ratio <= 2.5:
+        c_v7 = 0.125 * math.sin(math.pi * (max(contact_ratio, 1.5) - 2.0)) + 0.875
+    if contact_ratio <= 2.0:
+        return 0.32, 0.34, 0.23, 0.90, 0.47, 0.47, c_v7
+    c_v2, c_v3 = 0.57 / (contact_ratio - 0.3), 0.096 / (contact_ratio - 1.56)
+    c_v4 = (0.57 - 0.05 * contact_ratio) / (contact_ratio - 1.44)
+    return 0.32, c_v2, c_v3, c_v4, 0.47, 0.12 / (contact_ratio - 1.74), c_v7
 
 
-def _run_in(deviation):
-    """Return a deviation after running in, less 7.5 % or at most 3 um, m."""
+def _after_running_in(deviation):
+    """Return a deviation after running in: less 7.5 %, at most 3 um, m."""
     return deviation - min(0.075 * deviation, 3e-6)
 
 
 def _deviation(name, value, gears):
-    """Return a deviation in m, by default the larger of both gears."""
+    """Return a given deviation in m or, by default, the larger tolerance of both gears."""
     if value is not None:
         return checks.finite_nonnegative(name, value)
     return max(getattr(gear, name) for gear in gears)

@@ -1,11 +1,11 @@
-"""Two gears in mesh: working angle, path of contact, contact ratio, backlash, interference.
+"""Mesh of two drawn gears: working angle, path of contact, contact ratio, backlash, interference.
 
-Positions on the path of contact are radii of curvature of the pinion's flank, in m: 0 where the
-line of action touches the pinion's base circle. The pinion drives; contact begins at ``path[0]``,
-at the tip of the wheel, and ends at ``path[1]``, at its own tip.
+A position on the path of contact is the radius of curvature of the flank of the pinion in m; it is
+0 where the line of action touches the base circle of the pinion. The pinion drives. Contact begins
+at ``path[0]``, at the tip of the wheel, and ends at ``path[1]``, at the tip of the pinion.
 
-The mesh phase 0 lies in the middle of the segment with the larger number of pairs in contact, as in
-`gearlib.engines.pair.stiffness`; one transverse base pitch is 2 pi.
+The mesh phase is 0 in the middle of the segment with the larger number of pairs of teeth in
+contact, as in `gearlib.engines.pair.stiffness`; one transverse base pitch is 2 pi.
 """
 
 import math
@@ -18,13 +18,12 @@ from gearlib.models.geometry.gear import SpurGear, angle_of, inv
 from gearlib.models.geometry.iso import iso_rectangle
 from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 
-#: Backlash between minus this times the module and 0 is 0: drawings print shifts and distances
-#: rounded to the fourth digit.
-_ROUNDING = 1e-3
-#: By so many modules contact may reach below the involute. The fillet leaves it along its tangent,
-#: by some two thousandths of a module there; rings with full addenda, as in most published
-#: planetary sets, reach 0.03 modules below it.
-_INTO_FILLET = 0.05
+#: Largest negative backlash, in modules, that counts as 0: drawings round shifts and distances.
+_MAX_ROUNDED_BACKLASH = 1e-3
+#: Largest depth of contact below the start of the involute, in modules. The fillet deviates there
+#: from the involute by only 0.002 modules, and rings of published planetary sets reach a depth of
+#: 0.03.
+_MAX_FILLET_CONTACT = 0.05
 #: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
 MAX_DEFLECTION = 0.1
 
@@ -55,14 +54,14 @@ class Mesh:
     def __post_init__(self):
         parameters.check(self)
         self._check_gears()
-        least = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        least = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         if self.centre_distance is None:
-            self._put("centre_distance", least / math.cos(self._nominal_angle()))
+            self._set_field("centre_distance", least / math.cos(self._nominal_angle()))
         allowed = f"finite and > {least:.6g} m, where the base circles would have no line of action"
         distance = checks.number(
             "centre_distance", self.centre_distance, allowed, lambda v: least < v < math.inf
         )
-        self._put("centre_distance", distance)
+        self._set_field("centre_distance", distance)
         self._check_interference()
         if self.contact_ratio < 1.0:
             raise ValueError(
@@ -70,63 +69,69 @@ class Mesh:
                 "tip diameters or a smaller centre distance raise it"
             )
         longest = self.longest_relief
-        words = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
+        allowed = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
         for name in ("pinion", "wheel"):
             relief = getattr(self, name).tip_relief
-            # A length of just so much may have been computed another way.
+            # The tolerance allows for the rounding error of a length that equals the longest.
             fits = relief is None or relief.length <= longest * (1.0 + 1e-9)
-            place = f"length of the tip relief of the {name}"
-            checks.require(fits, place, relief and relief.length, words)
+            field = f"length of the tip relief of the {name}"
+            checks.require(fits, field, relief and relief.length, allowed)
         self._set_backlash()
 
-    def _put(self, name, value):
+    def _set_field(self, name, value):
         object.__setattr__(self, name, value)
 
-    def _signed(self, of_pinion, of_wheel):
-        return of_pinion + self.wheel.sign * of_wheel
+    def _signed_sum(self, pinion_value, wheel_value):
+        return pinion_value + self.wheel.sign * wheel_value
 
     def _check_gears(self):
+        """Raise ValueError if both gears do not have the same basic rack and helix angle."""
         pinion, wheel = self.pinion, self.wheel
-        words = "False; the ring gear is the wheel"
-        checks.require(not pinion.internal, "internal of the pinion", True, words)
+        allowed = "False; the ring gear is the wheel"
+        checks.require(not pinion.internal, "internal of the pinion", True, allowed)
         for name in ("module", "pressure_angle", "helix_angle"):
-            value, other = getattr(pinion, name), getattr(wheel, name)
-            fits = math.isclose(other, value, rel_tol=1e-9, abs_tol=1e-12)
-            checks.require(fits, f"{name} of the wheel", other, f"that of the pinion, {value!r}")
+            value, wheel_value = getattr(pinion, name), getattr(wheel, name)
+            equal = math.isclose(wheel_value, value, rel_tol=1e-9, abs_tol=1e-12)
+            allowed = f"that of the pinion, {value!r}"
+            checks.require(equal, f"{name} of the wheel", wheel_value, allowed)
         if wheel.internal:
             checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
 
     def _nominal_angle(self):
-        """Working pressure angle without backlash, ISO 21771."""
-        teeth = self._signed(self.pinion.teeth, self.wheel.teeth)
+        """Return the working pressure angle without backlash, rad; ISO 21771."""
+        teeth = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
         shifts = self.pinion.shift + self.wheel.shift
-        value = inv(self.pinion.transverse_pressure_angle)
-        value += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
-        words = "such that the gears find a centre distance without backlash"
-        checks.require(value > 0.0, "sum of the shifts", shifts, words)
-        return angle_of(value)
+        involute = inv(self.pinion.transverse_pressure_angle)
+        involute += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
+        allowed = "such that the gears find a centre distance without backlash"
+        checks.require(involute > 0.0, "sum of the shifts", shifts, allowed)
+        return angle_of(involute)
 
     def _check_interference(self):
+        """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear."""
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
-        who = "ring gear" if wheel.internal else "wheel"
-        ends = ((pinion, start, wheel, who), (wheel, self.wheel_roll_length(end), pinion, "pinion"))
+        wheel_name = "ring gear" if wheel.internal else "wheel"
+        ends = (
+            (pinion, start, wheel, wheel_name),
+            (wheel, self.wheel_roll_length(end), pinion, "pinion"),
+        )
         for gear, roll, other, name in ends:
             base, form = gear.base_diameter / 2.0, gear.form_roll_length
-            beyond = gear.sign * (math.hypot(form, base) - math.hypot(roll, base))
+            depth = gear.sign * (math.hypot(form, base) - math.hypot(roll, base))
             checks.require(
-                roll >= 0.0 and beyond <= _INTO_FILLET * gear.module,
+                roll >= 0.0 and depth <= _MAX_FILLET_CONTACT * gear.module,
                 f"tip_diameter of the {name}",
                 other.tip_diameter,
                 "such that it keeps out of the fillet of the mating tooth, whose involute begins "
                 f"{form:.4g} m along the line of action; contact would reach {roll:.4g} m "
                 "(interference)",
             )
-        for gear, other, name in ((pinion, wheel, "pinion"), (wheel, pinion, who)):
+        for gear, other, name in ((pinion, wheel, "pinion"), (wheel, pinion, wheel_name)):
             clearance = self._clearance(gear, other)
-            words = f"such that tip and root keep clear of each other (clearance {clearance:.4g} m)"
-            checks.require(
-                clearance >= 0.0, f"tip_diameter of the {name}", gear.tip_diameter, words
-            )
+            allowed = "such that tip and root keep clear of each other"
+            allowed += f" (clearance {clearance:.4g} m)"
+            field = f"tip_diameter of the {name}"
+            checks.require(clearance >= 0.0, field, gear.tip_diameter, allowed)
         if wheel.internal:
             checks.require(
                 self._tips_pass(),
@@ -137,7 +142,7 @@ class Mesh:
             )
 
     def _clearance(self, gear, other):
-        """Bottom clearance between the tip of a gear and the root of the other, m."""
+        """Return the bottom clearance between the tip of a gear and the root of the other, m."""
         if not self.wheel.internal:
             return self.centre_distance - (gear.tip_diameter + other.root_diameter) / 2.0
         inner, outer = gear.tip_diameter, other.root_diameter
@@ -147,48 +152,47 @@ class Mesh:
 
     @property
     def clearances(self):
-        """Bottom clearance c between the tip of pinion and wheel and the root of the other, m."""
+        """Bottom clearances c at the tips of (pinion, wheel), m."""
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
     def _tips_pass(self):
-        """Whether the tips of an internal mesh pass each other after they left contact."""
+        """Return whether the tips of an internal mesh pass each other where their circles cross."""
         a, angle = self.centre_distance, self.working_pressure_angle
         tip, ring = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
         cosine = (ring**2 - tip**2 - a**2) / (2.0 * a * tip)
         if abs(cosine) >= 1.0:
-            return True  # the tip circles do not cross
-        tips = [math.acos(g.base_diameter / g.tip_diameter) for g in (self.pinion, self.wheel)]
-        turned = math.acos(cosine) + inv(tips[0]) - inv(angle)
-        passed = math.acos((a**2 + ring**2 - tip**2) / (2.0 * a * ring))
-        ratio = self.pinion.teeth / self.wheel.teeth
-        return turned * ratio + inv(angle) - inv(tips[1]) >= passed
+            return True  # The tip circles do not cross.
+        gears = self.pinion, self.wheel
+        tip_angles = [math.acos(gear.base_diameter / gear.tip_diameter) for gear in gears]
+        pinion_rotation = math.acos(cosine) + inv(tip_angles[0]) - inv(angle)
+        crossing = math.acos((a**2 + ring**2 - tip**2) / (2.0 * a * ring))
+        wheel_rotation = pinion_rotation * (self.pinion.teeth / self.wheel.teeth)
+        return wheel_rotation + inv(angle) - inv(tip_angles[1]) >= crossing
 
     def _set_backlash(self):
+        """Check a given backlash, or set the backlash that the geometry of the gears leaves."""
         if self.backlash is not None:
-            # A gap as wide as the pitch leaves no tooth.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            words = f"at most the base pitch, {self.base_pitch:.4g} m"
-            words += parameters.likely(self.backlash, example, self.base_pitch)
-            checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, words)
+            allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
+            allowed += parameters.likely(self.backlash, example, self.base_pitch)
+            checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
         backlash, module = self._geometric_backlash(), self.pinion.module
-        if -_ROUNDING * module <= backlash < 1e-12 * module:
+        if -_MAX_ROUNDED_BACKLASH * module <= backlash < 1e-12 * module:
             backlash = 0.0
-        words = (
-            ">= 0; shifts, allowances of the tooth thickness and centre_distance leave too little"
-        )
-        words += " room"
-        backlash = checks.number("backlash", backlash, words, lambda v: 0 <= v < math.inf)
-        self._put("backlash", backlash)
+        allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
+        allowed += " too little room"
+        backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
+        self._set_field("backlash", backlash)
 
     def _geometric_backlash(self):
-        """p_w minus both tooth thicknesses on the working circles, in the normal direction, m."""
+        """Return the normal backlash from pitch and tooth thicknesses on the working circles, m."""
         cosine = math.cos(self.working_pressure_angle)
         gears = (self.pinion, self.wheel)
-        widths = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
-        play = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - widths
-        return play * cosine * math.cos(self.pinion.base_helix_angle)
+        thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
+        backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
+        return backlash * cosine * math.cos(self.pinion.base_helix_angle)
 
     @property
     def width(self):
@@ -197,28 +201,28 @@ class Mesh:
 
     @property
     def working_pressure_angle(self):
-        """alpha_wt, rad: cos is (r_b1 + r_b2) / a, internal (r_b2 - r_b1) / a; ISO 21771."""
-        base = abs(self._signed(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        """Working pressure angle alpha_wt = arccos((r_b1 +- r_b2) / a), rad; ISO 21771."""
+        base = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         return math.acos(base / self.centre_distance)
 
     @property
     def base_pitch(self):
-        """p_bt = pi m_t cos(alpha_t), transverse, m."""
+        """Transverse base pitch p_bt = pi m_t cos(alpha_t), m."""
         return math.pi * self.pinion.base_diameter / self.pinion.teeth
 
     @property
-    def _tangents(self):
-        """a sin(alpha_wt): distance of the points where the line touches both base circles, m."""
+    def _tangent_length(self):
+        """Length a sin(alpha_wt) of the line of action between both base circles, m."""
         return self.centre_distance * math.sin(self.working_pressure_angle)
 
     def wheel_roll_length(self, position):
         """Return the radius of curvature of the wheel's flank at a position of the path, m."""
-        return self._tangents - self.wheel.sign * position
+        return self._tangent_length - self.wheel.sign * position
 
     @property
     def path(self):
-        """Where the path of contact begins and ends, m; see the head of the module; ISO 21771."""
-        start = self.wheel.sign * (self._tangents - self.wheel.tip_roll_length)
+        """Positions of the start and the end of the path of contact, m; ISO 21771."""
+        start = self.wheel.sign * (self._tangent_length - self.wheel.tip_roll_length)
         return start, self.pinion.tip_roll_length
 
     @property
@@ -234,24 +238,24 @@ class Mesh:
 
     @property
     def longest_relief(self):
-        """(eps_alpha - 1) p_bt: with longer tip relief single contact has no involute, m."""
+        """Longest possible tip relief, (eps_alpha - 1) p_bt, m."""
         return (self.contact_ratio - 1.0) * self.base_pitch
 
     @property
     def overlap_ratio(self):
-        """eps_beta = b sin(beta) / (pi m_n), 0 for spur gears; ISO 21771."""
+        """Overlap ratio eps_beta = b sin(beta) / (pi m_n), 0 for spur gears; ISO 21771."""
         gear = self.pinion
         return self.width * math.sin(gear.helix_angle) / (math.pi * gear.module)
 
     @property
     def total_contact_ratio(self):
-        """eps_gamma = eps_alpha + eps_beta."""
+        """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
         return self.contact_ratio + self.overlap_ratio
 
     def phase_of(self, position):
-        """Return the mesh phase, in [0, 2 pi), at which a pair touches at a position of the path.
+        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
 
-        Of helical gears the pair is that in the middle of the face.
+        For helical gears, this is the contact in the middle of the face.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
@@ -264,7 +268,7 @@ class Mesh:
 
     @property
     def pitch_errors(self):
-        """By how much successive pairs of teeth touch later, m, until the same teeth meet again."""
+        """Pitch errors of successive pairs of teeth until the same teeth meet again, m."""
         first, second = (gear.pitch_errors or (0.0,) for gear in (self.pinion, self.wheel))
         count = math.lcm(len(first), len(second))
         return tuple(first[i % len(first)] + second[i % len(second)] for i in range(count))
@@ -284,7 +288,7 @@ class Mesh:
 
     @property
     def reduced_mass(self):
-        """1 / (r_b1^2 / J_1 + r_b2^2 / J_2), kg, along the line of action."""
+        """Reduced mass along the line of action, 1 / (r_b1^2 / J_1 + r_b2^2 / J_2), kg."""
         gears = (self.pinion, self.wheel)
         return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
 
@@ -301,14 +305,14 @@ class Mesh:
         return math.pi * self.pinion.reference_diameter * rpm / 60.0
 
     def stiffness(self, method="iso", **options):
-        """Return the `MeshStiffness` by a named method; see `mesh_stiffness`."""
-        # Here: a start of the workflow checks drawings without the numerical stack.
+        """Return the mesh stiffness by a method: "iso", "energy" or a table."""
+        # Imported here, since checking a drawing needs no numpy.
         from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
 
     def with_reliefs(self, pinion, wheel):
-        """Return the mesh with other tip reliefs, `TipRelief` or None."""
+        """Return a copy of the mesh with new tip reliefs of pinion and wheel, or None."""
         return replace(
             self,
             pinion=replace(self.pinion, tip_relief=pinion),
@@ -316,36 +320,36 @@ class Mesh:
         )
 
     def transmission_error(self, torque, *, phases=256, **options):
-        """Return the static transmission error under load, and how pairs of teeth share the load.
+        """Return the static transmission error and the load sharing of spur gears under load.
 
-        Spur gears with the tip reliefs of their drawings; how: `gearlib.models.geometry`, module
-        ``load_sharing``.
+        The model is that of the module ``load_sharing`` in `gearlib.models.geometry`, with the tip
+        reliefs of the drawings.
 
         Parameters
         ----------
         torque : float or sequence of float
-            Of the pinion, N m; finite, >= 0.
+            Torque of the pinion, N m; finite, >= 0.
         phases : int, default 256
-            Mesh phases in each mesh period, >= 8.
+            Number of phases in each mesh period, >= 8.
         stiffness : {"energy", "iso"} or PathTable, default "energy"
-            Of a pair of teeth: by the energy method with constant Hertz contact; c' of ISO 6336-1,
-            the same all along the path; a table in N/m.
+            Stiffness of a pair of teeth: the energy method with constant Hertz contact; c' of ISO
+            6336-1, which is constant along the path; or a table in N/m.
         coupling : float, default 1
-            How far pairs share the body, from 0 to 1; of a table they do not.
+            Share of the gear bodies that is common to all pairs, from 0 to 1; 0 for a table.
         deviation : PathTable, optional
-            Gap over the path of contact beside the tip reliefs, m.
+            Additional gap over the path of contact, m.
         pitch_errors : sequence of float, optional
-            By how much successive pairs of teeth touch later, m; repeated after the last. By
-            default those of the gears.
+            Gaps of successive pairs of teeth, m, repeated periodically. By default those of the
+            gears.
 
         Returns
         -------
         xarray.Dataset
-            Over torque and phase, of as many mesh periods as there are pitch errors:
-            transmission_error (m, by how much the teeth approach each other along the line of
-            action), pairs_in_contact, mesh_stiffness (dF/dx), load_share over tooth_pair, NaN
-            without load. Over phase and tooth_pair: path_position and gap, NaN outside of the path.
-            Over torque: peak_to_peak_error, effective_contact_ratio, mesh_force.
+            Over torque and phase, for as many mesh periods as there are pitch errors:
+            transmission_error (m, approach of the teeth along the line of action),
+            pairs_in_contact, mesh_stiffness (dF/dx), and load_share over tooth_pair, NaN without
+            load. Over phase and tooth_pair: path_position and gap, NaN outside of the path. Over
+            torque: peak_to_peak_error, effective_contact_ratio, mesh_force.
 
         Raises
         ------
@@ -357,8 +361,11 @@ class Mesh:
         return transmission_error(self, torque, phases, **options)
 
     def pair_parameters(self, *, torque=None, power=None, speed=None, **options):
-        """Return the parameters of a `GearPair` as a dict; see `GearPair.from_geometry`."""
-        stated = ("torque", torque, "N m") if power is None else ("power", power, "W")
+        """Return the parameters of a `GearPair` as a dict.
+
+        The arguments are those of `GearPair.from_geometry`.
+        """
+        given_load = ("torque", torque, "N m") if power is None else ("power", power, "W")
         torque = torque_of(torque, power, speed)
         parameters = {
             **self._mesh_parameters(torque=torque, **options),
@@ -366,30 +373,32 @@ class Mesh:
             "load": self.load(torque),
             "teeth": self.pinion.teeth,
         }
-        mean = self._check_deflection(torque, parameters, *stated)
+        mean = self._check_deflection(torque, parameters, *given_load)
         if speed is not None:
             resonance = math.sqrt(mean / self.reduced_mass) * 60.0 / (math.tau * self.pinion.teeth)
             checks.speed("speed", speed, resonance)
         return parameters
 
     def train_parameters(self, *, torque=None, stated=None, **options):
-        """Return the parameters of a `gearlib.Mesh` as a dict; see `gearlib.Mesh.from_geometry`.
+        """Return the parameters of a mesh of a train as a dict.
 
-        `stated` is what the user gave in place of the torque: name, value, unit.
+        The options are those of `gearlib.Mesh.from_geometry`. `stated` is (name, value, unit) of
+        the argument that the user gave in place of the torque, for error messages.
         """
         parameters = self._mesh_parameters(torque=torque, **options)
         if torque is not None:
             self._check_deflection(torque, parameters, *(stated or ("torque", torque, "N m")))
         angle = self.working_pressure_angle
-        # Tooth thickness over the pitch, on the working circles.
-        gears = self.pinion, self.wheel
-        circles = [(gear, gear.base_diameter / math.cos(angle)) for gear in gears]
-        thickness = tuple(x.thickness_at(d) / (math.pi * d / x.teeth) for x, d in circles)
+        thicknesses = []  # over the pitch, on the working circles
+        for gear in (self.pinion, self.wheel):
+            diameter = gear.base_diameter / math.cos(angle)
+            pitch = math.pi * diameter / gear.teeth
+            thicknesses.append(gear.thickness_at(diameter) / pitch)
         return parameters | {
             "internal": self.wheel.internal,
             "pressure_angle": angle,
             "pitch_phase": self.pitch_phase,
-            "tooth_thickness": thickness,
+            "tooth_thickness": tuple(thicknesses),
         }
 
     def _mesh_parameters(
@@ -403,9 +412,12 @@ class Mesh:
         stiffness="iso",
         options=None,
     ):
-        """Return stiffness, backlash and damping as a dict; see `GearPair.from_geometry`."""
+        """Return the stiffness, backlash and damping of a mesh as a dict.
+
+        The arguments are those of `GearPair.from_geometry`.
+        """
         options = checks.options(options)
-        # A start of the workflow needs ISO 6336 without the numerical stack.
+        # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
         if isinstance(stiffness, str) and stiffness == "iso":
             high, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
         else:
@@ -414,10 +426,10 @@ class Mesh:
         mean = high * mean_over_max(epsilon, kappa)
         names = "damping_ratio", "logarithmic_decrement", "material_damping"
         values = damping_ratio, logarithmic_decrement, material_damping
-        dampings = [x for x in zip(names, values, strict=True) if x[1] is not None]
+        dampings = [pair for pair in zip(names, values, strict=True) if pair[1] is not None]
         if len(dampings) > 1:
-            together = " and ".join(name for name, _ in dampings)
-            raise ValueError(f"{together} are not allowed together: it must be one of them at most")
+            given = " and ".join(name for name, _ in dampings)
+            raise ValueError(f"{given} are not allowed together: it must be one of them at most")
         damping = drawn_damping(*dampings[0], mean, self.reduced_mass) if dampings else None
         oil = "backlash_damping_ratio", backlash_damping_ratio
         return {
@@ -430,18 +442,21 @@ class Mesh:
         }
 
     def _check_deflection(self, torque, parameters, name, value, unit):
-        """Refuse a load that deflects the teeth too far; return the mean stiffness."""
+        """Return the mean stiffness, N/m, or raise ValueError if the load deflects teeth too far.
+
+        The message names the argument that determines the load, with its value and unit.
+        """
         ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
         mean = parameters["max_stiffness"] * mean_over_max(*ratios)
         share = abs(self.load(torque)) / mean / (MAX_DEFLECTION * self.pinion.module)
-        most = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
-        words = f"{most}, at which the static deflection is {MAX_DEFLECTION:g} modules"
-        checks.require(share <= 1.0, name, value, words)
+        allowed = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
+        allowed += f", at which the static deflection is {MAX_DEFLECTION:g} modules"
+        checks.require(share <= 1.0, name, value, allowed)
         return mean
 
 
 def bodies(mesh):
-    """Return what a `SixDegreePair` takes of a drawing as a dict; see its `from_geometry`."""
+    """Return radii, inertias, masses, teeth and pitch phase of drawn gears for `SixDegreePair`."""
     gears = mesh.pinion, mesh.wheel
     return {
         "base_radii": [gear.base_diameter / 2.0 for gear in gears],
@@ -453,26 +468,29 @@ def bodies(mesh):
 
 
 def drawn_damping(name, value, stiffness, mass):
-    """Return the coefficient, N s/m, of a damping by its name; its damping ratio is below 1."""
+    """Return the damping coefficient in N s/m of a damping parameter with a name and a value.
+
+    Raises ValueError unless the damping ratio is >= 0 and < 1.
+    """
     critical = coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
-        words = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
-        return checks.number(name, value, words, lambda v: 0.0 <= v < critical)
+        allowed = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
+        return checks.number(name, value, allowed, lambda v: 0.0 <= v < critical)
     if name == "logarithmic_decrement":
         return coefficient(checks.finite_nonnegative(name, value), stiffness, mass, decrement=True)
-    words = "a finite number >= 0 and < 1"
-    return checks.number(name, value, words, lambda v: 0.0 <= v < 1.0) * critical
+    allowed = "a finite number >= 0 and < 1"
+    return checks.number(name, value, allowed, lambda v: 0.0 <= v < 1.0) * critical
 
 
 def coefficient(ratio, stiffness, mass, decrement=False):
-    """Return k = 2 beta sqrt(C_s m), N s/m, of a damping ratio beta or a logarithmic decrement."""
+    """Return the damping coefficient 2 beta sqrt(C_s m), N s/m, of a damping ratio or decrement."""
     if decrement:
         ratio /= math.hypot(math.tau, ratio)
     return 2.0 * ratio * math.sqrt(stiffness * mass)
 
 
 def torque_of(torque, power, speed):
-    """Return the torque of the pinion, N m, from itself or from power in W and speed in rpm."""
+    """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
     if torque is not None and power is not None:
         raise ValueError("torque and power are not allowed together: it must be one of them")
     if torque is None and power is None:

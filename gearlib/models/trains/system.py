@@ -90,14 +90,20 @@ def train_system(train, tuning, segments):
         film_force = mesh.backlash_damping * damping_unit * near_rates[j]
         free[n : 2 * n] -= np.outer(inverse_mass @ lines[j], film_force)
     flanks = (near, near_rates, lines), (far, far_rates, train.far_lines)
-    contacts = _contacts(train, segments, flanks, inverse_mass, free)
+    force_inputs, force_outputs, effect, stiffness, low = _contacts(
+        train, segments, flanks, inverse_mass, free
+    )
     norm = largest_norm(train, matrices) if train.gyroscopic else train.norm_at_rest
     highest_rate = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
         free,
         near,
         far,
-        *contacts,
+        force_inputs,
+        force_outputs,
+        effect,
+        stiffness,
+        low,
         segments.starts,
         segments.first_segment,
         float(REACH / highest_rate),

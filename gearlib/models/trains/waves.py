@@ -80,8 +80,8 @@ def _change_times(mesh, rate, timing, first, count):
     periods = np.arange(math.ceil((first + count) * rate) - before)
     lead = float(before / rate - first)
     times = [lead + (phase % 1.0 + periods) / float(rate) for phase in phases]
-    times = np.concatenate([np.empty(0), *times])
-    return times[(times >= 0.0) & (times <= count)]
+    all_times = np.concatenate([np.empty(0), *times])
+    return all_times[(all_times >= 0.0) & (all_times <= count)]
 
 
 def _timing(train, mesh):
