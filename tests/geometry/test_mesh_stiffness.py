@@ -8,7 +8,12 @@ from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair, Rectangular, Tabulated
 from gearlib.geometry import Mesh, SpurGear, Web, iso_stiffness
-from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness, matrix
+from gearlib.models.geometry.mesh_stiffness import (
+    PairCompliance,
+    Tooth,
+    compliance_matrix,
+    energy_stiffness,
+)
 from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
 
 MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}
@@ -158,7 +163,7 @@ def test_the_body_counts_once():
     mesh = fzg_c()
     pair = PairCompliance(mesh)
     at = np.array([[mesh.path[0], mesh.path[0] + mesh.base_pitch]])
-    shared, apart = (matrix(pair, at, np.ones((1, 2)), c)[0] for c in (1.0, 0.0))
+    shared, apart = (compliance_matrix(pair, at, np.ones((1, 2)), c)[0] for c in (1.0, 0.0))
     bodies = pair.bodies(at)[:, 0]
     assert shared[0, 1] == pytest.approx(np.sqrt(bodies[:, 0] * bodies[:, 1]).sum(), rel=1e-12)
     assert apart[0, 1] == 0.0
@@ -310,7 +315,7 @@ def test_random_drawings():
         count = math.floor(mesh.contact_ratio) + 1
         u = np.linspace(0.0, mesh.contact_ratio % 1.0, 5)[:, None] + np.arange(count)
         at = mesh.path[0] + u * mesh.base_pitch
-        shared = matrix(PairCompliance(mesh), at, np.ones(at.shape), 1.0)
+        shared = compliance_matrix(PairCompliance(mesh), at, np.ones(at.shape), 1.0)
         assert np.linalg.solve(shared, np.ones((5, count, 1))).min() > 0.0
     assert found > 200
 

@@ -30,7 +30,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
-from gearlib.models.geometry.mesh_stiffness import PairCompliance, matrix
+from gearlib.models.geometry.mesh_stiffness import PairCompliance, compliance_matrix
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12
@@ -351,7 +351,7 @@ def _compliance(mesh, position, stiffness, coupling, together):
             raise ValueError(f"stiffness = {values.min():.6g} N/m {words}")
         return identity / values[..., None]
     if stiffness == "energy":
-        return matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
+        return compliance_matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
     checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
     single = 1.0 / pair_stiffness(mesh)
