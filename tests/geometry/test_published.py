@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gearlib.geometry import Material, Mesh, SpurGear, Web, iso_stiffness
-from gearlib.models.geometry.mesh_stiffness import _BODY, PairCompliance, Tooth
+from gearlib.models.geometry.mesh_stiffness import _BODY_COEFFICIENTS, PairCompliance, Tooth
 
 STEEL = Material(density=7830.0)
 HELICAL = {"module": 14e-3, "width": 0.36, "helix_angle": math.radians(10.0), "material": STEEL}
@@ -153,7 +153,7 @@ def test_energy_method_of_ross():
     mesh, tooth = Mesh(gear, gear), Tooth(gear, 0.02)
     theta = (math.pi / 2.0 + 2.0 * sine / cosine * (1.0 - tip) + 2.0 * tip / cosine) / 62.0
     h = gear.root_diameter / bore
-    L, M, P, Q = _BODY @ np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
+    L, M, P, Q = _BODY_COEFFICIENTS @ np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
 
     def body(phi):
         _, y, b = tooth.flank(phi)
