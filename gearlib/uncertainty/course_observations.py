@@ -1,8 +1,8 @@
 """Time courses as observations: mesh orders at constant speed, and of run-ups with their jumps.
 
 Regressions take the complex amplitudes of the mesh orders from the samples of each revolution, so
-offset and eccentricity do not enter. A course begins at the mesh phase ``known.phase`` (rad), 0
-where nothing is said.
+that offset and eccentricity do not enter. A course begins at the mesh phase ``known.phase`` (rad),
+by default 0.
 """
 
 import json
@@ -27,45 +27,41 @@ from gearlib.uncertainty.observation import (
     at_speed,
 )
 
-#: How a speed was reached -> direction of the sweep, its first speed as a share, number of speeds.
+#: Measured direction -> direction of the sweep, its first speed as a share, number of speeds.
 _SWEEPS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
-#: Mesh orders of a time course that are compared.
+#: Number of mesh orders of a time course that are compared.
 ORDERS = 4
 _ORDER_NUMBERS = np.arange(1, ORDERS + 1)
-#: Orders of the shaft that are regressed beside them, and least samples for each mesh order.
-_SHAFT_ORDERS, _LEAST_SAMPLES = 3, 2.5
-#: Samples of the model in a mesh period: at constant speed, and in a run-up.
-_STEADY_SAMPLES, _RUN_UP_SAMPLES = 512, 32
-#: Points of a mesh period that is drawn.
-_DRAWN_POINTS = 200
-#: Phases closer than this count as equal.
-_SAME_PHASE = 1e-9
-#: Revolutions of a run-up that are left out: at the start, before a jump and behind it.
-_FIRST, _BEFORE, _BEHIND = 6, 4, 24
+_SHAFT_ORDERS, _MIN_SAMPLES_PER_ORDER = 3, 2.5
+_STEADY_SAMPLES_PER_PERIOD, _RUN_UP_SAMPLES_PER_PERIOD = 512, 32
+_CURVE_POINTS = 200
+_SAME_PHASE_TOLERANCE = 1e-9
+#: Numbers of revolutions of a run-up that are not compared: at its start and around each jump.
+_SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
 #: Arguments of `run_up` that ``known.options`` may have.
 _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_state")
 
 
-def courses_of(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return the observations of time courses: each condition is a course of its own."""
-    parts = [data]
+def course_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
+    """Return one observation for each condition of a measured set with time courses."""
+    courses = [data]
     if "condition" in data.coords:
         names = data.condition.values
-        parts = [data.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
-    steady = ["speed" in part.coords and np.ptp(part.speed.values) == 0.0 for part in parts]
-    if len(parts) > 1 and not all(steady):
+        courses = [data.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
+    steady = ["speed" in c.coords and np.ptp(c.speed.values) == 0.0 for c in courses]
+    if len(courses) > 1 and not all(steady):
         raise ValueError(
-            f"data has {len(parts)} conditions with time courses: each must have one speed; "
+            f"data has {len(courses)} conditions with time courses: each must have one speed; "
             "give run-ups as sets of their own"
         )
     return [
-        (_of_steady if still else _of_run_up)(model, part, mesh)
-        for part, still in zip(parts, steady, strict=True)
+        (_steady_observation if is_steady else _run_up_observation)(model, course, mesh)
+        for course, is_steady in zip(courses, steady, strict=True)
     ]
 
 
-def _facts(data: Any) -> dict:
-    """Return what is known of a rig."""
+def _rig_facts(data: Any) -> dict:
+    """Return the attribute `known` of a measured set, the facts about its rig, as a mapping."""
     text = data.attrs.get("known", "{}")
     try:
         facts = json.loads(text)
@@ -75,8 +71,8 @@ def _facts(data: Any) -> dict:
     return facts
 
 
-def _course_of(facts: dict) -> tuple[list, dict]:
-    """Return the course of a run-up, rows of s and rpm, and its other arguments."""
+def _speed_course(facts: dict) -> tuple[list, dict]:
+    """Return the course of a run-up, rows of s and rpm, and further arguments of `run_up`."""
     if "course" not in facts:
         raise ValueError(
             "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
@@ -91,64 +87,70 @@ def _course_of(facts: dict) -> tuple[list, dict]:
         raise ValueError(f"known.course: {error}") from None
 
 
-def _signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return a displacement, the shift of a model's mesh orders, and mesh periods a revolution."""
-    phase = _facts(data).get("phase", 0.0)
+def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return displacements, phase factors of the model's mesh orders, and teeth per revolution."""
+    phase = _rig_facts(data).get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
-    values = np.asarray(data.displacement.values, float)
+    displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "rising")
-    checks.require(np.ptp(values) > 0.0, "displacement", float(values[0]), "no constant")
+    first = float(displacements[0])
+    checks.require(np.ptp(displacements) > 0.0, "displacement", first, "no constant")
     teeth = checks.number(
         "mesh periods of a revolution",
         round(model.periods_per_revolution, 9),
         "a whole number, as of a train whose carrier stands",
         float.is_integer,
     )
-    return values, np.exp(1j * phase * _ORDER_NUMBERS), teeth
+    return displacements, np.exp(1j * phase * _ORDER_NUMBERS), teeth
 
 
-def _channel(kind: str, displacement: Any, orders: np.ndarray, share: np.ndarray) -> Channel:
-    """Return the channel of mesh orders; `share` lowers the variance of the displacement."""
+def _order_channel(
+    kind: str, displacement: Any, orders: np.ndarray, variance_shares: np.ndarray
+) -> Channel:
+    """Return the channel of complex mesh orders, (blocks, ORDERS), with their deviations."""
     noise = float(displacement.attrs.get("noise_std", 0.0))
-    size = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * share)
-    values = _flat(orders)
+    deviations = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * variance_shares)
+    values = _real_and_imaginary(orders)
     return Channel(
         kind,
         values,
-        np.repeat(size, 2 * ORDERS),
+        np.repeat(deviations, 2 * ORDERS),
         bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
         sequences=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
     )
 
 
-def _flat(orders: np.ndarray) -> np.ndarray:
-    """Return real and imaginary parts of mesh orders, one after the other."""
+def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
+    """Return the real and imaginary parts of complex mesh orders alternating in one flat array."""
     return np.ascontiguousarray(orders).view(float).ravel()
 
 
-def _of_steady(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a time course at constant speed, the mesh orders of its orbit."""
-    (values, shift, teeth), speed = _signal(model, data), float(data.speed.values[0])
+def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
+    """Return the observation of a time course at constant speed: the mesh orders of its orbit."""
+    displacements, phase_factors, teeth = _displacement_signal(model, data)
+    speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
-    way = int(data.direction.values[0]) if "direction" in data.coords else 0
-    direction, first, count = _SWEEPS[way]
-    # The phase that is known is that at the time 0.
+    sign = int(data.direction.values[0]) if "direction" in data.coords else 0
+    direction, first_share, count = _SWEEPS[sign]
+    # The known phase is the phase at the time 0.
     turns = data.time.values * speed / 60.0
     bounds = np.array([turns[0], np.nextafter(turns[-1], np.inf)])
-    channel = _channel("time course", data.displacement, *regressed(turns, values, bounds, teeth))
+    measured_orders = regress_mesh_orders(turns, displacements, bounds, teeth)
+    channel = _order_channel("time course", data.displacement, *measured_orders)
 
     def predict(model: Any) -> tuple:
         tuning = speed / float(model.speed(1.0))
-        tunings = np.sort(np.linspace(first * tuning, tuning, count))
-        run = sweep(model, tunings, direction=direction, **SETTLING)
-        state = run.final_state.values[0 if direction == "down" else -1]
-        point = at_speed(model, speed, state, _STEADY_SAMPLES)
+        tunings = np.sort(np.linspace(first_share * tuning, tuning, count))
+        curve = sweep(model, tunings, direction=direction, **SETTLING)
+        state = curve.final_state.values[0 if direction == "down" else -1]
+        point = at_speed(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
         orders = point[ORDER][1 : ORDERS + 1, mesh]
-        return [_flat(orders * shift)], max(0.0, -point["displacement_min"].min())
+        depth = max(0.0, -point["displacement_min"].min())
+        return [_real_and_imaginary(orders * phase_factors)], depth
 
     def draw(sensed: list) -> list:
-        phase = np.linspace(0.0, 1.0, _DRAWN_POINTS)
+        phase = np.linspace(0.0, 1.0, _CURVE_POINTS)
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
         heights = [2.0 * (waves @ x.view(complex)).real for x in (channel.values, sensed[0])]
         name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
@@ -157,43 +159,44 @@ def _of_steady(model: Any, data: Any, mesh: int) -> Observation:
     return Observation("time course", [channel], predict, draw)
 
 
-def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
+def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps."""
-    (values, shift, teeth), (rows, options) = _signal(model, data), _course_of(_facts(data))
+    displacements, phase_factors, teeth = _displacement_signal(model, data)
+    rows, options = _speed_course(_rig_facts(data))
     turning = Turning(rows)
     turns = turning.revolutions(data.time.values)
-    blocks = _whole_revolutions(turning, rows, data.time.values, turns)
-    measured, share, warning = _revolutions(turns, values, teeth, blocks)
-    kept, heights, jumps = _parts(measured, share)
+    blocks = _count_revolutions(turning, rows, data.time.values, turns)
+    orders, shares, warning = _orders_of_revolutions(turns, displacements, teeth, blocks)
+    compared, amplitudes, jumps = _compared_revolutions(orders, shares)
     speeds = turning.at(np.arange(blocks) + 0.5)[1]
-    channels = [_channel("run-up", data.displacement, measured[kept], share[kept])]
+    channels = [_order_channel("run-up", data.displacement, orders[compared], shares[compared])]
     if jumps:
-        places = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
-        widths = [_BEHIND * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
+        jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
+        widths = [_SKIPPED_AFTER_JUMP * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
         noise_known = channels[0].noise_known
-        channels.append(Channel("jumps", places, np.array(widths), noise_known, joined=True))
+        channels.append(Channel("jumps", jump_speeds, np.array(widths), noise_known, joined=True))
 
     def predict(model: Any) -> tuple:
-        run = run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES, **options)
+        run = run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES_PER_PERIOD, **options)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
-        orders = _fourier(run.phase.values, displacement, blocks, math.tau * teeth)
-        values = [_flat((orders * shift)[kept])]
+        orders = _integrate_orders(run.phase.values, displacement, blocks, math.tau * teeth)
+        values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
-            levels = np.abs(orders[:, 0]) * (channels[0].sensed(values[0])[1] or 1.0)
-            values.append(np.array([_crossing(levels, i, heights, speeds) for i in jumps]))
-        least = run.displacement_min.values[:blocks]
-        return values, max(0.0, -float(least[kept[: least.shape[0]]].min()))
+            predicted = np.abs(orders[:, 0]) * (channels[0].sensed(values[0])[1] or 1.0)
+            values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
+        minima = run.displacement_min.values[:blocks]
+        return values, max(0.0, -float(minima[compared[: minima.shape[0]]].min()))
 
     def draw(sensed: list) -> list:
-        fitted = np.full(measured.shape, complex(np.nan))
-        fitted[kept] = sensed[0].view(complex).reshape(-1, ORDERS)
+        fitted = np.full(orders.shape, complex(np.nan))
+        fitted[compared] = sensed[0].view(complex).reshape(-1, ORDERS)
         units, falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
-        amplitudes = 2.0 * np.abs([measured.T, fitted.T])
+        heights = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
-            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), falls)
+            Curve(name, units, "speed", speeds, tuple(heights[:, k]), falls)
             for k, name in enumerate(names)
         ]
 
@@ -204,90 +207,103 @@ def _of_run_up(model: Any, data: Any, mesh: int) -> Observation:
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _revolutions(turns: np.ndarray, values: np.ndarray, teeth: float, blocks: int) -> tuple:
-    """Return mesh orders of each revolution, NaN beside gaps, their share of noise, a warning."""
-    bounds, count = np.arange(blocks + 1), blocks - _FIRST
+def _orders_of_revolutions(
+    turns: np.ndarray, displacements: np.ndarray, teeth: float, blocks: int
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return mesh orders and variance shares of each revolution, and a warning about gaps."""
+    bounds, count = np.arange(blocks + 1), blocks - _SKIPPED_AT_START
     complete = complete_blocks(turns, bounds, teeth)
-    allowed = f"of one without a gap behind the first {_FIRST}"
+    allowed = f"of one without a gap behind the first {_SKIPPED_AT_START}"
     gaps = f"of {count} revolutions with gaps"
-    checks.require(complete[_FIRST:].any(), "time", gaps, allowed)
-    orders, share = regressed(turns, values, bounds, teeth, complete)
-    missing, warning = int(np.isnan(share[_FIRST:]).sum()), ""
+    checks.require(complete[_SKIPPED_AT_START:].any(), "time", gaps, allowed)
+    orders, shares = regress_mesh_orders(turns, displacements, bounds, teeth, complete)
+    missing, warning = int(np.isnan(shares[_SKIPPED_AT_START:]).sum()), ""
     if missing:
         warning = (
             f"{missing} of {count} revolutions are left out of the run-up: they have gaps or too "
             "few samples"
         )
-    return orders, share, warning
+    return orders, shares, warning
 
 
-def _parts(orders: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, list]:
-    """Return which revolutions are compared, heights of their first order, and the jumps.
+def _compared_revolutions(
+    orders: np.ndarray, variance_shares: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list]:
+    """Return a mask of compared revolutions, amplitudes of the first order, and jump revolutions.
 
-    Around a jump, where the deviations of a motion grow, nothing is compared but its speed.
+    Deviations of a motion grow around a jump, so only the speed of the jump is compared there.
     """
-    present, numbers = np.isfinite(share), np.arange(share.size)
-    kept = present & (numbers >= _FIRST)
-    # A revolution without samples has the height of the one before it.
-    last = np.maximum.accumulate(np.where(present, numbers, present.argmax()))
-    heights = np.abs(orders[last, 0])
-    steps, jumps = np.abs(np.log(heights[1:] / heights[:-1])), []
+    present, numbers = np.isfinite(variance_shares), np.arange(variance_shares.size)
+    compared = present & (numbers >= _SKIPPED_AT_START)
+    # A revolution without samples takes the amplitude of the revolution before it.
+    source = np.maximum.accumulate(np.where(present, numbers, present.argmax()))
+    amplitudes = np.abs(orders[source, 0])
+    steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
     for i in np.argsort(-steps):
-        if steps[i] < JUMP_SHARE or i < _FIRST:
+        if steps[i] < JUMP_SHARE or i < _SKIPPED_AT_START:
             break
-        if all(abs(i + 1 - jump) > _BEHIND for jump in jumps):
+        if all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps):
             jumps.append(int(i + 1))
     for i in jumps:
-        kept[max(i - _BEFORE, 0) : i + _BEHIND] = False
-    return kept, heights, sorted(jumps)
+        compared[max(i - _SKIPPED_BEFORE_JUMP, 0) : i + _SKIPPED_AFTER_JUMP] = False
+    return compared, amplitudes, sorted(jumps)
 
 
-def _whole_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: np.ndarray) -> int:
-    """Return how many whole revolutions a run-up has; refuse what is not within its course."""
+def _count_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: np.ndarray) -> int:
+    """Return the number of whole revolutions of a run-up; refuse samples outside its course."""
     end, blocks = rows[-1][0], int(turns[-1])
-    given = f"{times[0]:.6g} to {times[-1]:.6g} s"
-    count = float(turning.revolutions(np.array([end]))[0])
-    within = turns[0] < 1.0 and blocks <= count + 1e-9
+    interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
+    course_turns = float(turning.revolutions(np.array([end]))[0])
+    within = turns[0] < 1.0 and blocks <= course_turns + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
-    checks.require(within, "time", given, allowed)
-    allowed = f"of more than {2 * _FIRST} whole revolutions of known.course, not {blocks}"
-    checks.require(blocks > 2 * _FIRST, "time", given, allowed)
+    checks.require(within, "time", interval, allowed)
+    minimum = 2 * _SKIPPED_AT_START
+    allowed = f"of more than {minimum} whole revolutions of known.course, not {blocks}"
+    checks.require(blocks > minimum, "time", interval, allowed)
     return blocks
 
 
-def _crossing(levels: np.ndarray, i: int, heights: np.ndarray, speeds: np.ndarray) -> float:
-    """Return the speed at which a model jumps next to the revolution `i`, NaN if it does not.
+def _jump_speed(
+    predicted: np.ndarray, jump: int, measured: np.ndarray, speeds: np.ndarray
+) -> float:
+    """Return the speed at which a model jumps next to a measured jump, NaN if it does not jump.
 
-    There its first mesh order, `levels`, crosses the middle of the measured `heights`.
+    The jump of the model is where its predicted amplitude of the first mesh order crosses the
+    middle of the measured amplitudes before and after the revolution `jump`.
     """
-    before, behind = heights[i - _BEFORE], heights[min(i + _BEFORE, len(heights) - 1)]
-    middle, rises = 0.5 * (before + behind), behind > before
-    # On the same way, up or down: the half of the course in which the jump was.
-    way = np.sign(np.gradient(speeds))
-    fits = (levels > middle) == rises
-    crossings = np.flatnonzero(fits[1:] & ~fits[:-1] & (way[1:] == way[i])) + 1
+    before = measured[jump - _SKIPPED_BEFORE_JUMP]
+    after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
+    middle, rises = 0.5 * (before + after), after > before
+    # The speed must change in the same direction as at the measured jump.
+    directions = np.sign(np.gradient(speeds))
+    beyond = (predicted > middle) == rises
+    crosses = beyond[1:] & ~beyond[:-1] & (directions[1:] == directions[jump])
+    crossings = np.flatnonzero(crosses) + 1
     if not crossings.size:
         return math.nan
-    j = crossings[np.abs(crossings - i).argmin()]
-    share = (middle - levels[j - 1]) / (levels[j] - levels[j - 1])
-    return float(speeds[j - 1] + share * (speeds[j] - speeds[j - 1]))
+    i = crossings[np.abs(crossings - jump).argmin()]
+    share = (middle - predicted[i - 1]) / (predicted[i] - predicted[i - 1])
+    return float(speeds[i - 1] + share * (speeds[i] - speeds[i - 1]))
 
 
-def _fourier(phase: np.ndarray, values: np.ndarray, blocks: int, span: float) -> np.ndarray:
-    """Return mesh orders, (blocks, ORDERS), of samples by the trapezoidal rule."""
-    edges = span * np.arange(blocks + 1)
-    # The last sample closes a course that ends before its last edge.
-    phase, values = np.append(phase, max(phase[-1], edges[-1])), np.append(values, values[-1])
-    waves = values * np.cumprod([np.exp(-1j * phase)] * ORDERS, axis=0)
-    places = np.searchsorted(phase, edges - _SAME_PHASE)
+def _integrate_orders(
+    phase: np.ndarray, displacements: np.ndarray, blocks: int, block_length: float
+) -> np.ndarray:
+    """Return mesh orders, (blocks, ORDERS), of a sampled run by the trapezoidal rule."""
+    edges = block_length * np.arange(blocks + 1)
+    # The last sample is repeated at the last edge if the course ends before it.
+    phase = np.append(phase, max(phase[-1], edges[-1]))
+    displacements = np.append(displacements, displacements[-1])
+    waves = displacements * np.cumprod([np.exp(-1j * phase)] * ORDERS, axis=0)
+    starts = np.searchsorted(phase, edges - _SAME_PHASE_TOLERANCE)
     areas = 0.5 * (waves[:, 1:] + waves[:, :-1]) * np.diff(phase)
-    return np.add.reduceat(areas[:, : places[-1]], places[:-1], axis=1).T / span
+    return np.add.reduceat(areas[:, : starts[-1]], starts[:-1], axis=1).T / block_length
 
 
 def complete_blocks(turns: np.ndarray, bounds: np.ndarray, teeth: float) -> np.ndarray:
-    """Return which blocks, between two of the `bounds`, have no gap between their samples.
+    """Return a mask of the blocks between successive bounds whose samples have no gap.
 
-    A gap is longer than a mesh period, and than three steps between samples as a rule.
+    A gap is longer than one mesh period and longer than three median sampling steps.
     """
     steps, complete = np.diff(turns), np.ones(len(bounds) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / teeth, 3.0 * np.median(steps))):
@@ -296,41 +312,46 @@ def complete_blocks(turns: np.ndarray, bounds: np.ndarray, teeth: float) -> np.n
     return complete
 
 
-def regressed(
-    turns: np.ndarray, values: np.ndarray, bounds: np.ndarray, teeth: float, complete: Any = True
+def regress_mesh_orders(
+    turns: np.ndarray,
+    values: np.ndarray,
+    bounds: np.ndarray,
+    teeth: float,
+    complete: np.ndarray | bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mesh orders, shape (blocks, ORDERS), and what lowers the variance of the noise.
+    """Return complex mesh orders of blocks of samples, (blocks, ORDERS), and their noise variance.
 
-    Samples may lie anywhere: of each block, between two of the `bounds`, a regression on offset,
-    first waves of the shaft and mesh orders. Samples weigh as much as the part of the block that
-    is next to them, so that of waves that grow it has the Fourier integral. The variance of either
-    part of an order is half the share. Blocks that are not complete or have too few samples have
-    NaN.
+    The samples may lie at any angles `turns`, in revolutions; a block reaches from one of the
+    `bounds` to the next. A weighted regression on an offset, the first shaft orders and the mesh
+    orders is made for each block. The variance of the real and of the imaginary part of an order
+    is half of the returned share times the variance of the samples. Blocks that are not complete
+    or have too few samples have NaN.
     """
-    cells = np.concatenate([[-np.inf], 0.5 * (turns[1:] + turns[:-1]), [np.inf]])
-    blocks = len(bounds) - 1
+    blocks, minimum = len(bounds) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
     density = np.diff(np.searchsorted(turns, bounds)) / np.diff(bounds) / teeth
-    dense = complete & (density >= _LEAST_SAMPLES * ORDERS)
-    allowed = f"of {_LEAST_SAMPLES * ORDERS:g} or more"
-    least = f"{density.min():.3g} samples in a mesh period"
-    checks.require(dense.any(), "displacement", least, allowed)
-    count = min(2 * ORDERS, int(density[dense].min() / _LEAST_SAMPLES))
-    # Less than a turn does not tell them from the offset.
+    dense = complete & (density >= minimum)
+    lowest = f"{density.min():.3g} samples in a mesh period"
+    checks.require(dense.any(), "displacement", lowest, f"of {minimum:g} or more")
+    count = min(2 * ORDERS, int(density[dense].min() / _MIN_SAMPLES_PER_ORDER))
+    # Shaft orders cannot be told from the offset in less than one revolution.
     shaft = _SHAFT_ORDERS if bounds[1] - bounds[0] >= 1.0 else 0
-    waves = np.array([*range(1, shaft + 1), *(teeth * np.arange(1, count + 1))])
-    orders, share = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
+    frequencies = np.array([*range(1, shaft + 1), *(teeth * np.arange(1, count + 1))])
+    # A sample weighs as much as the part of the block that is nearest to it: this approaches the
+    # Fourier integral if amplitudes change within the block.
+    cells = np.concatenate([[-np.inf], 0.5 * (turns[1:] + turns[:-1]), [np.inf]])
+    orders, shares = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
     real = np.arange(ORDERS) + 1 + shaft
-    imaginary = real + waves.size
+    imaginary = real + frequencies.size
     for k in np.flatnonzero(dense):
         low, high = bounds[k : k + 2]
         inside = slice(np.searchsorted(cells, low, "right") - 1, np.searchsorted(cells, high))
         weights = np.diff(np.clip(cells[inside.start : inside.stop + 1], low, high))[:, None]
-        turn = np.exp(2j * np.pi * np.outer(turns[inside], waves))
-        columns = np.hstack([np.ones((len(turn), 1)), turn.real, turn.imag])
+        waves = np.exp(2j * np.pi * np.outer(turns[inside], frequencies))
+        columns = np.hstack([np.ones((len(waves), 1)), waves.real, waves.imag])
         weighted = weights * columns
         inverse = np.linalg.inv(columns.T @ weighted)
-        best = inverse @ (weighted.T @ values[inside])
-        orders[k] = 0.5 * (best[real] - 1j * best[imaginary])
+        coefficients = inverse @ (weighted.T @ values[inside])
+        orders[k] = 0.5 * (coefficients[real] - 1j * coefficients[imaginary])
         variances = np.diag(inverse @ (weighted.T @ weighted) @ inverse)
-        share[k] = 0.5 * variances[[*real, *imaginary]].mean()
-    return orders, share
+        shares[k] = 0.5 * variances[[*real, *imaginary]].mean()
+    return orders, shares

@@ -13,7 +13,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty.course_observations import courses_of
+from gearlib.uncertainty.course_observations import course_observations
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 from gearlib.uncertainty.observation import (
     JUMP_SHARE,
@@ -58,7 +58,7 @@ def _of_set(model: Any, data: Any) -> list[Observation]:
     if timed:
         for name, (quantity, mesh) in quantities.items():
             course = data.isel(sample=data[name].notnull().values).rename({name: quantity})
-            observations += courses_of(model, course, mesh)
+            observations += course_observations(model, course, mesh)
     elif quantities:
         points, jumps = _of_sweeps(data, quantities)
         observations, speeds = [points], jumps | speeds

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 import gearlib
 from gearlib.analysis.order_maps import Turning
 from gearlib.models.profiles import Tabulated
-from gearlib.uncertainty.course_observations import regressed
+from gearlib.uncertainty.course_observations import regress_mesh_orders
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
@@ -90,7 +90,9 @@ def test_orders_are_those_of_samples_at_any_times(rate):
 def test_orders_of_a_wave_that_grows_are_fourier_integrals(shift):
     turns = (np.arange(3 * 500 + 2) + shift) / 500.0
     grown = 1.0 + 0.2 * turns
-    found = regressed(turns, grown * np.cos(2.0 * np.pi * 24.0 * turns), np.arange(4), 24)[0]
+    found = regress_mesh_orders(
+        turns, grown * np.cos(2.0 * np.pi * 24.0 * turns), np.arange(4), 24
+    )[0]
     # The integral of (1 + t / 5) cos(2 pi 24 t) e^{-2 pi i 24 t} over one turn.
     expected = 0.5 * (1.1 + 0.2 * np.arange(3)) + 0.05j / (2.0 * np.pi * 24.0)
     np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=3e-5)
@@ -102,9 +104,9 @@ def test_orders_have_the_noise_that_is_said(shift):
     times = (np.arange(3 * 130 + 8) + shift) / 130.3
     turns, teeth = times + 0.003 * times**2, 6
     blocks = np.arange(4)
-    share = regressed(turns, np.zeros(turns.size), blocks, teeth)[1]
+    share = regress_mesh_orders(turns, np.zeros(turns.size), blocks, teeth)[1]
     # What every order has of every sample: of white noise their sums of products are covariances.
-    parts = [regressed(turns, one, blocks, teeth)[0] for one in np.eye(turns.size)]
+    parts = [regress_mesh_orders(turns, one, blocks, teeth)[0] for one in np.eye(turns.size)]
     parts = np.stack([np.real(parts), np.imag(parts)], 3).reshape(turns.size, 3, -1)
     found = np.einsum("iaj,ibk->abjk", parts, parts)
     for a in range(3):
