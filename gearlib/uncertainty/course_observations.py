@@ -18,13 +18,13 @@ from gearlib.runs.run_up import run_up, speeds_of
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.observation import (
     JUMP_SHARE,
-    ORDER,
+    ORDER_AMPLITUDE,
     SETTLING,
     START_REFUSAL,
     Channel,
     Curve,
     Observation,
-    at_speed,
+    orbit_quantities,
 )
 
 #: Measured direction -> direction of the sweep, its first speed as a share, number of speeds.
@@ -144,8 +144,8 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         tunings = np.sort(np.linspace(first_share * tuning, tuning, count))
         curve = sweep(model, tunings, direction=direction, **SETTLING)
         state = curve.final_state.values[0 if direction == "down" else -1]
-        point = at_speed(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
-        orders = point[ORDER][1 : ORDERS + 1, mesh]
+        point = orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
+        orders = point[ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
         depth = max(0.0, -point["displacement_min"].min())
         return [_real_and_imaginary(orders * phase_factors)], depth
 

@@ -19,15 +19,15 @@ from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 
-#: Residual of a speed that the model does not have.
-MISSING_RESIDUAL = 100.0
-#: A step from one measured value to the next that is a jump, as a share of the value.
+#: Residual of a measured speed that the model does not have.
+MISSING_SPEED_RESIDUAL = 100.0
+#: Least step between successive measured values that counts as a jump, as a share of the value.
 JUMP_SHARE = 0.15
 START_REFUSAL = (
     "model is not allowed: a motion with its values, where the fit starts, could not be run to the "
     "end"
 )
-#: Values of an orbit that can be compared.
+#: Statistics of an orbit that can be compared with measured ones.
 STATISTICS = (
     "displacement_max",
     "displacement_min",
@@ -37,41 +37,41 @@ STATISTICS = (
     "fraction_backlash",
     "fraction_inverse",
 )
-#: Mean force of a mesh over that of all meshes of its central gear; mesh orders of displacements.
-SHARING, ORDER = "load_sharing", "order_amplitude"
-#: Samples in a mesh period of which mesh orders are sums.
-SAMPLES = 64
-#: Shares of the tunings of the highest and the lowest jump between which a branch is followed.
-_ABOVE, _BELOW = 1.5, 0.7
-#: Shares of a measured onset of contact loss at which that of a model is searched.
+#: Names of further quantities: the share of a mesh in the load, the amplitude of a mesh order.
+LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"
+#: Samples of a mesh period from which mesh orders are computed.
+SAMPLES_PER_PERIOD = 64
+#: Ends of the branch on which jumps are searched, as shares of the highest and the lowest jump.
+_BRANCH_START_SHARE, _BRANCH_END_SHARE = 1.5, 0.7
+#: Speeds at which the onset of contact loss is searched, as shares of the measured onset.
 _ONSET_SHARES = np.linspace(0.7, 1.3, 61)
-#: Mesh periods at each of these speeds.
+#: Settings of sweeps that settle on an orbit at each speed.
 SETTLING = {"periods": 200, "record_periods": 1}
 
 
 class Channel(NamedTuple):
-    """Measured values of one sensor."""
+    """Measured values of one sensor and their standard deviations."""
 
     name: str
     values: np.ndarray
-    deviations: np.ndarray  #: standard deviations; a common scale where the noise is unknown
+    deviations: np.ndarray  #: standard deviations; a common scale if the noise is unknown
     noise_known: bool
     unknown_gain: bool = False
     unknown_offset: bool = False
-    #: Numbers of the values in the order in which they were measured, shape (sequences, steps).
+    #: Indices of the values in the order of measurement, shape (sequences, steps).
     sequences: Any = None
-    joined: bool = False  #: whether its deviations are weighted with those of the channel before it
+    joined: bool = False  #: whether the channel shares the weight of the channel before it
 
     @property
     def eliminated(self) -> int:
-        """Return how many numbers of the sensor are taken from the data."""
+        """Return the number of sensor constants, gain and offset, that the data determine."""
         return self.unknown_gain + self.unknown_offset
 
     def sensed(self, predicted: np.ndarray) -> tuple:
-        """Return predicted values as the sensor shows them, and its gain.
+        """Return predicted values as the sensor shows them, and the gain of the sensor.
 
-        An unknown gain and offset enter linearly: those that suit the measured values best are
-        eliminated (variable projection, Golub and Pereyra 1973).
+        An unknown gain and offset enter linearly, so linear least squares eliminate them
+        (variable projection, Golub and Pereyra 1973).
         """
         columns = [predicted] * self.unknown_gain + [np.ones(predicted.size)] * self.unknown_offset
         if not columns:
@@ -80,10 +80,10 @@ class Channel(NamedTuple):
         matrix = np.stack(columns, axis=1) / self.deviations[:, None]
         sizes = np.linalg.norm(matrix, axis=0)
         sizes[sizes == 0.0] = 1.0
-        wanted = (self.values - constant) / self.deviations
-        best = np.linalg.lstsq(matrix / sizes, wanted, rcond=None)[0] / sizes
-        gain = float(best[0]) if self.unknown_gain else 1.0
-        return constant + np.stack(columns, axis=1) @ best, gain
+        target = (self.values - constant) / self.deviations
+        coefficients = np.linalg.lstsq(matrix / sizes, target, rcond=None)[0] / sizes
+        gain = float(coefficients[0]) if self.unknown_gain else 1.0
+        return constant + np.stack(columns, axis=1) @ coefficients, gain
 
 
 class Observation(NamedTuple):
@@ -91,14 +91,12 @@ class Observation(NamedTuple):
 
     kind: str
     channels: list
-    #: model -> (values of each channel, largest way into the backlash, m)
-    predict: Callable
-    #: values of each channel as the sensors show them -> curves to be drawn
-    draw: Callable
+    predict: Callable  #: model -> (values of each channel, largest depth in the backlash, m)
+    draw: Callable  #: predicted values as the sensors show them -> list of curves
     warning: str = ""
 
     def sensed(self, model: Any) -> list | None:
-        """Return what the sensors show of a model, None where a motion could not go on."""
+        """Return predicted values as the sensors show them, None if a run of the model fails."""
         try:
             predicted = self.predict(model)[0]
         except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
@@ -107,28 +105,28 @@ class Observation(NamedTuple):
         return [channel.sensed(values)[0] for channel, values in pairs]
 
     def residuals(self, model: Any) -> np.ndarray | None:
-        """Return predicted less measured values over their deviations, None as `sensed`."""
+        """Return (predicted - measured) / deviation, None if a run of the model fails."""
         sensed = self.sensed(model)
         if sensed is None:
             return None
         pairs = zip(self.channels, sensed, strict=True)
         rows = [(values - channel.values) / channel.deviations for channel, values in pairs]
-        return np.nan_to_num(np.concatenate(rows), nan=MISSING_RESIDUAL)
+        return np.nan_to_num(np.concatenate(rows), nan=MISSING_SPEED_RESIDUAL)
 
 
 class Curve(NamedTuple):
-    """A measured quantity over the speed, or over the mesh phase, and what the fit makes of it."""
+    """A measured and a fitted quantity over the speed or over the mesh phase."""
 
     name: str
     units: str
     over: str  #: speed (rpm) or phase (mesh periods)
     at: np.ndarray
-    heights: tuple  #: (measured, fitted) as the sensor sees them; NaN where left out
+    heights: tuple  #: (measured, fitted) as the sensor shows them; NaN: not compared
     falls: np.ndarray  #: whether the speed falls
 
 
-class Place(NamedTuple):
-    """A measured speed, rpm."""
+class MeasuredSpeed(NamedTuple):
+    """The measured and the fitted speed of a jump or of the onset of contact loss, rpm."""
 
     name: str
     measured: float
@@ -136,46 +134,45 @@ class Place(NamedTuple):
     fitted: float
 
 
-def at_speed(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
-    """Return values of the orbit near a guess at a speed in rpm: name -> values of the meshes, SI.
+def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
+    """Return the quantities of the periodic orbit at a speed in rpm: name -> values by mesh, SI.
 
-    `ORDER` has complex amplitudes, shape (orders, meshes); the displacement is twice the real part
-    of their sum.
+    The orbit next to the state `guess` is taken. `ORDER_AMPLITUDE` has complex amplitudes, shape
+    (orders, meshes); twice the real part of their sum is the displacement.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     n = orbit.period
     settings = {"periods": n, "record_periods": n, "initial_state": tuple(orbit.state)}
-    done = run(model, orbit.tuning, samples, **settings)
-    if done.status:
+    recorded = run(model, orbit.tuning, samples, **settings)
+    if recorded.status:
         raise NoOrbit(f"the motion at {speed:g} rpm could not go on")
-    table = summary.variables(model, (), done.summary, done.final, np.array([n, OK]), n)
-    scales = {"displacement": model.static_deflection, "dynamic": model.load}
-    values = {
-        name: np.atleast_1d(numbers) * scales.get(name.partition("_")[0], 1.0)
-        for name, (_, numbers) in table.items()
+    counts = np.array([n, OK])
+    table = summary.variables(model, (), recorded.summary, recorded.final, counts, n)
+    units = {"displacement": model.static_deflection, "dynamic": model.load}
+    quantities = {
+        name: np.atleast_1d(values) * units.get(name.partition("_")[0], 1.0)
+        for name, (_, values) in table.items()
     }
-    meshes = max(len(model.mesh_names), 1)
-    of_meshes = done.samples[:, : meshes * orbit_columns.SAMPLE_COLUMNS]
-    x = (
-        of_meshes[:, orbit_columns.SAMPLE_X :: orbit_columns.SAMPLE_COLUMNS]
-        * model.static_deflection
-    )
-    return values | {ORDER: np.fft.rfft(x, axis=0, norm="forward")[::n]}
+    end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS
+    columns = slice(orbit_columns.SAMPLE_X, end, orbit_columns.SAMPLE_COLUMNS)
+    displacements = recorded.samples[:, columns] * model.static_deflection
+    return quantities | {ORDER_AMPLITUDE: np.fft.rfft(displacements, axis=0, norm="forward")[::n]}
 
 
-def pick(values: dict, quantity: str, mesh: int) -> float:
-    """Return one value of an orbit: of `STATISTICS`, `SHARING`, or `ORDER` with its number."""
-    name, _, number = quantity.rpartition("_")
-    if name == ORDER:
-        return 2.0 * abs(values[ORDER][int(number), mesh])
-    return float(values[quantity][mesh])
+def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
+    """Return one quantity of one mesh of an orbit, such as `order_amplitude_2`."""
+    kind, _, number = name.rpartition("_")
+    if kind == ORDER_AMPLITUDE:
+        return 2.0 * abs(quantities[ORDER_AMPLITUDE][int(number), mesh])
+    return float(quantities[name][mesh])
 
 
-def special_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of jumps and onset that a model has, rpm, next to measured ones.
+def resonance_speeds(model: Any, measured: dict) -> dict:
+    """Return the speeds of jumps and of the onset of contact loss of a model, rpm.
 
-    Jumps are folds of the branch of orbits, the onset is a grazing. With one degree of freedom
-    they are those of the main resonance; with more coordinates the branch is followed.
+    `measured` maps their names to measured speeds; the nearest speeds of the model are returned.
+    Jumps are folds of the branch of orbits, the onset is a grazing. They are those of the main
+    resonance of a model with one degree of freedom; otherwise the branch is followed.
     """
     rate = float(model.speed(1.0))
     if model.size == 2 and model.repeats == 1:
@@ -193,12 +190,12 @@ def special_speeds(model: Any, measured: dict) -> dict:
 
 
 def fold_speeds(model: Any, measured: dict) -> dict:
-    """Return name of a jump -> speed of the fold next to what was measured, rpm."""
+    """Return the speeds of the folds of a model next to measured jumps, rpm, by name."""
     rate, speeds = float(model.speed(1.0)), {}
-    orbit = periodic_orbit(model, _ABOVE * max(measured.values()) / rate)
-    branch = continue_orbit(orbit, to=_BELOW * min(measured.values()) / rate)
+    orbit = periodic_orbit(model, _BRANCH_START_SHARE * max(measured.values()) / rate)
+    branch = continue_orbit(orbit, to=_BRANCH_END_SHARE * min(measured.values()) / rate)
     folds = branch.tuning.values[branch.label.values == FOLD] * rate
-    # From above a resonance is entered at its lower fold and left at its upper one.
+    # The branch comes from higher speeds: the first fold of each pair is that of the jump down.
     for name, speed in measured.items():
         candidates = folds[: 2 * (folds.size // 2)][name != "jump_down" :: 2]
         if candidates.size:
@@ -207,17 +204,18 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to what was measured, or NaN."""
+    """Return the speed of the onset of contact loss next to the measured one, rpm, or NaN."""
     speeds = measured * _ONSET_SHARES
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING)
-    least = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
-    steps = np.flatnonzero((least[1:] > 0.0) != (least[:-1] > 0.0))
-    if not steps.size:
+    minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
+    changes = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
+    if not changes.size:
         return math.nan
-    i = steps[np.abs(speeds[steps] - measured).argmin()]
+    i = changes[np.abs(speeds[changes] - measured).argmin()]
     state = curve.final_state.values[i]
 
-    def distance(speed: float) -> float:
-        return at_speed(model, speed, state)["displacement_min"].min()
+    def lowest_displacement(speed: float) -> float:
+        return orbit_quantities(model, speed, state)["displacement_min"].min()
 
-    return brentq(distance, speeds[i], speeds[i + 1], xtol=1e-12 * measured, rtol=1e-14)
+    bracket = speeds[i], speeds[i + 1]
+    return brentq(lowest_displacement, *bracket, xtol=1e-12 * measured, rtol=1e-14)

@@ -26,7 +26,7 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
     tunings = np.linspace(tuning, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
     speed, state = float(TRUTH.speed(tuning)), run.final_state.values[0]
-    point = observation.at_speed(TRUTH, speed, state)
+    point = observation.orbit_quantities(TRUTH, speed, state)
     assert point["displacement_min"] < 0.0
     with mp.workdps(50):
         pair = describe(TRUTH)
@@ -37,7 +37,7 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:
             wanted = float(table[name][0] * scale.get(name.partition("_")[0], 1))
-            value = observation.pick(point, name, 0)
+            value = observation.mesh_quantity(point, name, 0)
             assert value == pytest.approx(wanted, rel=CLOSE, abs=1e-30), name
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 import gearlib
 from gearlib.uncertainty import observation
-from gearlib.uncertainty.fits import correlated
+from gearlib.uncertainty.fits import correlation_sentences
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
@@ -94,9 +94,11 @@ def test_data_of_unknown_noise_that_no_model_comes_near_are_said_to_be():
 def test_a_false_alarm_on_independent_residuals_is_rarer_than_one_in_a_hundred():
     channels = observations_of(TRUTH, resonance(TRUTH, None))[0].channels
     rng, size = np.random.default_rng(0), 4 * COUNT
-    alarms = [correlated(channels, rng.normal(size=size)) for _ in range(500)]
+    alarms = [correlation_sentences(channels, rng.normal(size=size)) for _ in range(500)]
     assert sum(map(bool, alarms)) < 5
-    assert correlated(channels, np.sin(0.3 * np.arange(size)))[0].endswith("no interval holds")
+    assert correlation_sentences(channels, np.sin(0.3 * np.arange(size)))[0].endswith(
+        "no interval holds"
+    )
 
 
 def test_each_side_of_a_jump_has_its_own_branch():
@@ -121,7 +123,7 @@ def test_each_side_of_a_jump_has_its_own_branch():
 
 def speeds_of(pair, **speeds):
     """Return the speeds that a fit compares with measured ones, rpm."""
-    return [*observation.special_speeds(pair, speeds).values()]
+    return [*observation.resonance_speeds(pair, speeds).values()]
 
 
 def test_onset_of_contact_loss_is_a_grazing():

@@ -38,10 +38,10 @@ def planetary():
 def synthetic_points(model, speed, names):
     """Return values of a settled motion with a noise of 0.3 %."""
     rng = np.random.default_rng(5)
-    point = observation.at_speed(model, speed, None, observation.SAMPLES)
+    point = observation.orbit_quantities(model, speed, None, observation.SAMPLES_PER_PERIOD)
     data = xr.Dataset(coords={"speed": ("sample", [speed])})
     for name, which in quantities_of(model, names).items():
-        value = observation.pick(point, *which)
+        value = observation.mesh_quantity(point, *which)
         attrs = {"noise_std": 0.003 * abs(value)}
         data[name] = "sample", value + rng.normal(0.0, attrs["noise_std"], 1), attrs
     return data
