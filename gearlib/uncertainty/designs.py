@@ -1,7 +1,7 @@
-"""Samples of the parameters that scatter, and the models that they make.
+"""Designs: samples of scattering parameters, and the models with these parameters.
 
-What scatters is a model, by the names of its `settable`; two drawn gears, see `DrawnPair`; or a
-function that returns a model and takes what scatters as keyword arguments.
+The models come from a model whose parameters change, from two drawn gears (`DrawnPair`), or from a
+function that takes the parameters as keyword arguments and returns a model.
 """
 
 import dataclasses
@@ -29,20 +29,19 @@ from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
 from gearlib.models.tolerated import of_drawing as names_of_drawing
 from gearlib.uncertainty import distributions
 
-#: Bits of the Sobol' numbers, and largest number of points that these can tell apart.
-_BITS = 30
-MAX_SAMPLES = 2**_BITS
-#: Dimensions of a point beside the parameters: displacement and velocity of a start.
-STARTS = 2
-#: Damping in contact, of which there is one.
-_DAMPINGS = {"damping_ratio", "material_damping", "logarithmic_decrement"}
-#: Positions on the path of contact at which a wave of the flanks is tabulated.
-_POSITIONS = 129
-_NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
+#: Bits of the coordinates of Sobol' points; they limit the number of different points.
+_SOBOL_BITS = 30
+MAX_SAMPLES = 2**_SOBOL_BITS
+#: Dimensions of a point that follow the parameters: displacement and velocity of a start.
+START_DIMENSIONS = 2
+#: Parameters of which a pair has exactly one.
+_DAMPING_NAMES = {"damping_ratio", "material_damping", "logarithmic_decrement"}
+_DEVIATION_TABLE_POINTS = 129
+_NUMBER_PATTERN = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
 
-class OfModel:
-    """A model whose parameters scatter, by the names of `Model.settable`."""
+class ModelSource:
+    """Make designs from a model by changing its parameters, names of `Model.settable`."""
 
     def __init__(self, model: Any):
         self.model, self.value = model, model.value
@@ -53,18 +52,18 @@ class OfModel:
         self.described = parameters.named(type(model)) | model.settable
 
     def __call__(self, changes: dict) -> Any:
-        """Return the model with parameters changed."""
+        """Return the model with changed parameters, a mapping of names to values."""
         return self.model.with_values(changes)
 
 
 class DrawnPair:
-    """Two drawn gears, a `gearlib.geometry.Mesh`, whose drawing scatters.
+    """Make designs from two drawn gears, a `gearlib.geometry.Mesh`, by changing their drawing.
 
-    Names of what scatters are those of the mesh, ``centre_distance`` and ``backlash``, those of a
-    `SpurGear`, as ``pinion.thickness_allowance``, and those of the load and damping. Without a
-    backlash that scatters it is that of the mesh ("drawing"), or what shifts, centre distance and
-    allowances leave in each sample (None). Options are torque, damping_ratio and so on, those of
-    `GearPair.from_geometry`.
+    Parameters are ``centre_distance`` and ``backlash`` of the mesh, fields of a `SpurGear` such as
+    ``pinion.thickness_allowance``, the load and the damping. Unless the backlash itself scatters,
+    it is the backlash of the mesh ("drawing") or follows from profile shifts, centre distance and
+    allowances of each sample (None). Options are those of `GearPair.from_geometry`, such as torque
+    and damping_ratio.
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
@@ -73,19 +72,22 @@ class DrawnPair:
         self.options = options
         self.known = names_of_drawing()
         self.described = {
-            name: (parameters.cf_units(parameter.kind.unit), _words(name, parameter))
+            name: (parameters.cf_units(parameter.kind.unit), _parameter_text(name, parameter))
             for name, parameter in self.known.items()
         }
 
     def value(self, name: str) -> Any:
-        """Return what the drawing has of a name, None where it has nothing."""
-        part, _, field = name.rpartition(".")
-        if not part and name in OF_LOAD | OF_FLANKS:
+        """Return the nominal value of a parameter, None if the drawing does not have it."""
+        gear, _, field = name.rpartition(".")
+        if not gear and name in OF_LOAD | OF_FLANKS:
             return self.options.get(name)
-        return getattr(getattr(self.mesh, part) if part else self.mesh, field)
+        return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the gears with parts of the drawing changed."""
+        """Return the `GearPair` of the gears with changes of their drawing.
+
+        With deviations of the flanks it is a `OneDegreePair`.
+        """
         mesh, options, (cosine, sine) = self._changed(changes)
         options["stiffness"] = options.get("stiffness") or "iso"
         pair = GearPair.from_geometry(mesh, **options)
@@ -94,77 +96,80 @@ class DrawnPair:
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
     def at_duty(self, changes: dict) -> Any:
-        """Return the `LoadSharingPair` of the same gears, for their duty point."""
+        """Return the `LoadSharingPair` of the changed gears, the model of their duty point."""
         mesh, options, (cosine, sine) = self._changed(changes)
         if cosine or sine:
-            position = np.linspace(*mesh.path, _POSITIONS)
+            position = np.linspace(*mesh.path, _DEVIATION_TABLE_POINTS)
             phase = mesh.phase_of(position)
             gap = -(cosine * np.cos(phase) + sine * np.sin(phase))
             options["deviation"] = PathTable(tuple(position), tuple(gap))
         return tooth_pairs_of(mesh, **options)
 
     def _changed(self, changes: dict) -> tuple:
-        """Return the mesh, the options of the load, and the wave of the flanks."""
-        fields: dict = {"pinion": {}, "wheel": {}, "": {}}
-        fields[""]["backlash"] = self.mesh.backlash if self.backlash == "drawing" else None
-        fields[""]["centre_distance"] = self.mesh.centre_distance
+        """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
+
+        The deviations are the cosine and sine of the first mesh order, m.
+        """
+        gears: dict = {"pinion": {}, "wheel": {}}
+        backlash = self.mesh.backlash if self.backlash == "drawing" else None
+        fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
         options = dict(self.options)
-        if _DAMPINGS & changes.keys():
-            options = {name: x for name, x in options.items() if name not in _DAMPINGS}
+        if _DAMPING_NAMES & changes.keys():
+            options = {name: x for name, x in options.items() if name not in _DAMPING_NAMES}
         for name, value in changes.items():
-            part, _, field = name.rpartition(".")
+            gear, _, field = name.rpartition(".")
             if name in OF_LOAD:
                 options[name] = value
             elif name not in OF_FLANKS:
-                fields[part][field] = value
-        pinion, wheel = (_gear(getattr(self.mesh, x), fields[x]) for x in ("pinion", "wheel"))
-        wave = [changes.get(name, 0.0) for name in OF_FLANKS]
-        return Mesh(pinion, wheel, **fields[""]), options, wave
+                (gears[gear] if gear else fields)[field] = value
+        pinion, wheel = (_changed_gear(getattr(self.mesh, name), gears[name]) for name in gears)
+        deviations = [changes.get(name, 0.0) for name in OF_FLANKS]
+        return Mesh(pinion, wheel, **fields), options, deviations
 
 
-def _gear(gear: Any, changes: dict) -> Any:
-    """Return a gear with fields changed; a tip that follows from the shift goes on doing so."""
+def _changed_gear(gear: Any, changes: dict) -> Any:
+    """Return a gear with changed fields; a default tip diameter follows the profile shift."""
     if changes and "tip_diameter" not in changes:
-        free = dataclasses.replace(gear, tip_diameter=None)
-        if abs(free.tip_diameter - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
+        default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
+        if abs(default - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
             changes = changes | {"tip_diameter": None}
     return dataclasses.replace(gear, **changes)
 
 
-def _words(name: str, parameter: Any) -> str:
-    """Return the description of a parameter of the drawing or of a function."""
-    part = name.rpartition(".")[0]
-    words = parameter.words.split(";")[0].split(",")[0].strip()
-    words = words[:1].lower() + words[1:] if words else name.rpartition(".")[2].replace("_", " ")
-    return f"{words} of the {part}" if part else words
+def _parameter_text(name: str, parameter: Any) -> str:
+    """Return a short description of a parameter of a gear or of a function."""
+    gear, _, field = name.rpartition(".")
+    text = parameter.words.split(";")[0].split(",")[0].strip()
+    text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
+    return f"{text} of the {gear}" if gear else text
 
 
-class OfFunction:
-    """A function that returns a model, and takes what scatters as keyword arguments."""
+class FunctionSource:
+    """Make designs by calling a function that takes parameters by name and returns a model."""
 
     def __init__(self, function: Callable):
         self.function, arguments = function, []
         with suppress(TypeError, ValueError):
             arguments = list(inspect.signature(function).parameters.values())
-        # What is given by position, or by any name, has no name here.
+        # Positional-only and variadic arguments cannot be passed by name.
         arguments = [x for x in arguments if x.kind in (x.POSITIONAL_OR_KEYWORD, x.KEYWORD_ONLY)]
         checks.require(arguments, "model", function, "a function with arguments that have names")
-        self.needed = [x.name for x in arguments if x.default is x.empty]
+        self.required = [x.name for x in arguments if x.default is x.empty]
         declared: dict = {}
         with suppress(AttributeError, TypeError):
             declared = parameters.declared(function)
         self.known = {x.name: declared.get(x.name) for x in arguments}
         self.described = {
-            name: (parameters.cf_units(x.unit), _words(name, x)) if x else ("1", name)
+            name: (parameters.cf_units(x.unit), _parameter_text(name, x)) if x else ("1", name)
             for name, x in self.known.items()
         }
 
     def value(self, name: str) -> None:
-        """Return None: a function has no values."""
+        """Return None, because a function has no nominal values."""
 
     def __call__(self, changes: dict) -> Any:
-        """Return the model of these arguments."""
-        missing = [name for name in self.needed if name not in changes]
+        """Return the model for arguments, a mapping of names to values."""
+        missing = [name for name in self.required if name not in changes]
         if missing:
             raise ValueError(
                 f"tolerances.{missing[0]} is missing: the function has no value of its own"
@@ -176,14 +181,14 @@ class OfFunction:
 
 
 class Designs:
-    """Many designs: the points of a scrambled Sobol' sequence, and their models."""
+    """Random designs by tolerances: points of a scrambled Sobol' sequence and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
-        words = "a model such as GearPair, a DrawnPair or a function that returns a model"
-        checks.require(is_model(model) or callable(model), "model", model, words)
+        allowed = "a model such as GearPair, a DrawnPair or a function that returns a model"
+        checks.require(is_model(model) or callable(model), "model", model, allowed)
         self.source: Any = model
         if not isinstance(model, DrawnPair):
-            self.source = OfModel(model) if is_model(model) else OfFunction(model)
+            self.source = ModelSource(model) if is_model(model) else FunctionSource(model)
         self.tolerances = distributions.read(tolerances, self.source.known, self.source.value)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)
@@ -196,31 +201,34 @@ class Designs:
         self.nominal = self.model(self.tolerances.centres)
 
     def points(self, first: int, last: int) -> np.ndarray:
-        """Return the points of a range of indices, shape (n, k + 2), the last two of a start."""
-        # All dimensions in one sequence: parameters do not change where starts are wanted.
-        engine = qmc.Sobol(len(self.names) + STARTS, bits=_BITS, rng=self.seed)
+        """Return points first ... last - 1 of the unit cube, shape (n, k + 2).
+
+        The first k coordinates are those of the parameters, the last two those of a start.
+        """
+        # Starts are part of the same sequence so that parameters do not depend on their use.
+        engine = qmc.Sobol(len(self.names) + START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
         if first:
             engine.fast_forward(first)
         with warnings.catch_warnings():
-            # Any number of points is allowed, not powers of 2 alone.
+            # The sequence warns of numbers of points that are no powers of 2.
             warnings.simplefilter("ignore", UserWarning)
             points = engine.random(last - first)
-        # In the middle of its cell, so that none lies on the boundary.
-        return points + 0.5**_BITS / 2.0
+        # Half a cell is added because coordinates must not be 0.
+        return points + 0.5**_SOBOL_BITS / 2.0
 
     def values(self, points: np.ndarray) -> np.ndarray:
-        """Return the parameters of points, shape (n, k)."""
+        """Return the parameters, (n, k), of points of the unit cube, (n, k + 2)."""
         return self.tolerances.values(points[:, : len(self.names)])
 
     def model(self, values: np.ndarray) -> Any:
-        """Return the model of one row of values; ValueError if there is none."""
+        """Return the model with parameters, (k,), or raise ValueError if it cannot be built."""
         model = self.source(dict(zip(self.names, map(float, values), strict=True)))
-        words = "a model such as GearPair, of each sample"
-        checks.require(is_model(model), "the value of the function", model, words)
+        allowed = "a model such as GearPair, of each sample"
+        checks.require(is_model(model), "the value of the function", model, allowed)
         return model
 
     def at_duty(self, values: np.ndarray) -> Callable | None:
-        """Return what makes the model of a row of values for its duty point, if it is another."""
+        """Return a function that builds the model of the duty point, None if it is `model`."""
         if not isinstance(self.source, DrawnPair):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
@@ -232,11 +240,12 @@ class Designs:
 
 
 def counted(refusals: Iterable[str]) -> list[tuple[int, str]]:
-    """Return (number of samples, an example) of texts of refusals, the most frequent first.
+    """Return the count and an example of each kind of refusal, the most frequent kind first.
 
-    Refusals that differ in their numbers only count as equal.
+    Refusals of one kind differ only in their numbers.
     """
     kinds: dict = {}
     for text in filter(None, refusals):
-        kinds.setdefault(_NUMBER.sub("...", text), []).append(text)
-    return sorted(((len(texts), texts[0]) for texts in kinds.values()), key=lambda x: (-x[0], x[1]))
+        kinds.setdefault(_NUMBER_PATTERN.sub("...", text), []).append(text)
+    counts = ((len(texts), texts[0]) for texts in kinds.values())
+    return sorted(counts, key=lambda row: (-row[0], row[1]))

@@ -1,9 +1,9 @@
-"""`sobol_indices`: which tolerance moves a quantity most, by shares of its variance.
+"""`sobol_indices`: shares of the variance of a quantity that each tolerance causes.
 
-The first index of a parameter is the share of the variance that would be gone if it alone had no
-tolerance, on average; the total index what would be left if it alone had one (Saltelli et al.:
-Comput. Phys. Comm. 181 (2010) 259-270). Intervals are bootstrapped, so they cover the samples'
-chance and nothing else.
+The first index of a parameter is the share of the variance that vanishes on average if only this
+parameter has no tolerance; the total index is the share that remains on average if only this
+parameter has one (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals
+cover the sampling error only.
 """
 
 from typing import Any
@@ -16,8 +16,7 @@ from gearlib.data.result import result
 from gearlib.uncertainty.design_quantities import QUANTITIES, names_of, search_of
 from gearlib.uncertainty.designs import Designs
 
-#: Samples of the bootstrap.
-_RESAMPLES = 200
+_BOOTSTRAP_RESAMPLES = 200
 
 
 def sobol_indices(
@@ -31,26 +30,26 @@ def sobol_indices(
     seed=0,
     progress=None,
 ):
-    """Return Sobol' indices of quantities by what scatters, with bootstrapped intervals.
+    """Return Sobol' indices of quantities by tolerances, with bootstrapped intervals.
 
     Parameters
     ----------
     model, tolerances, quantities, seed, progress
-        As of `gearlib.scatter`, without correlations.
+        The same arguments as those of `gearlib.scatter`; correlations are not allowed.
     n : int, default 1024
-        A power of 2; of k parameters n (k + 2) designs are computed.
+        Number of samples, a power of 2; n (k + 2) designs are computed for k parameters.
     speed : float, optional
-        Of the duty point, rpm.
+        Speed of the duty point, rpm, for quantities of the duty point.
     confidence : float, default 0.95
-        Of the intervals.
+        Confidence level of the intervals.
 
     Returns
     -------
     xarray.Dataset
         Over ``quantity`` and ``parameter``: first_index, total_index, and with ``bound`` their
-        intervals first_index_interval, total_index_interval; over ``quantity``:
-        missing_designs, those without the quantity or that cannot be built, which are
-        replaced by others: what is told then holds of the designs that have it.
+        intervals first_index_interval, total_index_interval. Over ``quantity``: missing_designs,
+        the number of designs that cannot be built or do not have the quantity. They are replaced
+        by other designs, so the indices hold for designs that have the quantity.
 
     Raises
     ------
@@ -70,15 +69,15 @@ def sobol_indices(
         )
     quantities = names_of("quantities", quantities, tuple(QUANTITIES))
     search = search_of(designs, quantities, speed)
-    tables = _values(designs, search, n, progress)
+    tables = _design_tables(designs, search, n, progress)
     indices = [
-        _indices(table, level, designs.seed, name)
+        _indices_with_intervals(table, level, designs.seed, name)
         for table, name in zip(tables, quantities, strict=True)
     ]
-    over, data = ("quantity", "parameter"), {}
+    dims, data = ("quantity", "parameter"), {}
     for i, name in enumerate(("first_index", "total_index")):
-        data[name] = over, [values[i] for values, _ in indices]
-        data[f"{name}_interval"] = (*over, "bound"), [interval[i] for _, interval in indices]
+        data[name] = dims, [values[i] for values, _ in indices]
+        data[f"{name}_interval"] = (*dims, "bound"), [intervals[i] for _, intervals in indices]
     data["missing_designs"] = "quantity", np.isnan(tables).sum(axis=(1, 2)).astype(np.int32)
     coords = {
         "quantity": list(quantities),
@@ -90,28 +89,32 @@ def sobol_indices(
     return result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
 
 
-def _values(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
-    """Return the quantities of the designs that are compared, shape (q, k + 2, n)."""
+def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
+    """Return a table, (k + 2, n), for each quantity: its values for the designs of Saltelli's rule.
+
+    The rows belong to two independent samples A and B of the k parameters, and to copies of A with
+    one parameter of B each.
+    """
     k = len(designs.names)
-    both = qmc.Sobol(2 * k, rng=designs.seed).random(n)
-    a, b = both[:, :k], both[:, k:]
+    cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
+    a, b = cube[:, :k], cube[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
-    rows = designs.tolerances.values(points.reshape(-1, k))
-    values = np.full((len(rows), len(search.quantities)), np.nan)
-    with notebook.telling("designs", len(rows), progress) as newly:
-        for i, row in enumerate(rows):
+    parameters = designs.tolerances.values(points.reshape(-1, k))
+    values = np.full((len(parameters), len(search.quantities)), np.nan)
+    with notebook.telling("designs", len(parameters), progress) as report:
+        for i, row in enumerate(parameters):
             try:
                 design = designs.model(row)
             except ValueError:
-                design = None
-            if design is not None:
+                pass
+            else:
                 values[i] = search(design, designs.at_duty(row))[0]
-            newly(1)
+            report(1)
     return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
 
 
-def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return indices, (2, k), and their intervals, (2, k, 2), of values, shape (k + 2, n)."""
+def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
+    """Return the indices of a quantity, (2, k), and their intervals, (2, k, 2), from its table."""
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
     if count < 2:
@@ -119,22 +122,21 @@ def _indices(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
             f"quantities = {name!r} is not allowed with these tolerances: of {n} samples {count} "
             "have it in all designs that are compared"
         )
-    # As many as before, as the balance of the points asks for: each that is missing gives its place
-    # to one that is there.
+    # The points are balanced for n samples, so complete samples replace the incomplete ones.
     samples, missing = np.arange(n), np.isnan(table).any(axis=0)
     samples[missing] = complete[np.arange(n - count) * count // max(n - count, 1) % count]
     table = table[:, samples]
 
-    def indices(rows):
-        shifted = table[:, rows] - table[:2, rows].mean()
-        a, b, ab = shifted[0], shifted[1], shifted[2:]
-        shares = (b * (ab - a)).mean(axis=1), 0.5 * ((ab - a) ** 2).mean(axis=1)
-        return np.array(shares) / (shifted[:2].var() or np.inf)
+    def indices(columns):
+        centred = table[:, columns] - table[:2, columns].mean()
+        a, b, mixed = centred[0], centred[1], centred[2:]
+        variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)
+        return np.array(variances) / (centred[:2].var() or np.inf)
 
     interval = bootstrap(
         (np.arange(n),),
         indices,
-        n_resamples=_RESAMPLES,
+        n_resamples=_BOOTSTRAP_RESAMPLES,
         vectorized=False,
         confidence_level=level,
         method="percentile",

@@ -59,7 +59,7 @@ def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares
     given = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
     load, gap = Designs(PAIR, given).tolerances.marginals.values()
     assert load.centre == PAIR.load and math.isclose(load.law.std(), 0.05 * PAIR.load)
-    assert gap.centre == 40e-6 and np.allclose(gap.ends, (36e-6, 50e-6))
+    assert gap.centre == 40e-6 and np.allclose(gap.limits, (36e-6, 50e-6))
 
 
 def test_a_mirrored_tolerance_gives_mirrored_values():
