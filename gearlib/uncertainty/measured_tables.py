@@ -17,22 +17,22 @@ from gearlib.data import measured_names
 from gearlib.integrators.method import MissingPackage, Package
 
 PYUFF = Package("pyuff", "pyuff")
-#: Columns of a long table, by PEtab.
-LONG = ("observableId", "measurement")
-CONDITION, NOISE = "simulationConditionId", "noiseParameters"
-#: Directions, texts or numbers.
+#: Names of the columns of a long table by PEtab.
+LONG_COLUMNS = ("observableId", "measurement")
+CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
+#: Texts and numbers of a direction -> its sign.
 _DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
 def read(path: Path, rig: Any, texts: set) -> dict:
-    """Return the columns that a description names; texts: names of those that are no numbers."""
+    """Return the columns of a table that a description names; those in `texts` are categories."""
     is_csv = path.suffix.lower() == ".csv"
     return _read_csv(path, rig, texts) if is_csv else _read_uff(path, rig)
 
 
 def header(path: Path, rig: Any) -> tuple[list[str], int]:
-    """Return the names of the columns of a CSV and the line they stand in, from 1."""
+    """Return the names of the columns of a CSV, and the number of their line, from 1."""
     try:
         with open(path, encoding=_encoding(rig), newline="") as file:
             for line, text in islice(enumerate(file, 1), rig.skip, None):
@@ -48,108 +48,115 @@ def header(path: Path, rig: Any) -> tuple[list[str], int]:
 
 
 def _encoding(rig: Any) -> str:
-    """Return the encoding of a CSV."""
+    """Return the encoding of a CSV; UTF-8 may begin with a byte order mark."""
     return "utf-8-sig" if rig.encoding == "utf-8" else rig.encoding
 
 
-def _wanted(names: list[str], rig: Any) -> list[str]:
-    """Return the columns of a CSV that a description names."""
-    wanted = list(rig.channels)
-    if set(LONG) <= {*names}:
-        wanted = [*LONG, *(name for name in (CONDITION, "time", NOISE) if name in names)]
-        wanted += [
-            key for key, channel in rig.channels.items()
+def _required_columns(names: list[str], rig: Any) -> list[str]:
+    """Return the names of the columns to read; refuse those that are missing or repeated."""
+    required = list(rig.channels)
+    if set(LONG_COLUMNS) <= {*names}:
+        optional = CONDITION_COLUMN, "time", NOISE_COLUMN
+        required = [*LONG_COLUMNS, *(name for name in optional if name in names)]
+        required += [
+            key
+            for key, channel in rig.channels.items()
             if (channel.observableId or key) in ("time", "speed", "direction")
-            and key in names and key not in wanted
-        ]  # fmt: skip
-    for name in wanted:
+            and key in names
+            and key not in required
+        ]
+    for name in required:
         if names.count(name) > 1:
             raise ValueError(f"the column {name!r} of {rig.data} is there twice: it must be once")
         if name not in names:
             separators = [
-                separator for separator in (";", "\t", "|", ",")
+                separator
+                for separator in (";", "\t", "|", ",")
                 if len(names) == 1 and name in map(str.strip, names[0].split(separator))
-            ]  # fmt: skip
+            ]
             hint = f", or separator must be {separators[0]!r}" if separators else ""
             raise ValueError(
                 f"the column {name!r} of {rig.data} is missing: it must be one of "
                 f"{', '.join(map(repr, names[:12]))}{hint}"
             )
-    return wanted
+    return required
 
 
-def _frame(path: Path, rig: Any, kinds: dict, count: int, line: int) -> Any:
-    """Return numbered columns of a CSV below a line; kinds: number of a column -> its type."""
+def _data_frame(path: Path, rig: Any, dtypes: dict, count: int, line: int) -> Any:
+    """Return the data below a line of a CSV with `count` columns as a data frame.
+
+    `dtypes` maps the index of a column to its type. One column is added for surplus cells.
+    """
     import pandas as pd
 
-    # Versions from 3.1 on round numbers correctly without being asked.
-    exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
-    # A cell behind the last column would be dropped in silence: it gets a column of its own.
+    # From version 3.1 on, pandas rounds numbers correctly by default.
+    rounds_correctly = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+    # Pandas would drop surplus cells of a row without an error.
     names = rig.separator.join(map(str, range(count + 1)))
     with open(path, encoding=_encoding(rig), newline="") as file:
         for _ in range(line):
             file.readline()
         table = StringIO(f"{names}\n{file.read()}", newline="")
-    kinds = {str(i): kind for i, kind in kinds.items()} | {str(count): "category"}
+    dtypes = {str(i): dtype for i, dtype in dtypes.items()} | {str(count): "category"}
     frame = pd.read_csv(
         table,
-        dtype=kinds,
-        usecols=[*kinds],
+        dtype=dtypes,
+        usecols=[*dtypes],
         sep=rig.separator,
         decimal=rig.decimal,
         comment=rig.comment,
         skipinitialspace=True,
         low_memory=False,
         index_col=False,
-        **({} if exact else {"float_precision": "round_trip"}),
+        **({} if rounds_correctly else {"float_precision": "round_trip"}),
     )
     return frame.rename(columns=int)
 
 
 def _read_csv(path: Path, rig: Any, texts: set) -> dict:
-    """Return columns of a CSV."""
+    """Return columns of a CSV by name: numbers as arrays, `texts` as categories of pandas."""
     names, line = header(path, rig)
-    wanted = {name: names.index(name) for name in _wanted(names, rig)}
-    kinds = {i: "category" if name in texts else float for name, i in wanted.items()}
+    indices = {name: names.index(name) for name in _required_columns(names, rig)}
+    dtypes = {i: "category" if name in texts else float for name, i in indices.items()}
     try:
-        frame = _frame(path, rig, kinds, len(names), line)
+        frame = _data_frame(path, rig, dtypes, len(names), line)
     except UnicodeDecodeError as error:
         raise checks.refusal("data", rig.data, f"{rig.encoding} text ({error.reason})") from None
     except ValueError:
-        raise _no_number(path, rig, kinds, names, line) from None
+        raise _number_refusal(path, rig, dtypes, names, line) from None
     checks.require(len(frame), "data", rig.data, "a file with rows: it has none")
-    beyond = frame[len(names)].notna().to_numpy()
-    if beyond.any():
+    has_surplus = frame[len(names)].notna().to_numpy()
+    if has_surplus.any():
         hint = " (a decimal comma needs another separator)" if rig.separator == "," else ""
         raise ValueError(
-            f"{rig.data}, row {int(beyond.argmax()) + 1}: it must have {len(names)} cells as its "
-            f"names of columns have, not more{hint}"
+            f"{rig.data}, row {int(has_surplus.argmax()) + 1}: it must have {len(names)} cells as "
+            f"its names of columns have, not more{hint}"
         )
-    columns = {name: frame.pop(i) for name, i in wanted.items()}
+    columns = {name: frame.pop(i) for name, i in indices.items()}
     return {name: c.array if name in texts else c.to_numpy() for name, c in columns.items()}
 
 
-def _no_number(path: Path, rig: Any, kinds: dict, names: list, line: int) -> ValueError:
-    """Return the refusal of the first cell that is no number."""
+def _number_refusal(path: Path, rig: Any, dtypes: dict, names: list, line: int) -> ValueError:
+    """Return the error that names the first cell of a CSV that should be a number and is not."""
     import pandas as pd
 
-    numbers = [i for i, kind in kinds.items() if kind is float]
+    number_columns = [i for i, dtype in dtypes.items() if dtype is float]
     try:
-        frame = _frame(path, rig, dict.fromkeys(numbers, str), len(names), line)
+        frame = _data_frame(path, rig, dict.fromkeys(number_columns, str), len(names), line)
     except ValueError as error:
         return checks.refusal("data", rig.data, f"a table ({' '.join(str(error).split())})")
-    for i in numbers:
-        plain = frame[i].str.replace(rig.decimal, ".", regex=False)
-        wrong = (pd.to_numeric(plain, errors="coerce").isna() & frame[i].notna()).to_numpy()
+    for i in number_columns:
+        texts = frame[i].str.replace(rig.decimal, ".", regex=False)
+        wrong = (pd.to_numeric(texts, errors="coerce").isna() & frame[i].notna()).to_numpy()
         if wrong.any():
             row = int(wrong.argmax())
-            where = f"{rig.data}, column {names[i]!r}, row {row + 1}"
-            return checks.refusal(where, frame[i].iloc[row], "a number")
+            cell = f"{rig.data}, column {names[i]!r}, row {row + 1}"
+            return checks.refusal(cell, frame[i].iloc[row], "a number")
     return checks.refusal("data", rig.data, "a table of numbers")
 
 
 def _read_uff(path: Path, rig: Any) -> dict:
-    """Return columns of the sets 58 and 58b of a universal file, named by their first line."""
+    """Return the channels and times of a universal file, sets 58 and 58b, as columns by name."""
     if not PYUFF.available():
         raise MissingPackage(
             f"data = {rig.data!r} is not allowed: it must be a CSV, or {PYUFF.module} be there "
@@ -159,11 +166,11 @@ def _read_uff(path: Path, rig: Any) -> dict:
 
     try:
         file = pyuff.UFF(str(path))
-        kinds = file.get_set_types()
-        sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
-    except Exception as error:  # whatever a damaged file leads pyuff to
-        words = " ".join(str(error).split())
-        raise checks.refusal("data", rig.data, f"a universal file ({words})") from None
+        types = file.get_set_types()
+        sets = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
+    except Exception as error:  # pyuff raises various errors for damaged files
+        message = " ".join(str(error).split())
+        raise checks.refusal("data", rig.data, f"a universal file ({message})") from None
     checks.require(sets, "data", rig.data, "a universal file with sets 58: it has none")
     names = [str(table["id1"]).strip() for table in sets]
     columns: dict = {}
@@ -189,71 +196,73 @@ def _read_uff(path: Path, rig: Any) -> dict:
 
 
 def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Return columns over samples, the noise of each sample, and the single speeds.
+    """Return columns over samples, noise of each sample, and scalar speeds of a long table.
 
-    Measurements at the same condition, time and speed are one sample; where an observable was not
-    measured it is NaN. At a time of infinity, or without times, an observable may be there several
-    times: these are samples of their own.
+    Measurements at the same condition, time and speed are one sample; observables that were not
+    measured there are NaN. Repeated measurements at infinite time, or without time, are separate
+    samples.
     """
+    id_column, value_column = LONG_COLUMNS
     where = f"{rig.data}, column "
-    codes = complete(f"{where}{LONG[0]!r}", columns[LONG[0]])
-    observables = [str(name) for name in columns[LONG[0]].categories]
-    values = columns[LONG[1]]
-    noise = columns.get(NOISE, np.full(values.size, np.nan))
-    numbers = {key: i for i, key in enumerate(observables) if key in rig.channels}
+    codes = complete(f"{where}{id_column!r}", columns[id_column])
+    observables = [str(name) for name in columns[id_column].categories]
+    values = columns[value_column]
+    noise = columns.get(NOISE_COLUMN, np.full(values.size, np.nan))
+    channel_codes = {key: i for i, key in enumerate(observables) if key in rig.channels}
     for key in rig.channels:
-        if key not in numbers and key not in columns:
+        if key not in channel_codes and key not in columns:
             raise ValueError(
                 f"the observableId {key!r} of {rig.data} is missing: it must be one of "
                 f"{', '.join(map(repr, observables[:12]))}"
             )
-    gaps = np.isin(codes, [i for key, i in numbers.items() if rig.channels[key].gaps])
-    check_finite(f"{where}{LONG[1]!r}", np.where(gaps & np.isnan(values), 0.0, values))
+    gaps = np.isin(codes, [i for key, i in channel_codes.items() if rig.channels[key].gaps])
+    check_finite(f"{where}{value_column!r}", np.where(gaps & np.isnan(values), 0.0, values))
     wrong = np.flatnonzero((noise < 0) | np.isinf(noise))
     if wrong.size:
-        row = f"{where}{NOISE!r}, row {wrong[0] + 1}"
-        raise checks.refusal(row, noise[wrong[0]], "a finite number >= 0")
+        cell = f"{where}{NOISE_COLUMN!r}, row {wrong[0] + 1}"
+        raise checks.refusal(cell, noise[wrong[0]], "a finite number >= 0")
     speeds = xr.Dataset()
-    for key in list(numbers):
+    for key in list(channel_codes):
         name = rig.channels[key].observableId or key
         if name in measured_names.SPEEDS:
-            rows = codes == numbers.pop(key)
-            speeds[name] = _single_speed(rig, key, name, values[rows], noise[rows])
-    kept = np.isin(codes, list(numbers.values()))
-    wide = {name: columns[name][kept] for name in columns if name not in (*LONG, NOISE)}
-    codes, values, noise = codes[kept], values[kept], noise[kept]
-    sample, first = _sample_numbers(where, wide, codes, observables)
-    wide, noises = {name: column[first] for name, column in wide.items()}, {}
-    for key, i in numbers.items():
-        rows = codes == i
-        wide[key], noises[key] = np.full((2, first.size), np.nan)
-        wide[key][sample[rows]], noises[key][sample[rows]] = values[rows], noise[rows]
+            rows = codes == channel_codes.pop(key)
+            speeds[name] = _scalar_speed(rig, key, name, values[rows], noise[rows])
+    has_channel = np.isin(codes, list(channel_codes.values()))
+    codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
+    coordinates = [name for name in columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
+    wide = {name: columns[name][has_channel] for name in coordinates}
+    samples, first_rows = _sample_indices(where, wide, codes, observables)
+    wide, noises = {name: column[first_rows] for name, column in wide.items()}, {}
+    for key, code in channel_codes.items():
+        rows = codes == code
+        wide[key], noises[key] = np.full((2, first_rows.size), np.nan)
+        wide[key][samples[rows]], noises[key][samples[rows]] = values[rows], noise[rows]
     return wide, noises, speeds
 
 
-def _sample_numbers(where: str, keys: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the number of the sample of each row, and the first row of each sample."""
+def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
+    """Return the index of the sample of each measurement, and the first row of each sample."""
     import pandas as pd
 
-    plain = {name: getattr(column, "codes", column) for name, column in keys.items()}
-    frame = pd.DataFrame(plain | {LONG[0]: codes})
-    endless = np.isinf(keys["time"]) if "time" in keys else np.ones(codes.shape, bool)
-    again = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
-    twice = (again > 0) & ~endless
-    if twice.any():
-        i = int(twice.argmax())
+    numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
+    frame = pd.DataFrame(numbers | {LONG_COLUMNS[0]: codes})
+    steady = np.isinf(coordinates["time"]) if "time" in coordinates else np.ones(codes.shape, bool)
+    repetition = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
+    repeated = (repetition > 0) & ~steady
+    if repeated.any():
+        i = int(repeated.argmax())
         raise ValueError(
-            f"{where}'time' = {keys['time'][i]:.12g} is there twice for the observableId "
-            f"{observables[codes[i]]!r}, {int(twice.sum())} times in all: it must be once in each "
-            "condition"
+            f"{where}'time' = {coordinates['time'][i]:.12g} is there twice for the observableId "
+            f"{observables[codes[i]]!r}, {int(repeated.sum())} times in all: it must be once in "
+            "each condition"
         )
-    frame = frame.drop(columns=LONG[0]).assign(again=again)
-    sample = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
-    return sample, np.unique(sample, return_index=True)[1]
+    frame = frame.drop(columns=LONG_COLUMNS[0]).assign(repetition=repetition)
+    samples = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
+    return samples, np.unique(samples, return_index=True)[1]
 
 
-def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
-    """Return the one measurement of a speed at which the motion changes."""
+def _scalar_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
+    """Return the only measurement of a scalar speed as a variable: dims, value, attributes."""
     if values.size > 1:
         raise ValueError(
             f"the observableId {key!r} of {rig.data} is there {values.size} times: it must be once"
@@ -261,16 +270,16 @@ def _single_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tup
     channel = rig.channels[key]
     factor, units = channel.scale(key)
     deviation = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
-    words = measured_names.SPEEDS[name][1]
-    return (), values[0] * factor, {"units": units, "long_name": words, "noise_std": deviation}
+    text = measured_names.SPEEDS[name][1]
+    return (), values[0] * factor, {"units": units, "long_name": text, "noise_std": deviation}
 
 
-def check_finite(where: str, values: np.ndarray, gaps: Any = False, endless: bool = False) -> None:
-    """Raise ValueError unless numbers are finite; NaN is a gap where there may be some.
+def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
+    """Raise ValueError unless numbers are finite.
 
-    endless: whether infinity is allowed, PEtab's time of a steady state.
+    NaN is allowed with `gaps`, infinity with `steady`: it is PEtab's time of a steady state.
     """
-    wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(endless & (values == np.inf))
+    wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if wrong.any():
         row, count = int(wrong.argmax()), int(wrong.sum())
         where += f", row {row + 1}" + (f", and {count - 1} more" if count > 1 else "")
@@ -282,17 +291,17 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, endless: boo
         raise checks.refusal(where, float(values[row]), "finite")
 
 
-def directions(where: str, given: Any) -> np.ndarray:
-    """Return directions, texts or numbers, as integers; ValueError for any other."""
-    words = [str(word).strip().lower() for word in given.categories]
-    for word, category in zip(words, given.categories, strict=True):
-        checks.require(word in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
-    return np.array([_DIRECTIONS[word] for word in words], np.int8)[complete(where, given)]
+def directions(where: str, column: Any) -> np.ndarray:
+    """Return a column of directions, texts or numbers, as 1, -1 and 0, or raise ValueError."""
+    texts = [str(category).strip().lower() for category in column.categories]
+    for text, category in zip(texts, column.categories, strict=True):
+        checks.require(text in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
+    return np.array([_DIRECTIONS[text] for text in texts], np.int8)[complete(where, column)]
 
 
-def complete(where: str, given: Any) -> np.ndarray:
-    """Return the codes of a column of texts; ValueError where a cell is empty."""
-    codes = np.asarray(given.codes)
+def complete(where: str, column: Any) -> np.ndarray:
+    """Return the category codes of a column of texts, or raise ValueError if a cell is empty."""
+    codes = np.asarray(column.codes)
     if (codes < 0).any():
         row = int((codes < 0).argmax())
         raise ValueError(f"{where}, row {row + 1}, is empty: it must be a text")
@@ -300,34 +309,35 @@ def complete(where: str, given: Any) -> np.ndarray:
 
 
 def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
-    """Return the order in which time rises within each group, None where it does already.
+    """Return the order of samples by time in each group, None if they are sorted already.
 
-    group: number of the condition of each sample; ValueError where a time is there twice.
+    `group` holds the number of the condition of each sample. ValueError is raised if a time occurs
+    twice in a group.
     """
     import pandas as pd
 
-    # Groups are numbered by the order in which they come first.
+    # Groups keep the order in which they occur first.
     order = np.lexsort((time, pd.factorize(group)[0]))
     time, group = time[order], group[order]
-    same = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
-    if same.any():
-        i, count = int(same.argmax()), int(same.sum())
-        more = f", and {count - 1} more times" if count > 1 else ""
+    repeated = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
+    if repeated.any():
+        i, count = int(repeated.argmax()), int(repeated.sum())
+        further = f", and {count - 1} more times" if count > 1 else ""
         raise ValueError(
             f"{where} = {time[i]:.12g} is there twice, in rows {order[i] + 1} and "
-            f"{order[i + 1] + 1}{more}: it must be once in each condition"
+            f"{order[i + 1] + 1}{further}: it must be once in each condition"
         )
     return None if (np.diff(order) > 0).all() else order
 
 
-def dates(where: str, given: Any) -> tuple[np.ndarray, str]:
-    """Return seconds since the first of the dates of a column, and that date as ISO 8601."""
+def dates(where: str, column: Any) -> tuple[np.ndarray, str]:
+    """Return seconds since the first date of a column, and this date as ISO 8601."""
     import pandas as pd
 
-    codes = complete(where, given)
-    days = pd.to_datetime(list(given.categories), utc=True, format="ISO8601", errors="coerce")
+    codes = complete(where, column)
+    days = pd.to_datetime(list(column.categories), utc=True, format="ISO8601", errors="coerce")
     if days.isna().any():
-        wrong = given.categories[int(days.isna().argmax())]
+        wrong = column.categories[int(days.isna().argmax())]
         raise checks.refusal(where, wrong, "a date by ISO 8601")
     seconds = np.asarray((days - days.min()) / pd.Timedelta(1, "s"), float)
     return seconds[codes], days.min().isoformat()
