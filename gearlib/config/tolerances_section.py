@@ -148,7 +148,7 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
             key, name = f"{section}.parameters[{i}]", tolerance.parameter
             law = tolerance.law(key, self._known()[name].kind)
             if "distribution" not in law:
-                law = tolerated.complete(key, law, own=values.get(name))
+                law = tolerated.complete(key, law, model_value=values.get(name))
             laws[name] = law
         return laws
 

@@ -1,15 +1,15 @@
-"""A gear pair whose pairs of teeth touch one by one, each with its own gap and compliance.
+"""Gear pair whose single pairs of teeth share the load, each with a gap and a compliance.
 
     m x'' + k (x' - e') + sum_i F_i(x, tau) = F,
 
-with the forces of `gearlib.models.geometry.load_sharing` at any displacement x: pairs that touch
-share Q F_i = x - g_i, the others have none. e(tau) is the least gap, where the flanks touch without
-load; x - e is the relative displacement of the flanks that `OneDegreePair` calls y. The coast side
-touches at x = -backlash; there all pairs on their path of contact carry, without gaps.
+with the forces F_i of `gearlib.models.geometry.load_sharing` at a displacement x: touching pairs
+satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the displacement at which
+flanks touch without load; x - e is the relative displacement y of `OneDegreePair`. The coast side
+touches at x = -backlash, where all pairs on their path of contact carry load, without gaps.
 
-Gaps and compliances are straight lines between phases, the ends of the path, the starts of the
-reliefs and the points of tables, so linear reliefs of pairs of constant stiffness are exact. Where
-corners of tips touch or the slices of a helical face come and go the lines are shorter.
+Gaps and compliances are linear between phases, ends of the path, starts of reliefs and points of
+tables, so that linear reliefs with constant stiffness are exact. Intervals are shorter where tip
+corners touch or where the slices of a helical face begin and end their contact.
 """
 
 import math
@@ -23,7 +23,7 @@ from gearlib import checks
 from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.load_sharing import (
-    FEWEST_LINES,
+    MIN_LINES,
     SAME_PLACE,
     checked_errors,
     face_of,
@@ -42,25 +42,25 @@ from gearlib.parameters import TRUTH, Instance, Integer, Number, documented
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.taylor import teeth  # noqa: F401
 
-#: x^20 / 20! = 1e-17 at x = 1.18: natural frequency times the longest step.
-_CONVERGED = 1.18
-#: Options of the stiffness of a drawing, of which pairs of teeth take the coupling.
+#: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
+_MAX_STEP_ANGLE = 1.18
+#: Options of the stiffness methods of a drawing; only the coupling concerns pairs of teeth.
 _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "hertz")
-#: Tuning at which inertia adds less than 1 % to the load, and base pitches on which corners touch
-#: before and behind the path there; on shorter ones it is lower, down to a quarter.
-_SLOWEST, _USUAL_ZONE = 2e-4, 0.05
-#: Lines between the phases at which a pair begins to touch and is on its path.
-_LINES_OF_A_ZONE = 32
+#: Tuning at which inertia adds less than 1 % to the load if corners touch on `_USUAL_ZONE` base
+#: pitches; with a shorter zone it is lower, down to a quarter.
+_QUASI_STATIC_TUNING, _USUAL_ZONE = 2e-4, 0.05
+#: Intervals between the phases at which a pair begins to touch and reaches its path of contact.
+_INTERVALS_OF_A_ZONE = 32
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class LoadSharingPair(WithPair):
-    """A gear pair whose load is shared by pairs of teeth with tip relief and errors; immutable.
+    """A gear pair in which pairs of teeth with tip relief and errors share the load; immutable.
 
     Stiffness, coupling, deviation and pitch_errors are those of
-    `gearlib.geometry.Mesh.transmission_error`. Helical gears are cut into slices, whose forces are
-    linearized at the displacement under the load.
+    `gearlib.geometry.Mesh.transmission_error`. Helical gears are divided into slices, whose forces
+    are linearized at the displacement under the load.
 
     Raises
     ------
@@ -108,37 +108,38 @@ class LoadSharingPair(WithPair):
 
     @classmethod
     def from_geometry(cls, mesh, *, stiffness="energy", coupling=1.0, **options):
-        """Return the pair of two drawn gears, its scales from the same mesh stiffness.
+        """Return the pair of two drawn gears, with scales from the same mesh stiffness.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
+            The drawn gears.
         stiffness : {"energy", "iso"}, default "energy"
-            A table needs a `pair` of one's own.
+            Method of the stiffness. A table needs a given `pair`.
         coupling : float, default 1
-            How far pairs of teeth share the body.
+            Share of the gear bodies that is common to all pairs of teeth, from 0 to 1.
         **options
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
-        fields = {x: options.pop(x) for x in cls.__dataclass_fields__ if x in options}
-        of_stiffness = {"coupling": coupling} if stiffness == "energy" else {}
-        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=of_stiffness, **options)
+        fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
+        method_options = {"coupling": coupling} if stiffness == "energy" else {}
+        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=method_options, **options)
         return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **fields)
 
     def at_load(self, *, phases=128, harmonics=24):
-        """Return the `OneDegreePair` with the stiffness and the deviation of the pair's load.
+        """Return the `OneDegreePair` with the same static transmission error at the load.
 
-        Its deviation is -e(tau), the error without load, and its stiffness F / (x - e), so that it
-        has the same static transmission error at this load, another one at others.
+        Its deviation is -e(tau), the error without load, and its stiffness is F / (x - e). At other
+        loads its transmission error differs.
 
         Parameters
         ----------
         phases : int, default 128
-            Phases of the stiffness, between which it is linear; >= 8.
+            Number of phases of the stiffness, which is linear between them; >= 8.
         harmonics : int, default 24
-            Harmonics of the deviation; < phases / 2.
+            Number of harmonics of the deviation; < phases / 2.
 
         Raises
         ------
@@ -146,15 +147,17 @@ class LoadSharingPair(WithPair):
             If successive pairs of teeth differ.
         """
         if self.repeats > 1:
-            words = "is not allowed: it must have one value, where one mesh period stands for all"
-            raise ValueError(f"pitch_errors = {self.pitch_errors!r} {words}")
+            raise ValueError(
+                f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
+                "where one mesh period stands for all"
+            )
         pairs = tooth_pairs(self.drawing, phases, **self._options)
-        bare, loaded = pairs.share([0.0, self.load]).error
+        unloaded, loaded = pairs.share([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
-        profile = Tabulated(tuple(phase), tuple(self.load / (loaded - bare)))
+        profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
         pair = self.pair.replace(**dict(zip(names, profile.ratios(), strict=True)))
-        deviation = Harmonics.from_table(phase, -bare, harmonics)
+        deviation = Harmonics.from_table(phase, -unloaded, harmonics)
         return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
     @property
@@ -164,42 +167,42 @@ class LoadSharingPair(WithPair):
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
     def _pairs(self, pitches, middle=None, inside=None):
-        """Return the `ToothPairs` at base pitches, see `pairs_at`."""
+        """Return the pairs of teeth in mesh at phases in base pitches, see `pairs_at`."""
         return pairs_at(self.drawing, pitches, middle, inside, **self._options)
 
     def tooth_forces(self, phase, displacement):
-        """Return the forces that pairs of teeth carry on the drive side.
+        """Return the forces of the pairs of teeth on the drive side.
 
         Parameters
         ----------
         phase : array_like, shape (m,)
             Mesh phase, rad.
         displacement : array_like, shape (m,)
-            As `gearlib.simulate` returns it, in static deflections.
+            Displacement in static deflections, as `gearlib.simulate` returns it.
 
         Returns
         -------
         numpy.ndarray, shape (m, k)
-            N; the first pair is the last that came into mesh.
+            Forces in N; the first pair is the last that came into mesh.
         """
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
         return pairs.forces_at(np.asarray(displacement, float) * self.static_deflection).force[0]
 
     @property
     def repeats(self):
-        """Mesh periods after which the pairs of teeth repeat."""
+        """Number of mesh periods after which the pitch errors repeat."""
         return len(self.pitch_errors)
 
     @cached_property
-    def _zone(self):
-        """Base pitches on which corners may touch before and behind the path of contact."""
+    def _corner_zone(self):
+        """Lengths of corner contact before and behind the path of contact in base pitches."""
         return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
-    def _cuts(self):
-        """Return base pitches, from 0 to 1, between which gaps and compliances are straight."""
+    def _breaks(self):
+        """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
         mesh = self.drawing
         if lines := face_of(mesh, self.repeats).lines:
-            lines *= math.ceil(self.phases / FEWEST_LINES)
+            lines *= math.ceil(self.phases / MIN_LINES)
             return (self._shift + np.arange(lines) / lines) % 1.0
         start, end = mesh.path
         corners = [start, end]
@@ -209,26 +212,29 @@ class LoadSharingPair(WithPair):
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
                 corners += [position for position in table.position if start < position < end]
-        cuts = [(np.array(corners) - start) / mesh.base_pitch, np.arange(self.phases) / self.phases]
-        ends = (-1.0, 0.0, self._zone[0]), (1.0, mesh.contact_ratio, self._zone[1])
-        for sign, end_of_path, beyond in ends if any(self._zone) else ():
-            cuts.append(end_of_path + sign * np.linspace(0.0, beyond, _LINES_OF_A_ZONE + 1))
-        return np.append(np.concatenate(cuts), self._shift) % 1.0
+        equal = np.arange(self.phases) / self.phases
+        breaks = [(np.array(corners) - start) / mesh.base_pitch, equal]
+        if any(self._corner_zone):
+            before, behind = (
+                np.linspace(0.0, length, _INTERVALS_OF_A_ZONE + 1) for length in self._corner_zone
+            )
+            breaks += [0.0 - before, mesh.contact_ratio + behind]
+        return np.append(np.concatenate(breaks), self._shift) % 1.0
 
     @property
     def _shift(self):
-        """Base pitches at phase 0, in the middle of the segment with the most pairs."""
+        """Base pitches from the start of contact to phase 0, where most pairs touch."""
         return (self.drawing.contact_ratio % 1.0) / 2.0
 
-    def _begun(self, pitches):
-        """Return how many pairs have come into mesh."""
-        return np.floor(pitches + self._zone[0] + face_of(self.drawing, self.repeats).reach)
+    def _pair_numbers(self, pitches):
+        """Return the number of the last pair of teeth in mesh at phases in base pitches."""
+        return np.floor(pitches + self._corner_zone[0] + face_of(self.drawing, self.repeats).reach)
 
     @cached_property
     def tables(self):
         """The `ToothPairSystem` without tuning and damping, and its largest stiffness."""
         repeats, shift = self.repeats, self._shift
-        pitches = np.sort((np.arange(repeats)[:, None] + self._cuts()).ravel())
+        pitches = np.sort((np.arange(repeats)[:, None] + self._breaks()).ravel())
         pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_PLACE]
         pitches = pitches[pitches < repeats - SAME_PLACE]
         first = int(np.searchsorted(pitches, shift - SAME_PLACE))
@@ -236,38 +242,42 @@ class LoadSharingPair(WithPair):
         left, right = pitches[:-1], pitches[1:]
         between = (left + right) / 2.0
         inside, on_path, ends = self._segments(left, between, right)
-        begun = self._begun(between)
+        pair_numbers = self._pair_numbers(between)
         lengths = math.tau * (right - left)
-        lines = [self._laws(end, on_path) for end in ends]
+        laws = [self._force_laws(end, on_path) for end in ends]
         force, overlap = (
             np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
-            for a, b in zip(*lines, strict=True)
+            for a, b in zip(*laws, strict=True)
         )
-        # In the order of the columns of `gearlib.engines.taylor.teeth`.
+        # The engine expects the columns in this order.
         force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
-        least = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
+        smallest_gaps = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
         members = inside @ 2 ** np.arange(inside.shape[1])
         starts = math.tau * (pitches - shift)
         firsts = np.searchsorted(starts, math.tau * np.arange(repeats + 1) - 1e-9)
         system = ToothPairSystem(
             starts=starts,
             first_segment=firsts,
-            renewed=(members != np.roll(members, 1)) | (begun != np.roll(begun, 1)),
+            renewed=(members != np.roll(members, 1)) | (pair_numbers != np.roll(pair_numbers, 1)),
             inside=members,
             force=force,
             overlap=overlap,
-            slip=(least[1] - least[0]) / lengths / self.static_deflection,
+            slip=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
             damping=np.zeros(2),
             lower=-self.backlash_ratio,
             longest=0.0,
             tuning=0.0,
             repeats=repeats,
-            closing=bool(-np.min(least) > self.backlash),
+            closing=bool(-np.min(smallest_gaps) > self.backlash),
         )
-        return system, max(line[0][..., 0].max() for line in lines)
+        return system, max(stiffness[..., 0].max() for stiffness, _ in laws)
 
     def _segments(self, left, between, right):
-        """Return which pairs may touch in segments, which are on their path, pairs at both ends."""
+        """Return the pairs of teeth of p segments with ends `left` and `right` in base pitches.
+
+        They are (which pairs can touch, (p, k), which lie on their path of contact, (p, k), and the
+        `ToothPairs` at both ends).
+        """
         mesh, pitches = self.drawing, np.concatenate([left, right])
         middle = np.concatenate([between] * 2)
         if mesh.overlap_ratio == 0.0:
@@ -277,16 +287,21 @@ class LoadSharingPair(WithPair):
             pairs = self._pairs(pitches, middle, np.concatenate([inside] * 2))
             ends = [pairs.at_phases(rows) for rows in np.split(np.arange(pitches.size), 2)]
         else:
-            # Most segments start with the pairs with which the last one ends.
-            same = np.column_stack([pitches, self._begun(middle)])
-            _, first, each = np.unique(same, axis=0, return_index=True, return_inverse=True)
+            # Most segments start with the pairs at the end of the last one, computed only once.
+            keys = np.column_stack([pitches, self._pair_numbers(middle)])
+            _, first, each = np.unique(keys, axis=0, return_index=True, return_inverse=True)
             pairs = self._pairs(pitches[first], middle[first])
             ends = [pairs.at_phases(rows) for rows in np.split(each.reshape(-1), 2)]
             inside = on_path = ends[0].inside | ends[1].inside
         return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
 
-    def _laws(self, pairs, on_path):
-        """Return (a, b) of all sets, shape (p, sets + 1, 2), and (p, r), shape (p, sets, k, 2)."""
+    def _force_laws(self, pairs, on_path):
+        """Return the dimensionless forces and overlaps of all sets of touching pairs of teeth.
+
+        The force at a displacement x is a x - b, with (a, b) of shape (m, 2^k + 1, 2); the last law
+        is that of the coast side. The overlap of a pair is p x - r, with (p, r) of shape (m, 2^k,
+        k, 2).
+        """
         m, k = pairs.gap.shape
         force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
         for number in range(2**k):
@@ -294,13 +309,13 @@ class LoadSharingPair(WithPair):
             rows = pairs.inside[:, touching].all(-1)
             if not rows.any():
                 continue
-            rise, back = pairs.carried_by(touching)
-            law = np.stack([rise.sum(-1) / self.mean_stiffness, back.sum(-1) / self.load], -1)
+            slope, offset = pairs.force_law(touching)
+            law = np.stack([slope.sum(-1) / self.mean_stiffness, offset.sum(-1) / self.load], -1)
             force[rows, number] = law[rows]
-            # By how much the forces of the others move the flanks of a pair.
-            yielding = pairs.compliance[:, :, touching]
-            overlap[:, number, :, 0] = 1.0 - (yielding @ rise[..., None])[..., 0]
-            distance = pairs.gap - (yielding @ back[..., None])[..., 0]
+            # The forces of the touching pairs displace the flanks of all pairs.
+            compliance = pairs.compliance[:, :, touching]
+            overlap[:, number, :, 0] = 1.0 - (compliance @ slope[..., None])[..., 0]
+            distance = pairs.gap - (compliance @ offset[..., None])[..., 0]
             overlap[:, number, :, 1] = distance / self.static_deflection
             coast = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
             force[coast, -1, 0] = law[coast, 0]
@@ -309,29 +324,30 @@ class LoadSharingPair(WithPair):
         return force, overlap
 
     def steps_per_period(self, tuning):
-        """Return how many steps a mesh period takes at least."""
+        """Return the least number of integration steps in a mesh period."""
         system = self.system(tuning)
         return max(len(system.force) / self.repeats, math.tau / system.longest)
 
     @property
     def slowest_tuning(self):
-        """Tuning below which the duty point is that at it; higher where pitch errors repeat."""
-        share = min(max(sum(self._zone) / _USUAL_ZONE, 0.25), 1.0) if any(self._zone) else 1.0
-        return _SLOWEST * share * (1.0 if self.repeats == 1 else 10.0)
+        """Least tuning of a simulated duty point; below it, the motion is quasi-static."""
+        zone = sum(self._corner_zone)
+        share = min(max(zone / _USUAL_ZONE, 0.25), 1.0) if zone else 1.0
+        return _QUASI_STATIC_TUNING * share * (1.0 if self.repeats == 1 else 10.0)
 
     def system(self, tuning):
-        """Return the `ToothPairSystem` at one tuning."""
-        system, stiffest = self.tables
+        """Return the laws of the pairs of teeth for the engine at a tuning."""
+        system, max_stiffness = self.tables
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
-        longest = _CONVERGED / (math.sqrt(stiffest) / tuning + damping.max())
+        longest = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, longest=longest, tuning=tuning)
 
 
 def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):
-    """Return the `LoadSharingPair` of drawn gears.
+    """Return the `LoadSharingPair` of drawn gears with a default stiffness method.
 
-    The stiffness is by default that of the energy method, or of ISO 6336 where a bore is too large
-    for it. Of its options pairs of teeth take the coupling; `load` are the other arguments of
+    The default is the energy method or, if a bore is too large for it, ISO 6336. From the options
+    of the method only the coupling is used; `load` are the other arguments of
     `LoadSharingPair.from_geometry`.
     """
     if stiffness is None:

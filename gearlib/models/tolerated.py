@@ -1,4 +1,4 @@
-"""Parameters of a gear pair and of drawn gears that may scatter, and the plain ways to say how."""
+"""Parameters of gear pairs and drawn gears that can scatter, and plain descriptions of scatter."""
 
 import math
 import re
@@ -9,10 +9,9 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 from gearlib.parameters import Parameter, numbers
 
-#: Keys of the plain kinds; what the first one means of the next two is their value where a model
-#: or drawing has it.
+#: Keys of the plain descriptions of a scattering value.
 KINDS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
-#: How to say it, for refusals.
+#: Allowed descriptions, for error messages.
 WORDS = (
     "one of {mean, std}, {min, max}, {nominal, upper, lower} with deviations from the nominal "
     "value, or {distribution: a name of scipy.stats, and its parameters}"
@@ -21,7 +20,7 @@ _LEFT_OUT = ("mean", "nominal")
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
-#: Of the load and the damping of drawn gears.
+#: Parameters of the load and the damping of drawn gears.
 OF_LOAD = {
     "torque": Parameter(parameters.DRIVING_TORQUE, "Torque of the pinion", "T"),
     "damping_ratio": Parameter(parameters.NONNEGATIVE, "Damping ratio in contact", "beta"),
@@ -30,7 +29,7 @@ OF_LOAD = {
         parameters.NONNEGATIVE, "Damping ratio in the backlash", "beta_m"
     ),
 }
-#: First mesh harmonic of the deviation of the flanks of drawn gears.
+#: Parameters of the first mesh harmonic of the flank deviation of drawn gears.
 OF_FLANKS = {
     f"deviation_{name}": Parameter(
         parameters.ERROR, f"First mesh harmonic of the deviation of the flanks, its {name}", "f"
@@ -40,24 +39,25 @@ OF_FLANKS = {
 
 
 def of_pair():
-    """Return name -> `Parameter` of a gear pair, its ratios too."""
+    """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
     ratios = {name: Parameter(parameters.NONNEGATIVE, name.replace("_", " ")) for name in RATIOS}
     return numbers(PairParameters) | ratios
 
 
 def of_drawing():
-    """Return name -> `Parameter` of two drawn gears: ``pinion.shift``, ``centre_distance``."""
+    """Return the parameters of drawn gears that can scatter, such as ``pinion.shift``."""
     parameters_of_both = numbers(Mesh) | OF_LOAD | OF_FLANKS
     for gear in ("pinion", "wheel"):
         parameters_of_both |= {f"{gear}.{name}": x for name, x in numbers(SpurGear).items()}
     return parameters_of_both
 
 
-def complete(key, law, own=None):
-    """Return the numbers of one of `KINDS`, a dict of float, or raise ValueError that names `key`.
+def complete(key, law, model_value=None):
+    """Return a plain description of scatter with all its numbers, a dict of float.
 
-    Deviations may be texts such as ``"5 %"`` of mean or nominal value. `own` is the value of the
-    model or drawing, for ``mean`` and ``nominal`` where they are left out.
+    Deviations may be texts such as ``"5 %"`` of the mean or nominal value. `model_value` is the
+    default of ``mean`` and ``nominal``. Raises ValueError with the name `key` if `law` is not one
+    of `KINDS`.
     """
     checks.require(hasattr(law, "items"), key, law, WORDS)
     law = dict(law)
@@ -65,30 +65,30 @@ def complete(key, law, own=None):
     missing = [name for name in names if name not in law]
     checks.require(names and {*missing} <= {*_LEFT_OUT}, key, law, WORDS)
     centre = names[0]
-    of_centre = "" if missing else f", of {centre} = {law[centre]!r}"
-    if missing and own is None:
+    suffix = "" if missing else f", of {centre} = {law[centre]!r}"
+    if missing and model_value is None:
         raise ValueError(f"{key}.{centre} is missing: the model has no value of its own")
-    law |= dict.fromkeys(missing, own)
+    law |= dict.fromkeys(missing, model_value)
     values: dict = {}
     for name in names:
-        value, words = law[name], "a finite number"
+        value, allowed = law[name], "a finite number"
         if name in ("std", "upper", "lower"):
-            words = "a finite number, or a share such as '5 %'"
-            share = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
-            if share:
-                value = float(share[1]) / 100.0 * abs(values[centre])
-        values[name] = checks.number(f"{key}.{name}", value, words, math.isfinite)
+            allowed = "a finite number, or a share such as '5 %'"
+            percentage = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
+            if percentage:
+                value = float(percentage[1]) / 100.0 * abs(values[centre])
+        values[name] = checks.number(f"{key}.{name}", value, allowed, math.isfinite)
     if "std" in values:
-        checks.require(values["std"] > 0.0, f"{key}.std", law["std"], f"> 0{of_centre}")
+        checks.require(values["std"] > 0.0, f"{key}.std", law["std"], f"> 0{suffix}")
     else:
         low, high = ("min", "max") if "min" in values else ("lower", "upper")
-        words = f"> {low} = {law[low]!r}" + (of_centre if "nominal" in values else "")
-        checks.require(values[low] < values[high], f"{key}.{high}", law[high], words)
+        allowed = f"> {low} = {law[low]!r}" + (suffix if "nominal" in values else "")
+        checks.require(values[low] < values[high], f"{key}.{high}", law[high], allowed)
     return values
 
 
 def extent(values):
-    """Return (centre, least, largest) of the numbers of a plain kind."""
+    """Return (centre, smallest value, largest value) of a completed plain description."""
     if "std" in values:
         return values["mean"], -math.inf, math.inf
     if "min" in values:
@@ -98,7 +98,7 @@ def extent(values):
 
 
 def check_range(key, law, parameter, extent):
-    """Refuse what a parameter can never be; the ends of a tail are a matter of each sample."""
+    """Raise ValueError if the centre or a finite end of a scatter is not possible."""
     kind = getattr(parameter, "kind", None)
     if not isinstance(kind, parameters.Number):
         return

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq, nnls
 
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
-from gearlib.models.geometry.load_sharing import ToothPairs, _over_face
+from gearlib.models.geometry.load_sharing import ToothPairs, _face_equilibrium
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
 from tests.geometry.drawings import fzg_c, high, ring, twenty
 
@@ -252,7 +252,7 @@ def test_slices_of_a_face_are_spur_gears_at_one_displacement(pairs):
     each, gap = rng.integers(0, 5, 60), rng.normal(0.0, 1e-5, (60, pairs))
     inside, shares = rng.random((60, pairs)) < 0.7, np.array([0.1, 0.3, 0.3, 0.2, 0.1])
     inside[:, 0] = True
-    force, stiffness, x = _over_face(shares, own[each], inside, gap, load)
+    force, stiffness, x = _face_equilibrium(shares, own[each], inside, gap, load)
     slices = ToothPairs(np.zeros(60), gap, inside, own[each], gap)
     expected = slices.forces_at(np.repeat(x, 5))
     for ours, theirs in ((force, expected.force[0]), (stiffness, expected.stiffness[0])):

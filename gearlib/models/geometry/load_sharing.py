@@ -1,21 +1,22 @@
-"""How the pairs of teeth in mesh share the load: gaps, compliances, and the exact equilibrium.
+"""Load sharing of the pairs of teeth in mesh: gaps, compliances and exact equilibrium.
 
 With the displacement x along the line of action, the forces F_i of the pairs and their gaps g_i,
 
     x - g_i = sum_j Q_ij F_j  and  F_i > 0   of pairs that touch,
     x - g_i <= sum_j Q_ij F_j  and  F_i = 0  of the others,        sum F_i = F.
 
-Without common bodies Q is diagonal and a pair carries c_i (x - g_i)+. Q is positive definite, so
-one set of touching pairs fulfils all conditions at each phase and load: all sets are solved at
-once, and the one that holds is taken. There is no iteration.
+Without common bodies Q is diagonal and a pair carries c_i max(x - g_i, 0). Q is positive definite,
+so exactly one set of touching pairs satisfies all conditions at each phase and load. All sets are
+solved at once, without iteration, and the set that satisfies the conditions is taken.
 
-Without corner contact a pair touches between both ends of the path of contact only. With it the
-corner of a tip also touches the mating flank before the start and behind the end, with the gap of
-`corner_gap` and the compliance of the end of the path, so that no force jumps.
+Without corner contact, pairs touch only on the path of contact. With corner contact, the corner of
+a tip also touches the mating flank before the start and behind the end of the path, with the gap of
+`corner_gap` and the compliance at the end of the path, so that no force jumps.
 
-The pairs of a helical gear are averages over transverse slices of the face, each a spur gear that
-is in mesh a little later than the last, linearized at the displacement under a load. From each of
-`Face.lines` phases to the next all slices move on by as many, so that stiffness has no steps.
+The pairs of a helical gear are averages over transverse slices of the face, linearized at the
+displacement under a load. Each slice is a spur gear that meshes a little later than the slice
+before. Between two of the `Face.lines` phases all slices move on by the same whole number, so that
+the stiffness has no steps.
 
 Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy method.
 """
@@ -34,116 +35,123 @@ from gearlib.models.geometry.mesh_stiffness import PairCompliance, compliance_ma
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_PLACE = 1e-12
-#: Slices of a helical face at least, fewest and most lines of a base pitch.
-_SLICES, FEWEST_LINES, _MOST_LINES = 48, 48, 128
-#: Slices at all phases together, some 0.4 s: where pitch errors make more, both are coarser.
-_MOST_ROWS = 120_000
+#: Least number of slices of a helical face, and limits of the number of phases in a base pitch.
+_MIN_SLICES, MIN_LINES, _MAX_LINES = 48, 48, 128
+#: Largest number of slices at all phases, which take 0.4 s; with more, slices become wider.
+_MAX_ROWS = 120_000
 #: Largest number of pairs of teeth in mesh at once.
 _MAX_PAIRS = 10
 #: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
 MAX_CORNER_GAP = 6.0
-#: Longest way on which a corner may touch, in base pitches.
-_LONGEST_APPROACH = 0.45
-#: Iterations of Newton's method that find the displacement of a helical mesh, and its tolerance.
-_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
+#: Largest distance from the path of contact at which a corner can touch, in base pitches.
+_MAX_APPROACH = 0.45
+#: Largest number of Newton steps for the displacement of a helical mesh, and their tolerance.
+_MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
 
 @dataclass(frozen=True)
 class Sharing:
-    """Equilibrium under loads: l loads, m phases, k pairs."""
+    """Equilibrium of k pairs of teeth under l loads at m phases."""
 
-    error: np.ndarray  #: x, m, shape (l, m)
-    force: np.ndarray  #: of each pair, N, shape (l, m, k)
-    touching: np.ndarray  #: bool, shape (l, m, k)
+    error: np.ndarray  #: displacement x, the transmission error, m, shape (l, m)
+    force: np.ndarray  #: force of each pair, N, shape (l, m, k)
+    touching: np.ndarray  #: whether each pair touches, bool, shape (l, m, k)
     stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (l, m, k)
 
 
 @dataclass(frozen=True)
 class ToothPairs:
-    """The pairs of teeth in mesh at m phases, k at most; pair 0 is the last that came into mesh."""
+    """At most k pairs of teeth in mesh at m phases; pair 0 is the last that came into mesh."""
 
     pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
-    position: np.ndarray  #: on the path of contact, m, shape (m, k)
-    inside: np.ndarray  #: bool, whether between its ends, shape (m, k)
-    compliance: np.ndarray  #: Q, m/N, shape (m, k, k)
-    gap: np.ndarray  #: g, m, shape (m, k)
+    position: np.ndarray  #: position on the path of contact, m, shape (m, k)
+    inside: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
+    compliance: np.ndarray  #: compliance matrix Q, m/N, shape (m, k, k)
+    gap: np.ndarray  #: gap g, m, shape (m, k)
 
     def at_phases(self, rows):
-        """Return the pairs at some of the phases."""
+        """Return the pairs at the phases with the given indices."""
         return ToothPairs(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def carried_by(self, pairs, rows=slice(None)):
-        """Return (a, b) of a set of pairs that touch, shape (m, p): their forces are a x - b."""
+    def force_law(self, pairs, rows=slice(None)):
+        """Return (stiffness, offset), (m, p) each, of p touching pairs with the indices `pairs`.
+
+        Their forces at a displacement x are stiffness * x - offset.
+        """
         inverse = np.linalg.inv(self.compliance[rows][:, pairs][:, :, pairs])
         return inverse.sum(-1), (inverse @ self.gap[rows][:, pairs, None])[..., 0]
 
     def share(self, loads):
-        """Return the `Sharing` under loads >= 0 in N, shape (l,)."""
+        """Return the equilibrium under loads >= 0 in N, shape (l,)."""
         loads = np.asarray(loads, float)[:, None]
 
-        def displacement(rows, rise, back):
-            return (loads + back.sum(-1)) / rise.sum(-1)
+        def displacement(rows, stiffness, offset):
+            return (loads + offset.sum(-1)) / stiffness.sum(-1)
 
         return self._equilibrium(len(loads), 1, displacement)
 
     def forces_at(self, displacement):
-        """Return the `Sharing` at displacements in m, shape (m,); its first axis has length 1."""
-        return self._equilibrium(1, 0, lambda rows, rise, back: displacement[None, rows])
+        """Return the forces at displacements in m, shape (m,), as `Sharing` with one load."""
+        return self._equilibrium(1, 0, lambda rows, stiffness, offset: displacement[None, rows])
 
-    def _equilibrium(self, count: int, least: int, displacement) -> Sharing:
-        """Return the `Sharing` of the sets of at least so many pairs that meet all conditions.
+    def _equilibrium(self, count: int, min_pairs: int, displacement) -> Sharing:
+        """Return the equilibrium of `count` loads from all sets of at least `min_pairs` pairs.
 
-        `displacement` gives that of phases, by their numbers and `carried_by` of a set.
+        `displacement` is a function of the indices of phases and of the `force_law` of a set.
         """
         m, k = self.gap.shape
         error, worst = np.zeros((count, m)), np.full((count, m), math.inf)
         force, stiffness = np.zeros((count, m, k)), np.zeros((count, m, k))
         touching = np.zeros((count, m, k), bool)
         diagonal = np.einsum("mii->mi", self.compliance)
-        sizes = range(least, k + 1)
+        sizes = range(min_pairs, k + 1)
         combinations = (itertools.combinations(range(k), size) for size in sizes)
         for pairs in map(list, itertools.chain.from_iterable(combinations)):
             rows = np.flatnonzero(self.inside[:, pairs].all(-1))
             if not rows.size:
                 continue
-            rise, back = self.carried_by(pairs, rows)
-            x = displacement(rows, rise, back)
+            pair_stiffness, offset = self.force_law(pairs, rows)
+            x = displacement(rows, pair_stiffness, offset)
             forces = np.zeros((count, rows.size, k))
-            forces[..., pairs] = rise * x[..., None] - back
-            # The pull that pairs in contact would need, the overlap of the others: both <= 0.
-            wrong = x[..., None] - self.gap[rows] - _displacements(self.compliance[rows], forces)
-            wrong[..., pairs] = -(diagonal[rows] * forces)[..., pairs]
-            most = np.where(self.inside[rows], wrong, -math.inf).max(-1)
-            better = most < worst[:, rows]
+            forces[..., pairs] = pair_stiffness * x[..., None] - offset
+            # A solution has no pulling force of touching pairs and no overlap of the others.
+            violation = x[..., None] - self.gap[rows]
+            violation = violation - _displacements(self.compliance[rows], forces)
+            violation[..., pairs] = -(diagonal[rows] * forces)[..., pairs]
+            largest = np.where(self.inside[rows], violation, -math.inf).max(-1)
+            better = largest < worst[:, rows]
             load, phase = np.nonzero(better)
-            at = load, rows[phase]
-            worst[at], error[at], force[at] = most[better], x[better], forces[better]
-            touching[at] = np.isin(np.arange(k), pairs)
+            place = load, rows[phase]
+            worst[place], error[place], force[place] = largest[better], x[better], forces[better]
+            touching[place] = np.isin(np.arange(k), pairs)
             slopes = np.zeros((rows.size, k))
-            slopes[:, pairs] = rise
-            stiffness[at] = slopes[phase]
+            slopes[:, pairs] = pair_stiffness
+            stiffness[place] = slopes[phase]
         return Sharing(error, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, sharing):
-        """Return the overlap of the flanks of each pair beside the others, m, shape (l, m, k).
+        """Return the overlap that the flanks of each pair would have without its force, (l, m, k).
 
-        Of a pair that touches it is > 0, of others the negative distance of their flanks.
+        It is in m and > 0 for touching pairs; for others it is minus the distance of the flanks.
         """
         diagonal = np.einsum("mii->mi", self.compliance)
-        beside = _displacements(self.compliance, sharing.force) - diagonal * sharing.force
-        overlap = sharing.error[..., None] - self.gap - beside
-        # Without load pairs touch that do not overlap: the sign tells.
-        least = np.finfo(float).tiny
-        return np.where(sharing.touching, np.maximum(overlap, least), np.minimum(overlap, -least))
+        coupled = _displacements(self.compliance, sharing.force) - diagonal * sharing.force
+        overlap = sharing.error[..., None] - self.gap - coupled
+        # The sign must agree with `touching` even if pairs touch without a load.
+        tiny = np.finfo(float).tiny
+        return np.where(sharing.touching, np.maximum(overlap, tiny), np.minimum(overlap, -tiny))
 
 
 def _displacements(compliance, forces):
-    """Return Q F, shape (..., k)."""
+    """Return the displacements Q F, (..., k), of matrices (..., k, k) and forces (..., k)."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
 def tooth_pairs(mesh, phases, *, pitch_errors=None, **options):
-    """Return the `ToothPairs` at equal phases; further arguments are those of `pairs_at`."""
+    """Return the pairs of teeth in mesh at a number of equal phases of each mesh period.
+
+    Further options are those of `pairs_at`.
+    """
     phases = checks.integer("phases", phases, 8, 100_000)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     first = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
@@ -160,45 +168,45 @@ class Options(NamedTuple):
     deviation: PathTable | None = None
     pitch_errors: Any = None
     corners: bool = False  #: whether corners of tips touch beyond the path of contact
-    load: float | None = None  #: N, that of corners and of helical gears
+    load: float | None = None  #: load of corner contact and of helical gears, N
 
 
 def pairs_at(mesh, pitches, middle=None, inside=None, **options):
-    """Return the `ToothPairs` of a mesh; further arguments are `Options`.
+    """Return the pairs of teeth in mesh at m phases; further arguments are `Options`.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
-    contact. The pairs in mesh are those at `middle`, by default at `pitches`; `inside`, shape
-    (m, k), states them if they are known.
+    contact. The pairs in mesh are those at the phases `middle`, by default at `pitches`, or those
+    in `inside`, bool, shape (m, k).
     """
     stiffness, coupling, deviation, pitch_errors, corners, load = Options(**options)
     possible = isinstance(deviation, PathTable | None)
     checks.require(possible, "deviation", deviation, "a PathTable")
     errors, overlap = checked_errors(mesh, pitch_errors), mesh.overlap_ratio
-    words = "0, load sharing along the path of contact is that of spur gears"
+    allowed = "0, load sharing along the path of contact is that of spur gears"
     possible = overlap == 0.0 or load is not None
-    checks.require(possible, "helix_angle", mesh.pinion.helix_angle, words)
+    checks.require(possible, "helix_angle", mesh.pinion.helix_angle, allowed)
     before, behind = zone_of_contact(mesh, corners, load, errors)
     face = face_of(mesh, errors.size)
     begun = np.floor((pitches if middle is None else middle) + before + face.reach)
     count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.reach) + 1
-    words = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
-    checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, words)
+    allowed = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
+    checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, allowed)
     slots = np.arange(count)
-    number = begun.astype(int)[:, None] - slots
-    pieces = len(face.shares)
-    since = ((pitches - begun)[:, None] + face.places)[..., None] + slots  # (m, slices, k)
-    there = (since >= -before) & (since < mesh.contact_ratio + behind)
-    slices, there = since.reshape(-1, count), there.reshape(-1, count)
+    tooth_numbers = begun.astype(int)[:, None] - slots
+    slice_count = len(face.shares)
+    contact = ((pitches - begun)[:, None] + face.places)[..., None] + slots  # (m, slices, k)
+    in_mesh = (contact >= -before) & (contact < mesh.contact_ratio + behind)
+    slices, in_mesh = contact.reshape(-1, count), in_mesh.reshape(-1, count)
     if overlap == 0.0 and inside is not None:
-        there = inside
+        in_mesh = inside
     position = mesh.path[0] + slices * mesh.base_pitch
-    # All but the errors repeats with every pitch.
-    place = np.round(slices[:, 0] / SAME_PLACE).astype(int) * 2**count + there @ 2**slots
+    # Everything but the pitch errors repeats in each base pitch and is computed only once.
+    place = np.round(slices[:, 0] / SAME_PLACE).astype(int) * 2**count + in_mesh @ 2**slots
     _, first, each = np.unique(place, return_index=True, return_inverse=True)
     on_path = np.clip(position[first], *mesh.path)
-    # With corners more pairs are inside; a body that changed with their number would be a jump.
-    together = math.floor(mesh.contact_ratio) + 1 if corners else there[first].sum(-1)
-    compliance = _compliance(mesh, on_path, stiffness, coupling, together)
+    # A number of pairs that changed where corners begin to touch would make the forces jump.
+    pair_count = math.floor(mesh.contact_ratio) + 1 if corners else in_mesh[first].sum(-1)
+    compliance = _compliance(mesh, on_path, stiffness, coupling, pair_count)
     gap = relief_gap(mesh, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -206,40 +214,40 @@ def pairs_at(mesh, pitches, middle=None, inside=None, **options):
         gap = gap + corner_gap(mesh, position[first])
     else:
         position = np.clip(position, *mesh.path)
-    gap = gap[each] + np.repeat(errors[number % errors.size], pieces, axis=0)
+    gap = gap[each] + np.repeat(errors[tooth_numbers % errors.size], slice_count, axis=0)
     if overlap == 0.0:
-        return ToothPairs(pitches, position, there, compliance[each], gap)
-    force, slopes, x = _over_face(face.shares, compliance[each], there, gap, load)
-    # A pair about to touch has no stiffness yet; a small one keeps the compliance finite.
-    regular = np.maximum(slopes, 1e-9 * slopes.sum(-1, keepdims=True))
+        return ToothPairs(pitches, position, in_mesh, compliance[each], gap)
+    force, slopes, x = _face_equilibrium(face.shares, compliance[each], in_mesh, gap, load)
+    # A pair that begins to touch has no stiffness; a small one keeps its compliance finite.
+    positive_slopes = np.maximum(slopes, 1e-9 * slopes.sum(-1, keepdims=True))
     return ToothPairs(
         pitches,
-        position.reshape(-1, pieces, count).mean(axis=1),
+        position.reshape(-1, slice_count, count).mean(axis=1),
         force > 0.0 if inside is None else inside,
-        np.eye(count) / regular[..., None],
-        x[:, None] - force / regular,
+        np.eye(count) / positive_slopes[..., None],
+        x[:, None] - force / positive_slopes,
     )
 
 
 class Face(NamedTuple):
-    """How a face is cut into n slices; that of a spur gear is one slice."""
+    """Slices of the face of a gear; the face of a spur gear is one slice."""
 
-    shares: np.ndarray  #: of the width, shape (n,); slices at the edges are narrower
-    places: np.ndarray  #: how many base pitches later they are in mesh, shape (n,)
-    lines: int  #: equal parts of a base pitch, each a whole number of slices long; 0 of spur gears
-    reach: float  #: base pitches by which a pair comes earlier than the middle of its face
+    shares: np.ndarray  #: shares of the face width, shape (n,); the outer slices are narrower
+    places: np.ndarray  #: base pitches by which slices mesh later than the middle, shape (n,)
+    lines: int  #: equal parts of a base pitch, each a whole number of slices; 0 for spur gears
+    reach: float  #: base pitches by which a pair meshes before the middle of its face
 
 
 def face_of(mesh, periods):
-    """Return the `Face` of a mesh whose pairs of teeth repeat after some mesh periods."""
+    """Return the slices of the face of a mesh whose pairs of teeth repeat after some periods."""
     overlap = mesh.overlap_ratio
     if overlap == 0.0:
         return Face(np.ones(1), np.zeros(1), 0, 0.0)
-    lines = min(max(math.ceil(_SLICES / overlap), FEWEST_LINES), _MOST_LINES)
-    rows = periods * lines * max(_SLICES, overlap * lines)
-    coarser = max(1.0, math.sqrt(rows / _MOST_ROWS))
-    lines = max(8, round(lines / coarser))
-    per_pitch = lines * max(1, round(_SLICES / coarser / overlap / lines))
+    lines = min(max(math.ceil(_MIN_SLICES / overlap), MIN_LINES), _MAX_LINES)
+    rows = periods * lines * max(_MIN_SLICES, overlap * lines)
+    coarsening = max(1.0, math.sqrt(rows / _MAX_ROWS))
+    lines = max(8, round(lines / coarsening))
+    per_pitch = lines * max(1, round(_MIN_SLICES / coarsening / overlap / lines))
     count = math.ceil(overlap * per_pitch)
     shares = np.full(count, 1.0 / (overlap * per_pitch))
     shares[[0, -1]] = (1.0 - shares[1:-1].sum()) / 2.0
@@ -247,82 +255,83 @@ def face_of(mesh, periods):
     return Face(shares, places, lines, (overlap + 1.0 / lines) / 2.0)
 
 
-def _over_face(shares, compliance, inside, gap, load: float):
-    """Return forces and stiffnesses of pairs, shape (m, k), and the displacement under a load.
+def _face_equilibrium(shares, compliance, inside, gap, load: float):
+    """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
-    In each step of Newton's method a pair of a slice begins to touch or parts where its force or
-    its overlap has the wrong sign. Compliances of the slices have the shape (m n, k, k).
+    `shares`, (n,), are those of the slices; compliances, (m n, k, k), and gaps, (m n, k), are those
+    of k pairs in all slices at m phases. In each step of Newton's method a pair in a slice begins
+    or ceases to touch if its overlap or its force has the wrong sign.
     """
     count, touching = gap.shape[1], inside
 
-    def over_face(values):
+    def face_sum(values):
         return shares @ values.reshape(-1, len(shares), count)
 
     diagonal = np.einsum("mii->mi", compliance)
     x = np.full(len(gap) // len(shares), load * compliance.max() + gap[inside].max())
-    for _ in range(_NEWTON_STEPS):
-        way = np.repeat(x, len(shares))[:, None] - gap
+    for _ in range(_MAX_NEWTON_STEPS):
+        approach = np.repeat(x, len(shares))[:, None] - gap
         both = touching[:, :, None] & touching[:, None, :]
         inverse = np.linalg.inv(np.where(both, compliance, np.eye(count))) * both
-        force = _displacements(inverse, way)
-        overlap = way - _displacements(compliance, force)
-        wrong = inside * np.where(touching, -diagonal * force, overlap)
-        total, stiffness = over_face(force), over_face(np.einsum("mij->mi", inverse))
+        force = _displacements(inverse, approach)
+        overlap = approach - _displacements(compliance, force)
+        violation = inside * np.where(touching, -diagonal * force, overlap)
+        total, stiffness = face_sum(force), face_sum(np.einsum("mij->mi", inverse))
         step = (total.sum(-1) - load) / stiffness.sum(-1)
-        if max(np.abs(step).max(), wrong.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
+        if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
             return total, stiffness, x
-        x, touching = x - step, touching ^ (wrong > 0.0)
-    raise RuntimeError(f"no displacement of a helical mesh in {_NEWTON_STEPS} steps")
+        x, touching = x - step, touching ^ (violation > 0.0)
+    raise RuntimeError(f"no displacement of a helical mesh in {_MAX_NEWTON_STEPS} steps")
 
 
 def zone_of_contact(mesh, corners, load, errors):
-    """Return the base pitches on which pairs may touch before and behind the path of contact.
+    """Return the lengths of corner contact before and behind the path of contact, base pitches.
 
-    Corners touch where their gap is below `MAX_CORNER_GAP` deflections of one pair.
+    Corners can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair.
     """
     if not corners:
         return 0.0, 0.0
     limit = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(errors)
-    beyond = np.linspace(0.0, _LONGEST_APPROACH, 201)
-    (start, end), ways = mesh.path, beyond * mesh.base_pitch
-    gaps = (corner_gap(mesh, place) for place in (start - ways, end + ways))
+    pitches = np.linspace(0.0, _MAX_APPROACH, 201)
+    (start, end), distances = mesh.path, pitches * mesh.base_pitch
+    gaps = (corner_gap(mesh, position) for position in (start - distances, end + distances))
     # The gap grows with the square of the distance.
-    return tuple(float(np.interp(math.sqrt(limit), np.sqrt(gap), beyond)) for gap in gaps)
+    return tuple(float(np.interp(math.sqrt(limit), np.sqrt(gap), pitches)) for gap in gaps)
 
 
 def corner_gap(mesh, position):
-    """Return the gap of tip corners beyond both ends of the path of contact, m; 0 between them.
+    """Return the gap of tip corners at positions beyond the path of contact, m; 0 on the path.
 
-    Before the start the corner of the wheel's tip approaches the flank of the pinion, behind the
-    end that of the pinion leaves the flank of the wheel. A position is where the pair would touch
-    if its involutes went on, the gap along the line of action.
+    Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
+    behind its end, the tip corner of the pinion leaves the flank of the wheel. A position is where
+    longer involutes of the pair would touch.
     """
-    (start, end), far = mesh.path, _LONGEST_APPROACH * mesh.base_pitch
+    (start, end), far = mesh.path, _MAX_APPROACH * mesh.base_pitch
     entering = _gap_to_corner(mesh, "pinion", np.clip(position, start - far, start))
     leaving = _gap_to_corner(mesh, "wheel", np.clip(position, end, end + far))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
-def _gap_to_corner(mesh, name: str, position):
-    """Return the gap between the flank of the pinion or wheel and the other's tip corner, m."""
+def _gap_to_corner(mesh, flank_name: str, position):
+    """Return the gap between the flank of pinion or wheel and the tip corner of the other, m."""
     sign, angle = mesh.wheel.sign, mesh.working_pressure_angle
-    flank, corner, way = mesh.pinion, mesh.wheel, 1
-    if name == "wheel":
-        flank, corner, way = corner, flank, -sign
+    flank, corner, direction = mesh.pinion, mesh.wheel, 1
+    if flank_name == "wheel":
+        flank, corner, direction = corner, flank, -sign
     base = flank.base_diameter / 2.0
-    turned = way * (position - mesh.pitch_point) / base  # from contact at the pitch point
+    rotation = direction * (position - mesh.pitch_point) / base  # from contact at the pitch point
     centre = mesh.centre_distance * (1 if sign == 1 else -flank.sign)
     tip = corner.tip_diameter / 2.0
     tip_angle = math.acos(corner.base_diameter / corner.tip_diameter)
-    psi = -sign * turned * flank.teeth / corner.teeth + inv(angle) - inv(tip_angle)
-    x, y = centre - sign * tip * np.cos(psi), -sign * tip * np.sin(psi)
+    corner_angle = -sign * rotation * flank.teeth / corner.teeth + inv(angle) - inv(tip_angle)
+    x, y = centre - sign * tip * np.cos(corner_angle), -sign * tip * np.sin(corner_angle)
     flank_angle = np.arccos(base / np.hypot(x, y))
     involute = np.tan(flank_angle) - flank_angle
-    return flank.sign * base * (np.arctan2(y, x) - (turned + inv(angle) - involute))
+    return flank.sign * base * (np.arctan2(y, x) - (rotation + inv(angle) - involute))
 
 
 def checked_errors(mesh, values=None):
-    """Return pitch errors, by default those of the gears, as an array, shape (n,), n > 0."""
+    """Return the checked pitch errors, by default those of the gears, in m, shape (n,)."""
     if values is None:
         return np.array(mesh.pitch_errors)
     if np.ndim(values) != 1 or not np.size(values):
@@ -331,30 +340,36 @@ def checked_errors(mesh, values=None):
 
 
 def relief_gap(mesh, position):
-    """Return the gap that the tip reliefs of both gears leave at positions of the path, m."""
+    """Return the gap due to the tip reliefs of both gears at positions on the path, m."""
     start, end = mesh.path
     gap = np.zeros(np.shape(position))
-    for gear, from_tip in ((mesh.pinion, end - position), (mesh.wheel, position - start)):
+    for gear, tip_distance in ((mesh.pinion, end - position), (mesh.wheel, position - start)):
         if gear.tip_relief is not None:
-            gap = gap + gear.tip_relief.gap(from_tip)
+            gap = gap + gear.tip_relief.gap(tip_distance)
     return gap
 
 
-def _compliance(mesh, position, stiffness, coupling, together):
-    """Return the compliances Q of pairs, of which `together` touch, shape (m, k, k)."""
+def _compliance(mesh, position, stiffness, coupling, pair_count):
+    """Return the compliance matrices Q of pairs at positions (m, k), shape (m, k, k), m/N.
+
+    `pair_count`, an int or shape (m,), is the number of pairs that share a body in ISO 6336.
+    """
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         values = stiffness.at(position)
         if not values.min() > 0.0:
-            words = "is not allowed: it must be > 0 all along the path of contact"
-            raise ValueError(f"stiffness = {values.min():.6g} N/m {words}")
+            raise ValueError(
+                f"stiffness = {values.min():.6g} N/m is not allowed: it must be > 0 all along the "
+                "path of contact"
+            )
         return identity / values[..., None]
     if stiffness == "energy":
         return compliance_matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
     checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
-    # n pairs in mesh are (0.25 + 0.75 n) c' together if they share a body of 1 / (1 + 3 n) c'.
+    # If n pairs share a body of the compliance 1 / ((1 + 3 n) c'), their stiffness is
+    # (0.25 + 0.75 n) c', that of ISO 6336.
     single = 1.0 / pair_stiffness(mesh)
-    count = np.broadcast_to(together, len(position))[:, None, None]
+    count = np.broadcast_to(pair_count, len(position))[:, None, None]
     body = single * coupling / (1.0 + 3.0 * count)
     return (single - body) * identity + body

@@ -1,4 +1,4 @@
-"""Static transmission error of a mesh over phase and load, and the tip relief that flattens it."""
+"""Static transmission error of a mesh, and the tip relief that minimizes it."""
 
 import itertools
 import math
@@ -12,19 +12,23 @@ from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief
 from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
 
-#: Over the deflection: an error below is flat up to rounding.
-_FLAT = 1e-12
-#: Decimals of the optimum: further ones follow from rounding and differ between machines.
+#: A peak-to-peak error below this share of the deflection is a rounding error.
+_FLATNESS_TOLERANCE = 1e-12
+#: Decimals of the optimum; further ones depend on rounding and differ between machines.
 _DIGITS = 6
 #: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
-#: the long one. The descent starts from so many of its best points.
-_AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
-_LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
-_STARTS = 2
+#: the long one.
+_GRID_AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
+_GRID_LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
+#: Number of best grid points from which a descent starts.
+_DESCENTS = 2
 
 
 def transmission_error(mesh, torque, phases=256, **options):
-    """Return the static transmission error as a dataset; see `Mesh.transmission_error`."""
+    """Return the static transmission error and the load sharing as a dataset.
+
+    Arguments and variables are those of `Mesh.transmission_error`.
+    """
     values = np.atleast_1d(torque).tolist()
     torques = np.array([checks.finite_nonnegative("torque", value) for value in values])
     if not values:
@@ -32,7 +36,7 @@ def transmission_error(mesh, torque, phases=256, **options):
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
     sharing = pairs.share(loads)
-    # Without load rounding leaves forces, of which no pair has a share.
+    # Without a load the forces are rounding errors, and load shares are undefined.
     share = np.full_like(sharing.force, math.nan)
     np.divide(sharing.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
     grid, grid_of_pairs = ("torque", "phase"), ("phase", "tooth_pair")
@@ -54,58 +58,60 @@ def transmission_error(mesh, torque, phases=256, **options):
 
 
 def _contact_ratios(mesh, pairs, sharing, phases):
-    """Return the mean number of pairs that touch: the length of contact in base pitches."""
+    """Return the effective contact ratio, the mean number of touching pairs, at each load."""
     overlap = np.where(pairs.inside, pairs.overlap(sharing), -math.inf)
     m, k = pairs.gap.shape
-    # Each pair along its way, from the first phase at which it is in mesh.
-    since = pairs.pitches[:phases] % 1.0
-    start = int(np.argmin(since))
+    # Follow each pair along its path, from the first phase at which it is in mesh.
+    offsets = pairs.pitches[:phases] % 1.0
+    start = int(np.argmin(offsets))
     steps = np.arange(k * phases)
-    way = (np.sort(since) + np.arange(k)[:, None]).ravel()
-    steps = steps[way < mesh.contact_ratio]
-    way = way[: steps.size]
+    pitches = (np.sort(offsets) + np.arange(k)[:, None]).ravel()
+    steps = steps[pitches < mesh.contact_ratio]
+    pitches = pitches[: steps.size]
     ratios = []
-    for course in overlap:
-        total = 0.0
+    for load_overlap in overlap:
+        length = 0.0
         for first in range(start, start + m, phases):
-            # Behind the last phase of a mesh period it is the next one of the pairs.
-            at = course[(first + steps) % m, steps // phases]
-            above, below = np.maximum(at, 0.0), np.maximum(-at, 0.0)
+            # After one mesh period a pair has the next index.
+            values = load_overlap[(first + steps) % m, steps // phases]
+            above, below = np.maximum(values, 0.0), np.maximum(-values, 0.0)
             above, below = above[:-1] + above[1:], below[:-1] + below[1:]
-            # Where it changes its sign, the part of the step that a straight line spends above 0.
-            total += above / (above + below) @ np.diff(way)
-            total += way[0] * (at[0] > 0.0) + (mesh.contact_ratio - way[-1]) * (at[-1] > 0.0)
-        ratios.append(total * phases / m)
+            # In a step with a change of sign, linear interpolation gives the part in contact.
+            length += above / (above + below) @ np.diff(pitches)
+            end = mesh.contact_ratio - pitches[-1]
+            length += pitches[0] * (values[0] > 0.0) + end * (values[-1] > 0.0)
+        ratios.append(length * phases / m)
     return ratios
 
 
 def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **options):
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
 
-    Where the compliance q of pairs of teeth is the same all along the path, linear relief over all
-    of the segment with n + 1 pairs in mesh that takes back the tip by the deflection of n pairs
-    leaves no error at all: C_a = q F / n (Harris 1958, n = 1). Else amounts up to four
-    times that are sought, from the best of a grid by sequential quadratic programming. Other
-    reliefs may leave as little, or some percent less.
+    If all pairs of teeth have the same constant compliance q, there is a relief without any error:
+    it is linear over the whole segment with n + 1 pairs in mesh and has the amount of the
+    deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise amounts up to four times
+    that value are searched by sequential quadratic programming from the best points of a grid.
+    The optimum is not always unique, and another relief may be some percent better.
 
     Parameters
     ----------
     mesh : gearlib.geometry.Mesh
-        Of spur gears; tip reliefs that it has are replaced.
+        Spur gears; their tip reliefs are replaced.
     torque : float
-        Design load of the pinion, N m; finite, > 0.
+        Design torque of the pinion, N m; finite, > 0.
     length : {"long", "short"} or float, optional
-        Of both reliefs: "long", all of the segment with the most pairs in mesh, below a contact
-        ratio of 2 (eps_alpha - 1) p_bt; "short", half of it; m. By default it is sought too, up to
-        the long one.
+        Length of both reliefs: "long" is the whole segment with the most pairs in mesh, which is
+        (eps_alpha - 1) p_bt for contact ratios below 2; "short" is half of it; or a length in m. By
+        default the length is optimized too, up to the long one.
     shape : {"linear", "parabolic"}, default "linear"
+        Shape of both reliefs.
     phases, stiffness, coupling, deviation, pitch_errors
-        As of `Mesh.transmission_error`.
+        Options of `Mesh.transmission_error`.
 
     Returns
     -------
     gearlib.geometry.Mesh
-        Its gears have the optimum `TipRelief`, each with its amount.
+        Mesh whose gears have the optimum `TipRelief`.
 
     Raises
     ------
@@ -123,50 +129,57 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
         fixed = checks.number("length", fixed, allowed, lambda v: 0.0 < v <= longest)
     mesh = mesh.with_reliefs(None, None)
     pairs = tooth_pairs(mesh, phases, **options)
-    # Deflection of single pairs under the load where contact ends and where it begins.
+    # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.inside], pairs.position[pairs.inside]
-    start = [compliance[at] * load / count for at in (position.argmax(), position.argmin())]
+    ends = position.argmax(), position.argmin()
+    deflections = [compliance[end] * load / count for end in ends]
 
-    def reliefs(values):
-        span = fixed if fixed is not None else long * values[2]
+    def reliefs(variables):
+        """Return both reliefs of variables: amounts over deflections, length over the long one."""
+        relief_length = fixed if fixed is not None else long * variables[2]
         return [
-            TipRelief(amount=value * unit, length=span, shape=shape)
-            for value, unit in zip(values[:2], start, strict=True)
+            TipRelief(amount=amount * deflection, length=relief_length, shape=shape)
+            for amount, deflection in zip(variables[:2], deflections, strict=True)
         ]
 
-    def course(values):
-        changed = mesh.with_reliefs(*reliefs(values))
-        gap = pairs.gap + relief_gap(changed, pairs.position)
-        return replace(pairs, gap=gap).share([load]).error[0] / sum(start)
+    def error(variables):
+        """Return the dimensionless transmission error over the phases."""
+        relieved = mesh.with_reliefs(*reliefs(variables))
+        gap = pairs.gap + relief_gap(relieved, pairs.position)
+        return replace(pairs, gap=gap).share([load]).error[0] / sum(deflections)
 
     bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed is None)
-    guess = np.ones(len(bounds))
-    if np.ptp(course(guess)) > _FLAT:
-        # There are several valleys: a grid comes before the descent.
-        grid = [_AMOUNTS] * 2 + [_LENGTHS] * (fixed is None)
-        tried = sorted(itertools.product(*grid), key=lambda values: np.ptp(course(values)))
-        minima = [_least_range(course, first, bounds) for first in (guess, *tried[:_STARTS])]
-        # Of equals the first, where single contact alone decides.
-        best = [guess, *minima, tried[0]]
-        guess = min(best, key=lambda values: round(float(np.ptp(course(values))), _DIGITS))
-    return mesh.with_reliefs(*reliefs(np.round(guess, _DIGITS)))
+    optimum = np.ones(len(bounds))
+    if np.ptp(error(optimum)) > _FLATNESS_TOLERANCE:
+        # There are several local minima, so a grid comes before the descents.
+        axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed is None)
+        grid = sorted(itertools.product(*axes), key=lambda point: np.ptp(error(point)))
+        starts = (optimum, *grid[:_DESCENTS])
+        minima = [_minimum_range(error, start, bounds) for start in starts]
+        # The first of equal candidates is taken.
+        candidates = [optimum, *minima, grid[0]]
+        optimum = min(candidates, key=lambda point: round(float(np.ptp(error(point))), _DIGITS))
+    return mesh.with_reliefs(*reliefs(np.round(optimum, _DIGITS)))
 
 
-def _least_range(course, first, bounds):
-    """Return the values at which the range of a course is least, by a descent from a start."""
+def _minimum_range(function, start, bounds):
+    """Return the variables that minimize max - min of a vector function, by SLSQP from a start."""
     from scipy.optimize import minimize
 
-    values = course(first)
+    def constraints(extended):
+        """Return the distances of the values from their bounds, the last two variables."""
+        *variables, lower, upper = extended
+        distances = function(np.array(variables)) - lower
+        return np.concatenate([distances, upper - lower - distances])
+
+    values = function(start)
     minimum = minimize(
-        lambda at: at[-1] - at[-2],
-        [*first, values.min(), values.max()],
+        lambda extended: extended[-1] - extended[-2],
+        [*start, values.min(), values.max()],
         method="SLSQP",
         bounds=[*bounds, (None, None), (None, None)],
-        constraints={
-            "type": "ineq",
-            "fun": lambda at: np.concatenate([c := course(at[:-2]) - at[-2], at[-1] - at[-2] - c]),
-        },
+        constraints={"type": "ineq", "fun": constraints},
         options={"maxiter": 50, "ftol": 1e-9},
     )
     return np.clip(minimum.x[:-2], *np.transpose(bounds))
