@@ -208,9 +208,8 @@ def _check_keying(shaft, bodies, middles):
     first, second = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
     # Any two teeth may be in line, so that angles count modulo 2 pi over this number.
     count = math.lcm(*teeth)
-    if abs(
-        _modulo(count * (second - first - _keying_turns(shaft)))
-    ) > count * _POSITION_TOLERANCE / max(teeth):
+    misfit = abs(_modulo(count * (second - first - _keying_turns(shaft))))
+    if misfit > count * _POSITION_TOLERANCE / max(teeth):
         required = math.tau / count * ((count * (second - first)) % 1.0)
         raise ValueError(
             f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
