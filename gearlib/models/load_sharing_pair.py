@@ -101,6 +101,7 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self):
+        """Check the parameters, and that the pairs of teeth can be computed."""
         super().__post_init__()
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)

@@ -66,6 +66,7 @@ class Model:
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
+        """Check the parameters and compute the default values of fields that are None."""
         parameters.check(self)
         for name, default in self.defaults.items():
             if getattr(self, name) is None:

@@ -330,6 +330,7 @@ class DeadZoneOscillator(Model):
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
     def __post_init__(self):
+        """Check the edges and stiffnesses, and set default values."""
         upper = FINITE.check("upper_edge", self.upper_edge)
         allowed = f"from -inf to upper_edge = {upper!r}"
         checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)

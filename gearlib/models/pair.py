@@ -41,6 +41,7 @@ class GearPair(PairParameters, Model):
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
     def __post_init__(self):
+        """Check the parameters, their scales and the damping ratios."""
         super().__post_init__()
         check_scales(self)
         for name in ("material_damping", "backlash_damping"):

@@ -109,6 +109,7 @@ class Series(Profile):
     harmonics: Annotated[Harmonics, parameters.Instance((Harmonics,), "Harmonics"), "Added to it"]
 
     def __post_init__(self):
+        """Check that the stiffness is not negative at any phase."""
         parameters.check(self)
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)

@@ -305,6 +305,7 @@ class TwoGears(GearTrain):
     meshes: tuple = ()
 
     def __post_init__(self):
+        """Create the bodies and the mesh of the train from the fields of the pair."""
         gears = self.gears
         quarter = self.numbers.pi / 2.0
         # e3 sin phi3 and -e2 sin(Delta - phi2), where the gears rotate in opposite directions.

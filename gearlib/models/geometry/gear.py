@@ -84,6 +84,7 @@ class Rack:
     ] = 0.38
 
     def __post_init__(self):
+        """Check the dimensions of the rack."""
         check(self, " of a rack")
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         fits = self.tip_radius < self.dedendum
@@ -109,6 +110,7 @@ class Web:
     hub_diameter: Annotated[float, DIAMETER, "Outside of the hub, smaller than that of the rim"]
 
     def __post_init__(self):
+        """Check the dimensions of the web."""
         check(self, " of a web")
         fits = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
@@ -168,6 +170,7 @@ class PathTable:
     value: tuple
 
     def __post_init__(self):
+        """Check that positions rise strictly and each of them has a value."""
         for name in ("position", "value"):
             object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:

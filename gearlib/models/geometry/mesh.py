@@ -52,6 +52,7 @@ class Mesh:
     ] = None
 
     def __post_init__(self):
+        """Check that both gears fit together, and set default distance and backlash."""
         parameters.check(self)
         self._check_gears()
         least = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0

@@ -83,6 +83,7 @@ class Tooth:
     """
 
     def __init__(self, gear, width):
+        """Prepare the outline of a tooth of a `SpurGear` with a face width in m."""
         self.gear, self.width, self.sign = gear, width, gear.sign
         self.base = gear.base_diameter / 2.0
         self.root = gear.root_diameter / 2.0
@@ -198,6 +199,7 @@ class PairCompliance:
     """
 
     def __init__(self, mesh, hertz="constant"):
+        """Prepare both teeth of a drawn mesh and check their bores."""
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
         self._teeth = [Tooth(gear, mesh.width) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
@@ -397,6 +399,7 @@ class _StiffnessCurve:
     """A stiffness over one base pitch, linear between points; equal positions make a step."""
 
     def __init__(self, pitches, values):
+        """Store positions in base pitches, from 0 to 1, and the stiffness there, N/m."""
         self.pitches, self.values = np.asarray(pitches, float), np.asarray(values, float)
         areas = np.diff(self.pitches) * (self.values[1:] + self.values[:-1]) / 2.0
         self._areas = np.append(0.0, np.cumsum(areas))

@@ -80,6 +80,7 @@ class Body:
     angle: Annotated[float, parameters.ANGLE, "Of the pin on the carrier"] = 0.0
 
     def __post_init__(self):
+        """Check the parameters, the mass of a body on an elastic support, and the run-out."""
         parameters.check(self, f" of body {self.name}")
         rigid = all(map(math.isinf, self.support_stiffness))
         allowed = "a finite number > 0 where the support is elastic"
@@ -130,6 +131,7 @@ class Shaft:
     ] = None
 
     def __post_init__(self):
+        """Check the names of the bodies and the parameters of the shaft."""
         names = self.bodies
         different = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
         possible = different and all(isinstance(name, str) for name in names)
@@ -236,6 +238,7 @@ class Mesh:
     ] = None
 
     def __post_init__(self):
+        """Check the parameters of the mesh, and set its default name and deviation."""
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
         suffix = f" of mesh {self.name}"

@@ -79,6 +79,7 @@ class _GearSet:
     """
 
     def __init__(self, pair, stages, modules, pressure_angle, reduced, masses, support, damping):
+        """Compute inertias, masses and base radii; missing inertias are those of discs."""
         from gearlib.models.pair import GearPair
 
         self.pair = Instance((GearPair,)).check("pair", pair)

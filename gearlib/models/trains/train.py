@@ -92,6 +92,7 @@ class GearTrain(Model):
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
     def __post_init__(self):
+        """Check the elements, names, gears and torques of the train."""
         check(self)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
