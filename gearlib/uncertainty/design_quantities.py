@@ -1,4 +1,4 @@
-"""Quantities of many designs: jumps, onset, peak, duty point; each design is one search."""
+"""Quantities of designs: speeds of jumps and onset of contact loss, peaks, and the duty point."""
 
 import math
 from collections.abc import Callable
@@ -13,25 +13,32 @@ from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 
-#: Meanings of the codes, 0 first, and the code of a design that does not exist.
+#: Meanings of the status codes 0, 1, 2, and the code of a design that cannot be built.
 CODES = ("found", "there_is_none", "not_followed")
 FOUND, NONE, LOST = range(len(CODES))
 NO_DESIGN = -1
 #: Names of speeds of the main resonance in `MainResonance`.
 RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
-_PEAKS = {"peak", "peak_dynamic_factor"}
-#: Quantities of the duty point that are shares of the load, and those whose least value counts.
-_SHARES = {"load_sharing", "least_load_sharing"}
-_LEAST = {"contact_margin", "least_load_sharing"}
-_DUTY = {"dynamic_factor", "force", "transmission_error", "contact_margin", *_SHARES}
+_PEAK_QUANTITIES = {"peak", "peak_dynamic_factor"}
+_SHARING_QUANTITIES = {"load_sharing", "least_load_sharing"}
+#: Quantities whose worst value is the least one.
+_MINIMISED_QUANTITIES = {"contact_margin", "least_load_sharing"}
+_DUTY_QUANTITIES = {
+    "dynamic_factor",
+    "force",
+    "transmission_error",
+    "contact_margin",
+    *_SHARING_QUANTITIES,
+}
 
 
 class DesignQuantities:
-    """Search for quantities of designs near a nominal one, whose values are `nominal`, (q,).
+    """Compute quantities of designs that differ little from a nominal design.
 
-    Of a train quantities of the duty point are those of the worst mesh, the transmission error is
-    that of the reference mesh. `speed` is that of the duty point, rpm; `at_duty` returns the
-    nominal design for it, where that is another model. Quantities without a value are NaN.
+    `nominal` holds the values of the nominal design, (q,). Quantities of the duty point of a train
+    are those of the worst mesh, except for the transmission error of the reference mesh. `speed`
+    is the speed of the duty point, rpm; `at_duty` returns the nominal model of the duty point if it
+    differs from `model`. Values that do not exist are NaN.
     """
 
     def __init__(
@@ -43,40 +50,45 @@ class DesignQuantities:
         at_duty: Callable | None = None,
     ):
         self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-        duty = _DUTY & set(self.quantities)
-        _check_model(model, set(self.quantities) - duty)
+        duty = _DUTY_QUANTITIES & set(self.quantities)
+        _check_resonance_quantities(model, set(self.quantities) - duty)
         self.speed = speed
         self._orbit: Any = None
         if duty:
             duty_model = at_duty() if at_duty else model
-            _check_duty(duty_model, duty, speed)
+            _check_duty_quantities(duty_model, duty, speed)
             tuning = check_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
-        self._resonant = [
+        self._resonance_names = [
             RESONANCE_NAMES.get(name, name) for name in self.quantities if name not in duty
         ]
         self.nominal = self(model, at_duty)[0]
 
     def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
-        """Return the values of a design, (q,), NaN if not found, and their codes, (q,) int8."""
+        """Return the values of a design, (q,), NaN if not found, and their status codes, (q,)."""
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
-        resonance: Any = main_resonance(model, self._resonant) if self._resonant else None
-        duty = at_duty() if at_duty and self._orbit else model
-        summary = self._duty_summary(duty) if self._orbit else None
+        resonance: Any = None
+        if self._resonance_names:
+            resonance = main_resonance(model, self._resonance_names)
+        duty_model = at_duty() if at_duty and self._orbit else model
+        summary = self._duty_summary(duty_model) if self._orbit else None
         for i, name in enumerate(self.quantities):
-            if name in _DUTY:
-                values[i] = _of_summary(name, duty, summary, self._orbit.period)
+            if name in _DUTY_QUANTITIES:
+                values[i] = _duty_value(name, duty_model, summary, self._orbit.period)
             else:
-                values[i] = _of_resonance(name, model, resonance)
+                values[i] = _resonance_value(name, model, resonance)
             if np.isfinite(values[i]):
                 codes[i] = FOUND
-            elif name in _DUTY or RESONANCE_NAMES.get(name, name) in resonance.lost:
+            elif name in _DUTY_QUANTITIES or RESONANCE_NAMES.get(name, name) in resonance.lost:
                 codes[i] = LOST
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the summary of the orbit at the duty point next to the nominal one, or None."""
+        """Return the summary of the orbit at the duty point, None if no orbit is found.
+
+        The orbit next to that of the nominal design is preferred.
+        """
         tuning, nominal = float(model.tuning_at(self.speed)), self._orbit
         for guess in (nominal.state, None):
             try:
@@ -89,40 +101,40 @@ class DesignQuantities:
         return None
 
 
-def _check_duty(model: Any, duty: set, speed: float | None) -> None:
-    """Refuse quantities of the duty point that a model does not have."""
+def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> None:
+    """Raise ValueError if a model does not have these quantities of the duty point."""
     if speed is None:
-        raise ValueError(f"speed = None is not allowed: {min(duty)} is one of the duty point")
-    if duty & _SHARES and not model.mesh_names:
-        name = min(duty & _SHARES)
+        raise ValueError(f"speed = None is not allowed: {min(quantities)} is one of the duty point")
+    if quantities & _SHARING_QUANTITIES and not model.mesh_names:
+        name = min(quantities & _SHARING_QUANTITIES)
         raise ValueError(f"quantities = {name!r} is not allowed: it is one of trains")
-    if "transmission_error" in duty and model.equation and len(model.equation.deviation):
+    if "transmission_error" in quantities and model.equation and len(model.equation.deviation):
         raise ValueError(
             "quantities = 'transmission_error' is not allowed for a model with deviations of "
             "the flanks: its displacement is that of the flanks"
         )
 
 
-def _check_model(model: Any, resonant: set) -> None:
-    """Refuse quantities of the resonance that a model does not have."""
+def _check_resonance_quantities(model: Any, quantities: set) -> None:
+    """Raise ValueError if a model does not have these quantities of the main resonance."""
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: nothing turns in this model")
     one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
-    if resonant and not one_degree and model.equation is not None:
+    if quantities and not one_degree and model.equation is not None:
         raise ValueError(
-            f"quantities = {min(resonant)!r} is not allowed for this {kind}: "
+            f"quantities = {min(quantities)!r} is not allowed for this {kind}: "
             "the main resonance is searched of models whose excitation repeats every mesh period"
         )
-    if _PEAKS & resonant and not one_degree:
+    if _PEAK_QUANTITIES & quantities and not one_degree:
         raise ValueError(
-            f"quantities = {min(_PEAKS & resonant)!r} is not allowed for this {kind}: "
+            f"quantities = {min(_PEAK_QUANTITIES & quantities)!r} is not allowed for this {kind}: "
             "peaks are searched of models with one degree of freedom"
         )
 
 
-def _of_resonance(name: str, model: Any, resonance: Any) -> float:
-    """Return a quantity of a `MainResonance` in SI units, NaN where there is none."""
+def _resonance_value(name: str, model: Any, resonance: Any) -> float:
+    """Return a quantity of a `MainResonance` in SI units, NaN if it does not exist."""
     if name == "peak":
         return resonance.peak_displacement * model.static_deflection
     if name == "peak_dynamic_factor":
@@ -130,12 +142,15 @@ def _of_resonance(name: str, model: Any, resonance: Any) -> float:
     return float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
 
 
-def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return a quantity of the duty point, of the mesh where it is worst; NaN without an orbit."""
+def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
+    """Return a quantity of the duty point at its worst mesh from the summary of an orbit.
+
+    NaN is returned without a summary.
+    """
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
-    if name in _SHARES:
+    if name in _SHARING_QUANTITIES:
         values = model.extra_summary_variables((), summary, 2.0 * math.pi * period)["load_sharing"][
             1
         ]
@@ -148,25 +163,24 @@ def _of_summary(name: str, model: Any, summary: Any, period: int) -> float:
     elif name == "force":
         values = table[:, columns.FORCE_MAX] * model.load
     else:
-        values = table[:, columns.FORCE_MAX] / np.asarray(
-            model.mean_forces if model.mesh_names else 1.0
-        )
-    # There are no dynamic factors without load.
-    return float((np.fmin if name in _LEAST else np.fmax).reduce(values))
+        mean_forces = np.asarray(model.mean_forces if model.mesh_names else 1.0)
+        values = table[:, columns.FORCE_MAX] / mean_forces
+    # Meshes without load have no dynamic factor, so NaN is ignored.
+    return float((np.fmin if name in _MINIMISED_QUANTITIES else np.fmax).reduce(values))
 
 
 def search_of(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return the `DesignQuantities` near the nominal one of `Designs`."""
-    duty = designs.at_duty(designs.tolerances.centres)
-    return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=duty)
+    """Return the `DesignQuantities` for `Designs`, a search that starts from their nominal one."""
+    at_duty = designs.at_duty(designs.tolerances.centres)
+    return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=at_duty)
 
 
-def names_of(key: str, given: Any, allowed: tuple) -> tuple:
-    """Return names as a tuple, each once."""
-    if isinstance(given, str) or not hasattr(given, "__iter__"):
-        raise checks.refusal(key, given, f"a sequence of {', '.join(map(repr, allowed))}")
-    names = tuple(given)
-    for name in names:
+def names_of(key: str, names: Any, allowed: tuple) -> tuple:
+    """Return a sequence of different allowed names as a tuple, or raise ValueError."""
+    if isinstance(names, str) or not hasattr(names, "__iter__"):
+        raise checks.refusal(key, names, f"a sequence of {', '.join(map(repr, allowed))}")
+    checked = tuple(names)
+    for name in checked:
         checks.one_of(key, name, allowed)
-    checks.require(len(set(names)) == len(names), key, given, "names, each once")
-    return names
+    checks.require(len(set(checked)) == len(checked), key, names, "names, each once")
+    return checked

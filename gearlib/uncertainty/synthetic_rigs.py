@@ -1,7 +1,4 @@
-"""Synthetic rigs: what sensors would have of a known model. Nothing is measured here.
-
-For trials of fits only: the truth is known, seeds are fixed, and every dataset says what it is.
-"""
+"""Synthetic measured sets: simulated sensor signals of a known model, for trials of fits."""
 
 import json
 from collections.abc import Sequence
@@ -23,12 +20,12 @@ def synthetic_rig(
     samples_per_period: int = 32,
     gain: float = 1.0,
 ) -> xr.Dataset:
-    """Return a synthetic run-up of a model along rows of s and rpm as a measured set has it.
+    """Return a synthetic measured set of a run-up along a course, rows of s and rpm.
 
-    The encoder has so many `bits` over three times the range of the signal, of a train that of the
-    first mesh. `noise` is its standard deviation over that of the signal; `seed` is that of the
-    noise, of the offset and of an eccentricity, a wave once a turn as large as the signal. A `gain`
-    other than 1 is said to be unknown. ``synthetic`` is 1 among the attributes.
+    The signal is the displacement of the first mesh, read by an encoder with `bits` over three
+    times the range of the signal. Random noise, an offset and an eccentricity, a wave once per
+    revolution as large as the signal, are added. `noise` is the ratio of the standard deviations of
+    noise and signal. A `gain` other than 1 is marked as unknown in the attributes.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=course, samples_per_period=samples_per_period)
