@@ -1,7 +1,7 @@
-"""Methods behind the one ``method=`` name: each says which models it takes, and runs them.
+"""Methods of integration that the argument ``method=`` names.
 
-A method is a `method.Integrator` in the table ``METHODS`` of its module. A solver from another
-package names that as ``PACKAGE`` and imports it where it runs.
+A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
+another package names it as ``PACKAGE`` and imports it when it runs.
 """
 
 from collections import UserDict
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # loaded by name in any run, for `workflow.sources`: that of 
 
 
 class _Methods(UserDict):
-    """Name of a method -> the method; its module is loaded on first use: most runs need one."""
+    """Mapping of the name of a method to its `Integrator`, whose module is loaded on first use."""
 
     def __getitem__(self, name):
         return import_module(f"{__name__}.{self.data[name]}").METHODS[name]
@@ -36,20 +36,20 @@ METHODS = _Methods(
     heyoka="heyoka",
 )
 
-#: Methods that are chosen where none is named; the others are for comparison.
+#: Methods that are chosen by default; the others are for comparison.
 AUTOMATIC = ("exact", "taylor")
 
 
 class Method(NamedTuple):
-    """What `methods` says of one method."""
+    """Description of a method that ``method=`` can name."""
 
     name: str
-    order: int | None  #: of its steps; None: closed forms, or several solvers
-    events: str  #: how it meets stiffness switches and flank lines
-    models: str  #: what it takes
+    order: int | None  #: order of its steps; None: closed forms, or several solvers
+    events: str  #: how it treats switches of stiffness and changes of contact
+    models: str  #: which models it can run
     options: dict  #: name -> (default, meaning)
-    available: bool = True  #: whether the package that it needs is installed
-    note: str = ""  #: what to install for it, empty for methods of the library
+    available: bool = True  #: whether its package is installed
+    note: str = ""  #: command that installs its package, empty for methods of the library
 
 
 def methods():
@@ -58,7 +58,7 @@ def methods():
 
 
 def about(name):
-    """Return the `Method` of a name; no other is loaded."""
+    """Return the description of a method, a `Method`, by its name."""
     method = METHODS[name]
     options = {key: (option.default, option.meaning) for key, option in method.OPTIONS.items()}
     package = method.PACKAGE
@@ -66,13 +66,13 @@ def about(name):
     return Method(name, method.ORDER, method.EVENTS, method.MODELS, options, *requirement)
 
 
-def _takers(model):
-    """Return the names of the methods that take a model."""
+def _methods_for(model):
+    """Return the names of the methods that can run a model."""
     return [name for name, method in METHODS.items() if method.takes(model)]
 
 
 def refusal(model, name):
-    """Return why a method does not take a model, a clause; empty where it does."""
+    """Return the reason why a method cannot run a model, or an empty text if it can."""
     method, kind = METHODS[name], type(model).__name__
     if method.takes(model):
         return ""
@@ -80,10 +80,11 @@ def refusal(model, name):
 
 
 def choose(model, name, options):
-    """Return (name, method, options) for a model: the method named, or "exact" or "taylor".
+    """Return the name, the `Integrator` and all options of the method that runs a model.
 
-    ValueError if the method is unknown or does not take the model, or an option is unknown or
-    wrong; `MissingPackage` if the method's package is not installed.
+    Without a name "exact" is chosen if it can run the model, else "taylor". ValueError is raised if
+    the method is unknown or cannot run the model or if an option is wrong, `MissingPackage` if the
+    package of the method is not installed.
     """
     if not is_model(model):
         raise ValueError(
@@ -92,25 +93,24 @@ def choose(model, name, options):
         )
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].takes(model)), None)
-    # Where nothing is refused, no other method is loaded.
     if name not in tuple(METHODS) or refusal(model, name):
         if name in REMOVED:
             raise ValueError(sentence(name))
         checks.one_of("method", name, tuple(METHODS))
-        takers = ", ".join(map(repr, _takers(model)))
-        raise ValueError(f"{refusal(model, name)}; it must be one of {takers}")
+        names = ", ".join(map(repr, _methods_for(model)))
+        raise ValueError(f"{refusal(model, name)}; it must be one of {names}")
     method = METHODS[name]
     if not about(name).available:
         raise MissingPackage(
             f"method = {name!r} needs a package that is not installed: {about(name).note}, or take "
-            f"one of {', '.join(repr(n) for n in _takers(model) if about(n).available)}"
+            f"one of {', '.join(repr(n) for n in _methods_for(model) if about(n).available)}"
         )
-    chosen = {key: option.default for key, option in method.OPTIONS.items()}
+    values = {key: option.default for key, option in method.OPTIONS.items()}
     for key, value in checks.options(options).items():
         if key not in method.OPTIONS:
             raise ValueError(
                 f"options[{key!r}] = {value!r} is not allowed: method {name!r} knows "
                 f"{', '.join(map(repr, method.OPTIONS)) or 'no options'}"
             )
-        chosen[key] = method.OPTIONS[key].check(f"options[{key!r}]", value)
-    return name, method, chosen
+        values[key] = method.OPTIONS[key].check(f"options[{key!r}]", value)
+    return name, method, values

@@ -9,8 +9,8 @@ from gearlib.integrators.recording import TURN, Run
 from gearlib.integrators.right_hand_sides import OneDegree
 from gearlib.integrators.steps.embedded import DENSE, Control, take_embedded_steps
 
-#: Steps that are taken and recorded at a time.
-_STEPS = 1_024
+#: Number of steps that are taken before they are recorded together.
+_STEPS_PER_RECORD = 1_024
 #: Shares of a step at which ode45 shows the solution by default ("Refine"), besides its ends.
 _SHOWN = np.array([0.25, 0.5, 0.75])
 
@@ -33,7 +33,7 @@ class EmbeddedPair(Integrator):
     }
 
     def solver(self, model, tuning, span, rtol, atol, max_step):
-        """Return the run of a tuning; see `Integrator.solver`."""
+        """Return the `Run` of a model at one tuning over a span of mesh periods."""
         control = Control(rtol, atol, max_step or 0.1 * TURN * span.periods)
         return _Run(OneDegree(model, tuning), control=control)
 
@@ -61,7 +61,7 @@ class Smoothed(Integrator):
     }
 
     def solver(self, model, tuning, span, sharpness, rtol):
-        """Return the run of a tuning; see `Integrator.solver`."""
+        """Return the `Run` of a model at one tuning over a span of mesh periods."""
         control = Control(rtol, rtol, 0.1 * TURN * span.periods)
         return _Run(OneDegree(model, tuning, sharpness), control=control)
 
@@ -70,10 +70,10 @@ class _Run(Run):
     """A run under step control."""
 
     def go(self, z, codes):
-        """Go through the run; return (z, status)."""
+        """Integrate over the whole span from state z; return the final state and the status."""
         problem, end, place = self.problem, TURN * self.periods, np.zeros(3)
-        t, states = np.zeros(_STEPS + 1), np.empty((_STEPS + 1, 2))
-        stages = np.empty((_STEPS, 7, 2))
+        t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
+        stages = np.empty((_STEPS_PER_RECORD, 7, 2))
         states[0], wanted = z, TURN * min(self.first, self.strobe)
         while t[0] < end:
             law = problem.law, problem.contact, self.settings["control"]

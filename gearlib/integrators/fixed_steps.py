@@ -13,8 +13,8 @@ from gearlib.integrators.recording import RANGE, TURN, Run
 from gearlib.integrators.right_hand_sides import OneDegree, problem_of
 from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps, take_train_steps
 
-#: Steps that are taken and recorded at a time.
-_STEPS = 8_192
+#: Number of steps that are taken before they are recorded together.
+_STEPS_PER_RECORD = 8_192
 
 
 class FixedSteps(Integrator):
@@ -30,7 +30,7 @@ class FixedSteps(Integrator):
     scheme: Any
 
     def solver(self, model, tuning, span, steps_per_period, **options):
-        """Return the run of a tuning; see `Integrator.solver`."""
+        """Return the `Run` of a model at one tuning over a span of mesh periods."""
         return _Run(problem_of(model, tuning), steps_per_period, self.scheme(**options))
 
 
@@ -127,8 +127,8 @@ class _Run(Run):
         return z[i] + share * (first + share * (bend + share * twist))
 
     def go(self, z, codes):
-        """Go through the run; return (z, status)."""
-        stretch, n = max(1, _STEPS // self.steps), 0
+        """Integrate over the whole span from state z; return the final state and the status."""
+        stretch, n = max(1, _STEPS_PER_RECORD // self.steps), 0
         table = np.empty((min(stretch, self.periods) * self.steps + 1, z.size))
         starts = TURN * np.arange(stretch + 1)[:, None]
         t = (starts + TURN / self.steps * np.arange(self.steps)).ravel()

@@ -34,11 +34,11 @@ class Heyoka(Integrator):
     }
 
     def takes(self, model):
-        """Return whether it takes a model: it takes all."""
+        """Return True: the method can run all models."""
         return True
 
     def solver(self, model, tuning, span, tol):
-        """Return the run of a tuning; see `Integrator.solver`."""
+        """Return the `Run` of a model at one tuning over a span of mesh periods."""
         kind = _Meshes if model.equation is None else _OneDegree
         return kind(problem_of(model, tuning), tol=tol)
 

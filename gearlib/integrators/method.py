@@ -1,4 +1,4 @@
-"""Base of all methods: description, options, needed package, sweeps; and the automatic methods."""
+"""Base class of the methods of integration, and the default methods "exact" and "taylor"."""
 
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -9,7 +9,7 @@ from gearlib.engines.protocol import run_each
 
 
 class Option(NamedTuple):
-    """One entry of a method's ``OPTIONS``."""
+    """An option of a method: its default value, its check and its meaning."""
 
     default: Any
     check: Callable  #: ``check(name, value)`` returns the value or raises ValueError
@@ -17,21 +17,21 @@ class Option(NamedTuple):
 
 
 class MissingPackage(ImportError, ValueError):
-    """A method was asked for whose package is not installed."""
+    """The error that a method needs a package that is not installed."""
 
 
 class Package(NamedTuple):
-    """The package that a method needs."""
+    """A package that a method needs."""
 
-    module: str  #: under which name it is imported
-    distribution: str  #: under which name it is installed
+    module: str  #: name for its import
+    distribution: str  #: name for its installation
 
     def available(self):
-        """Return whether the package can be found; it is not imported."""
+        """Return whether the package is installed, without importing it."""
         return find_spec(self.module) is not None
 
     def note(self):
-        """Return what to install, one clause."""
+        """Return the command that installs the package."""
         return f"pip install {self.distribution}"
 
 
@@ -43,14 +43,14 @@ ABSOLUTE = Option(
 
 
 class Integrator:
-    """A method; a subclass gives `solver` and, unless it takes one mesh, `takes`."""
+    """A method of integration; subclasses define `solver` and, for other models, `takes`."""
 
     #: Order of its steps; None: closed forms, or several.
     ORDER: ClassVar[int | None] = None
-    #: How it meets switches of stiffness and flank lines, and which models it takes, in words.
+    #: Descriptions of its treatment of events, and of the models that it can run.
     EVENTS: ClassVar[str] = ""
     MODELS: ClassVar[str] = "one degree of freedom, any damping, stiffness and excitation"
-    #: Name -> `Option`; the package it needs, None: none besides those of the library.
+    #: Name -> `Option`; the package that it needs beside those of the library, or None.
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
@@ -58,19 +58,19 @@ class Integrator:
     solver: Any
 
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options):
-        """Run one tuning with so many samples in a recorded period; return a `Record`."""
+        """Run a model at one tuning and return its `Record` with `samples` per recorded period."""
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.solver(model, tuning, span, **options).run(state, span, *tables)
 
     def takes(self, model):
-        """Return whether it takes a model."""
+        """Return whether the method can run a model."""
         return model.one_mesh
 
     def sweep(self, model, tunings, order, state, carry, span, rows, **options):
-        """Run many tunings of a model; see `gearlib.engines.protocol.Base.sweep`."""
+        """Run a model at many tunings and fill the `gearlib.engines.orbit.Rows`."""
 
-        def run(tuning, before):
-            start = tuple(before.final) if before else state
+        def run(tuning, previous):
+            start = tuple(previous.final) if previous else state
             return self.run(model, tuning, start, span, keep_events=False, **options)
 
         run_each(run, tunings, order, carry, rows)
@@ -84,16 +84,16 @@ class Exact(Integrator):
     MODELS = "linear damping with rectangular stiffness, one or six degrees of freedom"
 
     def takes(self, model):
-        """Return whether a model has an engine for the method."""
+        """Return whether the method can run a model: the model must have an engine for it."""
         return self.NAME in model.propagators
 
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options):
-        """Run one tuning; see `Integrator.run`."""
+        """Run a model at one tuning and return its `Record`."""
         engine = model.propagator(tuning, self.NAME, **options)
         return engine.run(engine.start(state), span, samples, keep_events=keep_events)
 
     def sweep(self, model, tunings, *arguments, **options):
-        """Run many tunings; see `gearlib.engines.protocol.Base.sweep`."""
+        """Run a model at many tunings; see `gearlib.engines.protocol.Base.sweep`."""
         model.propagator(tunings[0], self.NAME, **options).sweep(tunings, *arguments)
 
 

@@ -45,7 +45,7 @@ class Run:
         self._below = np.concatenate([0.0 * spans[:, :1], np.cumsum(spans, axis=1)], axis=1)
 
     def go(self, z, codes):
-        """Go through the whole span from state z; return the state at its end and the status."""
+        """Integrate over the whole span from state z; return the final state and the status."""
         raise NotImplementedError
 
     def run(self, state, span, samples, events, summary):

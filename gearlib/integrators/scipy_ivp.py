@@ -18,8 +18,8 @@ from gearlib.integrators.right_hand_sides import problem_of
 from gearlib.integrators.split import Phase, Split, Stall
 
 SOLVERS = ("RK45", "DOP853", "Radau", "LSODA")
-#: Steps whose dense output is kept at a time.
-_STEPS = 1_000
+#: Number of steps that are taken before they are recorded together.
+_STEPS_PER_RECORD = 1_000
 
 
 class Scipy(Integrator):
@@ -39,11 +39,11 @@ class Scipy(Integrator):
     }
 
     def takes(self, model):
-        """Return whether it takes a model: it takes all."""
+        """Return True: the method can run all models."""
         return True
 
     def solver(self, model, tuning, span, solver, rtol, atol, events):
-        """Return the run of a tuning; see `Integrator.solver`."""
+        """Return the `Run` of a model at one tuning over a span of mesh periods."""
         kind = _Split if events else _Whole
         return kind(problem_of(model, tuning), method=solver, rtol=rtol, atol=atol)
 
@@ -52,7 +52,7 @@ class _Whole(Run):
     """One run over the whole span."""
 
     def go(self, z, codes):
-        """Go through the run; return (z, status)."""
+        """Integrate over the whole span from state z; return the final state and the status."""
         from scipy import integrate
 
         def rate(t, z):
@@ -82,7 +82,7 @@ class _Whole(Run):
             recorded = solver.t > TURN * self.first
             if recorded or solver.t // TURN > max(t // TURN, self.strobe - 1):
                 steps.append((t, z, solver.dense_output()))
-            if steps and (not recorded or len(steps) == _STEPS):
+            if steps and (not recorded or len(steps) == _STEPS_PER_RECORD):
                 self._record(steps, solver)
                 steps = []
         if steps:

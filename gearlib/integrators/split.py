@@ -17,35 +17,35 @@ from gearlib.integrators.right_hand_sides import FAR, NEAR
 
 
 class Exit(NamedTuple):
-    """A flank line that ends a phase of contact."""
+    """A flank line whose crossing ends the present contact of a mesh."""
 
     mesh: int
     line: int  #: NEAR or FAR
-    direction: int  #: sign with which its distance goes through zero
-    after: int  #: the next contact code of the mesh
+    direction: int  #: sign of the rate of its distance at the crossing
+    after: int  #: contact code of the mesh after the crossing
 
 
 class Phase(NamedTuple):
-    """What a solver made of one phase."""
+    """The solution between two events."""
 
-    t: np.ndarray  #: phases of step ends from the start of the mesh period, at least first and last
-    z: np.ndarray  #: the states there
-    hit: int | None = None  #: which of the exits ended it; None: the end that was asked for
-    dense: Callable | None = None  #: dense output ``dense(phases)``, where it is kept
+    t: np.ndarray  #: mesh phases of the step ends, counted from the start of the mesh period
+    z: np.ndarray  #: states at the step ends
+    hit: int | None = None  #: index of the exit that ended it; None: it reached the end
+    dense: Callable | None = None  #: ``dense(phases)`` returns states; None: it is not recorded
 
 
 class Stall(Exception):
-    """A solver that could not go on."""
+    """The error that a solver could not continue."""
 
 
 class Split(Run):
-    """Runs from switch to switch, and from contact to contact.
+    """A run that is restarted at each switch of stiffness and at each change of contact.
 
-    What several meshes do at the same instant comes one after the other, in phases of no length.
+    Simultaneous events of several meshes are treated one after the other.
     """
 
-    #: How far off a line a phase starts that begins on it, in units of the state's norm: an event
-    #: function that is zero there is found at once, or hides its next zero.
+    #: Distance from the flank line after a crossing, as a share of the norm of the state. An event
+    #: function must not start at zero.
     OFF = 1e-14
 
     def __init__(self, problem, **settings):
@@ -59,18 +59,19 @@ class Split(Run):
             self._pieces.append(list(zip(range(a, b), bounds, bounds[1:], strict=False)))
 
     def away(self, z):
-        """Return how far off a line a phase from state z starts: more than the rounding of z."""
+        """Return the distance from the flank line after a crossing at state z."""
         return self.OFF * max(1.0, math.sqrt(z @ z))
 
     def solve(self, turn, start, end, z, segment, codes, exits):
-        """Return the `Phase` from (start, z) in the mesh period from `turn` on, or raise `Stall`.
+        """Return the `Phase` from state z at `start` to an exit or to `end`, or raise `Stall`.
 
-        With all steps and dense output where the phase is recorded, `keep`.
+        `start` and `end` are mesh phases counted from `turn`, the start of the mesh period. All
+        steps and the dense output are returned if `self.keep` is true.
         """
         raise NotImplementedError
 
     def exits(self, codes):
-        """Return the `Exit`s of contact codes."""
+        """Return the `Exit`s that are possible at the contact codes of the meshes."""
         exits = []
         for j, code in enumerate(codes.tolist()):
             gap = self.problem.gaps[j]
@@ -86,7 +87,7 @@ class Split(Run):
         return exits
 
     def go(self, z, codes):
-        """Go through the run; return (z, status)."""
+        """Integrate over the whole span from state z; return the final state and the status."""
         problem = self.problem
         if problem.jammed(0.0, z):
             return z, status.JAMMED
@@ -124,7 +125,7 @@ class Split(Run):
         return z, status.OK
 
     def _change(self, n, t, z, codes, leave):
-        """Put z just beyond the line that ended a phase; return the new contact codes."""
+        """Move state z just beyond the flank line that was crossed; return the contact codes."""
         turn = TURN * (n % self.problem.repeats)
         self.problem.put(turn + t, z, *leave[:2], leave.direction * self.away(z))
         if self.keep:

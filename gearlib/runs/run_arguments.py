@@ -5,27 +5,27 @@ from typing import Any, NamedTuple
 from gearlib import checks, integrators
 from gearlib.engines.orbit import Rows, Span
 
-#: Most arcs (phases of contact and flights; Taylor steps) in one mesh period before a run gives up.
+#: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
-#: Tunings beyond these have no motion that rounding leaves anything of.
-LEAST_TUNING, MOST_TUNING = 1e-12, 1e5
-#: Memory that the record of a run, or the rows of a sweep, may take at most, bytes.
-MOST_MEMORY = 2_000_000_000
+#: Range of tunings: rounding spoils all digits of motions beyond it.
+MIN_TUNING, MAX_TUNING = 1e-12, 1e5
+#: Largest memory of the record of a run or of the rows of a sweep, bytes.
+MAX_MEMORY = 2_000_000_000
 
 
 def check_tuning(name, value):
-    """Return a tuning nu as float: finite, > 0, within what rounding leaves."""
+    """Return a tuning nu as float, or raise ValueError if it is out of range."""
     tuning = checks.finite_positive(name, value)
-    return checks.number(name, tuning, f"from {LEAST_TUNING:g} to {MOST_TUNING:g}", allowed)
+    return checks.number(name, tuning, f"from {MIN_TUNING:g} to {MAX_TUNING:g}", allowed)
 
 
 def allowed(tuning):
-    """Return whether a tuning is within what rounding leaves, of a float or array; NaN is not."""
-    return (tuning >= LEAST_TUNING) & (tuning <= MOST_TUNING)
+    """Return whether tunings, a float or an array, are in the allowed range; NaN is not."""
+    return (tuning >= MIN_TUNING) & (tuning <= MAX_TUNING)
 
 
 def tuning_of(model, tuning, speed):
-    """Return the tuning of a run that is given by it or by a speed in rpm, one of both."""
+    """Return the tuning of a run from the argument `tuning` or the argument `speed`, rpm."""
     check_either(model, "tuning", tuning, "speed", speed)
     if speed is None:
         return check_tuning("tuning", tuning)
@@ -33,12 +33,12 @@ def tuning_of(model, tuning, speed):
 
 
 def check_speed(model, name, speed):
-    """Return the tuning at a speed in rpm, which is refused where its tuning is not allowed."""
+    """Return the tuning at a speed in rpm, or raise ValueError if it is out of range."""
     return float(model.tuning_at(checks.speed(name, speed, float(model.speed(1.0)))))
 
 
 def check_either(model, name, tuning, speed_name, speed):
-    """Refuse neither and both of tunings and speeds, and speeds where nothing turns."""
+    """Raise ValueError unless one of tunings and speeds is given and the model has speeds."""
     if (tuning is None) == (speed is None):
         raise ValueError(
             f"{name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be one of "
@@ -57,24 +57,27 @@ def check_either(model, name, tuning, speed_name, speed):
         )
 
 
-def check_memory(words, count, numbers, unit):
-    """Refuse so many rows of numbers that they take too much memory; `words` say what asks them."""
-    most = MOST_MEMORY // (8 * numbers)
-    if count > most:
+def check_memory(argument, count, numbers, unit):
+    """Raise ValueError if `count` rows with so many numbers each need too much memory.
+
+    `argument` describes the argument that causes them, `unit` is the name of a row.
+    """
+    max_rows = MAX_MEMORY // (8 * numbers)
+    if count > max_rows:
         raise ValueError(
-            f"{words} is not allowed: it must be <= {most:,} {unit} to stay within "
-            f"{MOST_MEMORY / 1e9:g} GB of memory"
+            f"{argument} is not allowed: it must be <= {max_rows:,} {unit} to stay within "
+            f"{MAX_MEMORY / 1e9:g} GB of memory"
         )
 
 
-def check_rows(model, words, count):
-    """Refuse so many tunings that a sweep of a model takes too much memory."""
+def check_rows(model, argument, count):
+    """Raise ValueError if a sweep of a model over so many tunings needs too much memory."""
     numbers = model.empty_record()[2].size + len(model.components) + len(Rows._fields)
-    check_memory(words, count, numbers, "tunings")
+    check_memory(argument, count, numbers, "tunings")
 
 
-class Asked(NamedTuple):
-    """What is asked of a run, checked."""
+class RunArguments(NamedTuple):
+    """Checked arguments of a run."""
 
     span: Span
     state: tuple
@@ -83,19 +86,24 @@ class Asked(NamedTuple):
     options: dict
 
     def attributes(self):
-        """Return what a dataset says of it."""
+        """Return the arguments as attributes of a dataset."""
         periods, recorded, _ = self.span
-        said = {"method": self.method, "options": self.options, "initial_state": self.state}
-        return said | {"periods": periods, "record_periods": recorded}
+        return {
+            "method": self.method,
+            "options": self.options,
+            "initial_state": self.state,
+            "periods": periods,
+            "record_periods": recorded,
+        }
 
 
 def check_run(
     model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
-    """Return the arguments of a run as `Asked`; ValueError names argument, value and range."""
+    """Return the checked arguments of a run, or raise ValueError with the name and the range."""
     chosen = integrators.choose(model, method, options)
     periods = checks.integer("periods", periods, 1)
     recorded = checks.integer("record_periods", record_periods, 1, periods)
     state = model.check_state(initial_state)
     span = Span(periods, recorded, checks.integer("max_events", max_events, 1))
-    return Asked(span, state, *chosen)
+    return RunArguments(span, state, *chosen)

@@ -1,4 +1,4 @@
-"""`run_up`: a model while its speed and its load change."""
+"""`run_up`: the motion of a model while its speed and its load change."""
 
 import math
 
@@ -14,8 +14,8 @@ from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
-#: name -> (CF units, long_name) where a run-up, in SI units, differs from other datasets.
-_IN_SI = {
+#: name -> (CF units, long_name) of variables that only run-ups have in SI units.
+_SI_VARIABLES = {
     "time": ("s", "time"),
     "load_ratio": ("1", "load over that of the model"),
     "displacement": ("m", "relative mesh displacement"),
@@ -35,10 +35,10 @@ _IN_SI = {
     "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
     "mean_force": ("N", "mean of the mesh force over the revolution"),
 }
-#: Memory of a mesh period beside its samples: summary and a few events, numbers for each mesh.
-_PER_PERIOD = 40
-#: Columns of a summary that take the largest, the least, the sum of those of the intervals.
-_LARGEST, _LEAST = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
+#: Numbers that a mesh period of one mesh needs beside its samples, for summary and events.
+_NUMBERS_PER_PERIOD = 40
+#: Columns of a summary that hold maxima and minima; the others are sums.
+_MAXIMUM_COLUMNS, _MINIMUM_COLUMNS = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
 
 
 def run_up(
@@ -127,7 +127,7 @@ def run_up(
     runner, pieces, z = courses.set_out(model, speeds, loads, state)
     meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (meshes * 6 + model.size) + _PER_PERIOD * meshes
+    columns = samples * (meshes * 6 + model.size) + _NUMBERS_PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
     stretches = list(
@@ -138,23 +138,25 @@ def run_up(
         code = status.OVERFLOW
     data = _statistics(model, stretches, omega) | _events(model, stretches, omega)
     if samples:
-        data |= _course_of_time(model, stretches, omega, samples)
+        data |= _time_variables(model, stretches, omega, samples)
     if code != status.OK:
-        data = {name: _nothing(*variable) for name, variable in data.items()}
-    data = {name: _described(name, *variable) for name, variable in data.items()}
-    own = model.coordinates()
+        data = {name: _failed(*variable) for name, variable in data.items()}
+    data = {name: _with_units(name, *variable) for name, variable in data.items()}
+    coordinates = model.coordinates()
     used = {dim for variable in data.values() for dim in variable[0]}
-    coords = {name: own[name] for name in own if name in used}
-    said = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
-    said |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
+    coords = {name: coordinates[name] for name in coordinates if name in used}
+    attributes = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
+    attributes |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
-    dataset = result("Run-up of a gear mesh", model, data, coords, method=runner.words, **said)
+    dataset = result(
+        "Run-up of a gear mesh", model, data, coords, method=runner.words, **attributes
+    )
     dataset["status"].attrs["message"] = status.MESSAGES[code]
     return dataset
 
 
 def _check_model(model):
-    """Check that a model may be on its way."""
+    """Raise ValueError unless a run-up of the model is possible."""
     name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
@@ -173,7 +175,7 @@ def _check_model(model):
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):
-    """Return the course of speed of `run_up`, rows of seconds and rpm, checked."""
+    """Return the course of speed, rows of seconds and rpm, from the arguments of `run_up`."""
     words, given = "a finite number >= 0", (start, stop, duration, acceleration)
     if speed is not None:
         if any(value is not None for value in given):
@@ -209,25 +211,25 @@ def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=Non
 
 
 def _course(name, rows, words, accept, steps=False):
-    """Return rows of seconds and a value, checked."""
-    found = []
+    """Return a checked course, rows of seconds and a value; `steps` allows equal times."""
+    course = []
     for i, row in enumerate(checks.many(name, rows)):
         t, value = checks.many(f"{name}[{i}]", row, 2)
         t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
         value = checks.number(f"{name}[{i}][1]", value, words, accept)
-        if found and (t < found[-1][0] or (t == found[-1][0] and not steps)):
-            more = "not before" if steps else "after"
+        if course and (t < course[-1][0] or (t == course[-1][0] and not steps)):
+            relation = "not before" if steps else "after"
             raise ValueError(
-                f"{name}[{i}][0] = {t!r} is not allowed: it must be {more} {found[-1][0]!r} s"
+                f"{name}[{i}][0] = {t!r} is not allowed: it must be {relation} {course[-1][0]!r} s"
             )
-        found.append((t, value))
-    if not found:
+        course.append((t, value))
+    if not course:
         raise ValueError(f"{name} = {rows!r} is not allowed: it must have a row of s and a value")
-    return np.array(found)
+    return np.array(course)
 
 
 def inertia_of(model, driver, driven_mass, base_radius):
-    """Return what `courses.run_through` takes as inertia."""
+    """Return the inertia forces of the meshes per acceleration, for `courses.run_through`."""
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
         if driven_mass or base_radius is not None:
@@ -245,7 +247,7 @@ def inertia_of(model, driver, driven_mass, base_radius):
 
 
 def _statistics(model, stretches, omega):
-    """Return name -> (dims, values) over the revolutions."""
+    """Return the variables over revolutions, name -> (dims, values)."""
     phase, time, begin, number = (
         np.concatenate(parts)
         for parts in zip(
@@ -259,17 +261,17 @@ def _statistics(model, stretches, omega):
     first = np.flatnonzero(np.diff(number, prepend=-1))
     time, phase = np.add.reduceat(time, first), np.add.reduceat(phase, first)
     begin = begin[first]
-    # A revolution that goes on in another stretch has a summary in each of them.
+    # A revolution that spans several stretches has a summary in each of them.
     table = np.concatenate([stretch.summary for stretch in stretches])
-    of_summary = np.concatenate([np.unique(stretch.block) for stretch in stretches])
-    block = np.flatnonzero(np.diff(of_summary, prepend=-1))
+    summary_blocks = np.concatenate([np.unique(stretch.block) for stretch in stretches])
+    block = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
     rows = np.add.reduceat(table, block)
-    rows[..., _LARGEST] = np.maximum.reduceat(table[..., _LARGEST], block)
-    rows[..., _LEAST] = np.minimum.reduceat(table[..., _LEAST], block)
+    rows[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], block)
+    rows[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], block)
     length, force = model.static_deflection, model.scales()["force_scale"]
-    # The time of each mesh as its contacts count it: shares of one are 1 to the last place.
+    # The total time is the sum of the times at each contact, so that the fractions sum up to 1.
     share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
-    # Of a run that was stopped nothing was counted.
+    # No time is counted after a run has stopped.
     share[share == 0.0] = np.nan
     columns = {
         "displacement_max": rows[..., orbit.X_MAX] * length,
@@ -293,7 +295,7 @@ def _statistics(model, stretches, omega):
 
 
 def _events(model, stretches, omega):
-    """Return name -> (dims, values) over the events."""
+    """Return the variables over events, name -> (dims, values)."""
     rows = np.concatenate([stretch.events for stretch in stretches])
     speeds = [stretch.piece.by(stretch.events[:, 0])[0] for stretch in stretches]
     columns = {
@@ -308,8 +310,8 @@ def _events(model, stretches, omega):
     return {name: (("event",), values) for name, values in columns.items()}
 
 
-def _course_of_time(model, stretches, omega, samples):
-    """Return name -> (dims, values) over time."""
+def _time_variables(model, stretches, omega, samples):
+    """Return the variables over time, name -> (dims, values)."""
     steps = np.arange(samples) / samples
     theta = np.concatenate(
         [
@@ -324,7 +326,7 @@ def _course_of_time(model, stretches, omega, samples):
     speed, phase, load = np.hstack(course)
     table = np.concatenate([stretch.samples for stretch in stretches])
     length, force = model.static_deflection, model.scales()["force_scale"]
-    of_mesh = {
+    mesh_columns = {
         "displacement": table[..., orbit.SAMPLE_X] * length,
         "velocity": table[..., orbit.SAMPLE_V] * (length * omega),
         "acceleration": table[..., orbit.SAMPLE_A] * (length * omega**2),
@@ -338,7 +340,7 @@ def _course_of_time(model, stretches, omega, samples):
         "speed": (("time",), np.asarray(model.speed(speed))),
         "load_ratio": (("time",), load),
         "phase": (("time",), phase),
-        **{name: (over, values.reshape(shape)) for name, values in of_mesh.items()},
+        **{name: (over, values.reshape(shape)) for name, values in mesh_columns.items()},
     }
     if model.mesh_names:
         q = np.concatenate([stretch.states[:, : model.size // 2] for stretch in stretches])
@@ -347,12 +349,12 @@ def _course_of_time(model, stretches, omega, samples):
     return data
 
 
-def _nothing(dims, values):
-    """Return a variable of the same shape without numbers."""
+def _failed(dims, values):
+    """Return a variable of the same shape with NaN, or with 0 if it holds integers."""
     return dims, np.full(values.shape, np.nan) if values.dtype.kind == "f" else 0 * values
 
 
-def _described(name, dims, values):
-    """Return a variable, in SI units where those of other datasets are not."""
-    units, long_name = _IN_SI.get(name, (None, None))
+def _with_units(name, dims, values):
+    """Return a variable with its SI units and description if only run-ups have them."""
+    units, long_name = _SI_VARIABLES.get(name, (None, None))
     return (dims, values, {"units": units, "long_name": long_name} if units else {})

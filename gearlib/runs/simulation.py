@@ -92,11 +92,11 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = tuning_of(pair, tuning, speed)
-    asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
+    checked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("until_settled", until_settled, (False, True))
-    record, followed_periods = _run(pair, tuning, asked, samples_per_period, True, until_settled)
-    recorded = asked.span.recorded
-    first = (asked.span.periods - recorded) * samples_per_period
+    record, followed_periods = _run(pair, tuning, checked, samples_per_period, True, until_settled)
+    recorded = checked.span.recorded
+    first = (checked.span.periods - recorded) * samples_per_period
     data = {
         **_time_course(pair, record.samples, record.status),
         **_event_table(record.events),
@@ -118,77 +118,77 @@ def simulate(
         "phase": (first + np.arange(len(record.samples))) * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
     }
-    said = asked.attributes() | {"tuning": tuning}
-    dataset = result("Time course of a gear mesh", pair, data, coords, **said)
+    attributes = checked.attributes() | {"tuning": tuning}
+    dataset = result("Time course of a gear mesh", pair, data, coords, **attributes)
     dataset["status"].attrs["message"] = status.MESSAGES[record.status]
     return dataset
 
 
-def run(pair, tuning, samples_per_period, **asked):
+def run(pair, tuning, samples_per_period, **settings):
     """Run a gear pair at one tuning as `simulate` does, and return its `Record`.
 
-    `asked` are the arguments of `gearlib.runs.run_arguments.check_run`. If the status is not 0,
+    `settings` are arguments of `gearlib.runs.run_arguments.check_run`. If the status is not 0,
     numbers are NaN and there are no events.
     """
-    return _run(pair, tuning, check_run(pair, **asked), samples_per_period)[0]
+    return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
 
 
-def _run(pair, tuning, asked, samples_per_period, prove=False, until_settled=False):
-    """Return the `Record` of a run and the mesh periods after which its period is told.
+def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=False):
+    """Return the `Record` of a run, and the number of mesh periods that determined its period.
 
-    With `prove` the period is proven, with `until_settled` by going on behind the run.
+    `checked` are `RunArguments`. With `prove` the period is proven; with `until_settled` the motion
+    is continued after the recorded periods for this proof.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    recorded = asked.span.recorded
-    words = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
+    recorded = checked.span.recorded
+    argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
     columns = pair.empty_record()[0].shape[1]
-    check_memory(words, recorded * samples_per_period, columns, "samples in all")
-    arguments = asked.state, asked.span, samples_per_period
-    record = asked.module.run(pair, tuning, *arguments, **asked.options)
+    check_memory(argument, recorded * samples_per_period, columns, "samples in all")
+    arguments = checked.state, checked.span, samples_per_period
+    record = checked.module.run(pair, tuning, *arguments, **checked.options)
     if record.status == status.OK:
-        if summary.reach(record.summary) > pair.bound(tuning, asked.state):
+        if summary.reach(record.summary) > pair.bound(tuning, checked.state):
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
         for table in (record.samples, record.summary, record.final):
             table[...] = math.nan
         record = record._replace(events=record.events[:0])
-    periods = asked.span.periods
-    if prove and asked.method in integrators.AUTOMATIC and record.status == status.OK:
-        engine = pair.propagator(tuning, asked.method, **asked.options)
-        period, periods = followed(engine, record, asked.span, until_settled)
+    periods = checked.span.periods
+    if prove and checked.method in integrators.AUTOMATIC and record.status == status.OK:
+        engine = pair.propagator(tuning, checked.method, **checked.options)
+        period, periods = followed(engine, record, checked.span, until_settled)
         record = record._replace(period=period)
     return record, periods
 
 
 def _time_course(pair, samples, code):
     """Return the variables over ``phase`` from the sample table of `Model.empty_record`."""
-    dims, of_mesh = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
+    dims, table = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
     if pair.mesh_names:
         dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
-        of_mesh = samples[:, : meshes * orbit.SAMPLE_COLUMNS].reshape(
-            -1, meshes, orbit.SAMPLE_COLUMNS
-        )
-    touching = np.zeros(of_mesh.shape[:-1], np.int8)
+        table = samples[:, : meshes * orbit.SAMPLE_COLUMNS]
+        table = table.reshape(-1, meshes, orbit.SAMPLE_COLUMNS)
+    contact_codes = np.zeros(table.shape[:-1], np.int8)
     if code == status.OK:
-        touching[:] = of_mesh[..., orbit.SAMPLE_CONTACT]
-    stiffness = of_mesh[..., orbit.SAMPLE_STIFFNESS]
+        contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
+    stiffness = table[..., orbit.SAMPLE_STIFFNESS]
     columns = {
-        "displacement": of_mesh[..., orbit.SAMPLE_X],
-        "velocity": of_mesh[..., orbit.SAMPLE_V],
-        "acceleration": of_mesh[..., orbit.SAMPLE_A],
+        "displacement": table[..., orbit.SAMPLE_X],
+        "velocity": table[..., orbit.SAMPLE_V],
+        "acceleration": table[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
-        "modified_stiffness": np.where(touching == BACKLASH, 0.0 * stiffness, stiffness),
-        "dynamic_force": of_mesh[..., orbit.SAMPLE_FORCE],
-        "contact": touching,
+        "modified_stiffness": np.where(contact_codes == BACKLASH, 0.0 * stiffness, stiffness),
+        "dynamic_force": table[..., orbit.SAMPLE_FORCE],
+        "contact": contact_codes,
     }
-    named = {name: (dims, values) for name, values in columns.items()}
-    return named | pair.extra_sample_variables(samples)
+    variables = {name: (dims, values) for name, values in columns.items()}
+    return variables | pair.extra_sample_variables(samples)
 
 
 def _event_table(events):
     """Return the variables over ``event`` from the event table of `Model.empty_record`."""
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
-    # Events come in their order; the sum may round one below the event before it.
+    # The sum may round below the phase of the event before.
     phase = np.maximum.accumulate(phase)
     columns = {
         "event_phase": phase,

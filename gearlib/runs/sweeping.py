@@ -12,8 +12,8 @@ from gearlib.data import summary
 from gearlib.data.result import result
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
-    Asked,
     Rows,
+    RunArguments,
     allowed,
     check_either,
     check_rows,
@@ -23,14 +23,14 @@ from gearlib.runs.run_arguments import (
 )
 
 DIRECTIONS = ("cold", "up", "down")
-#: Those in which a motion is carried from one tuning to the next.
+#: Directions in which each run starts from the final state of the run before.
 CARRIED = DIRECTIONS[1:]
 
-#: Tunings handed to a thread at a time: enough to hide the hand-over, few enough to share out the
-#: chaotic end of a sweep.
-_FEWEST, _MOST = 16, 128
-#: A downward sweep goes on to this share of its range; extrema that differ by less are one motion.
-LOWEST_SHARE, _SAME_MOTION = 0.2, 1e-3
+#: Limits of the number of tunings that a thread gets at a time: larger chunks have less overhead,
+#: smaller chunks balance the load of the threads.
+_MIN_CHUNK, _MAX_CHUNK = 16, 128
+#: End of a downward sweep as a share of its range, and tolerance of extrema of the same motion.
+LOWEST_SHARE, _SAME_MOTION_TOLERANCE = 0.2, 1e-3
 
 
 def sweep(
@@ -102,87 +102,90 @@ def sweep(
     else:
         check = functools.partial(check_speed, pair)
         tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
-    asked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
+    checked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
     _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
-    if direction != "cold" and asked.method != "exact" and pair.size > 2:
+    if direction != "cold" and checked.method != "exact" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
-            f"{asked.method!r}: it must be 'cold', or the method 'exact', which carries all "
+            f"{checked.method!r}: it must be 'cold', or the method 'exact', which carries all "
             "coordinates along"
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _rows(pair, tunings, asked, direction, threads)
+    rows = _rows(pair, tunings, checked, direction, threads)
     data = {
-        **summary.variables(pair, ("tuning",), *rows[1:], asked.span.recorded),
+        **summary.variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
         **pair.scales(),
         **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, **pair.coordinates()}
-    said = asked.attributes() | {"direction": direction}
-    return result("Resonance characteristic of a gear mesh", pair, data, coords, **said)
+    attributes = checked.attributes() | {"direction": direction}
+    return result("Resonance characteristic of a gear mesh", pair, data, coords, **attributes)
 
 
-def _rows(pair, tunings: np.ndarray, asked: Asked, direction: str, threads: int) -> Rows:
-    """Return the rows of a sweep, in the order of the tunings."""
+def _rows(pair, tunings: np.ndarray, checked: RunArguments, direction: str, threads: int) -> Rows:
+    """Run a sweep and return its `Rows` in the order of the tunings."""
     rows = Rows(
-        pair.bound(float(tunings.max()), asked.state),
+        pair.bound(float(tunings.max()), checked.state),
         np.empty((tunings.size, *pair.empty_record()[2].shape)),
         np.empty((tunings.size, len(pair.components))),
-        np.full((tunings.size, 2), -1),  # until a tuning is done
+        np.full((tunings.size, 2), -1),  # -1: not yet computed
     )
     carry = direction != "cold"
 
-    def go_through(order):
-        arguments = asked.state, carry, asked.span, rows
-        asked.module.sweep(pair, tunings, order, *arguments, **asked.options)
+    def run_tunings(order):
+        arguments = checked.state, carry, checked.span, rows
+        checked.module.sweep(pair, tunings, order, *arguments, **checked.options)
 
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
-    chunk = min(max(order.size // (4 * threads), _FEWEST), _MOST)
-    chunks = [order[i : i + chunk] for i in range(0, order.size, chunk)]
+    size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
+    chunks = [order[i : i + size] for i in range(0, order.size, size)]
     with notebook.bar("tunings", tunings.size, lambda: int((rows.codes[:, 1] >= 0).sum())):
         if carry or threads == 1 or len(chunks) < 2:
-            go_through(order)
+            run_tunings(order)
         else:
-            # The kernels release the interpreter lock and every tuning has its own rows, so plain
-            # threads suffice.
+            # Kernels release the interpreter lock, so threads run in parallel.
             with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(go_through, chunks))
+                list(pool.map(run_tunings, chunks))
     return rows
 
 
 def _check_order(direction, tunings, name):
-    """Refuse tunings out of order where the motion is carried from each to the next."""
+    """Raise ValueError unless the tunings of a sweep up or down are sorted."""
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
     if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
-        way = "rising" if direction == "up" else "rising or falling"
-        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {way} values")
+        order = "rising" if direction == "up" else "rising or falling"
+        raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
 def sweep_down(pair, tunings, lowest, **settings):
-    """Sweep down, and on below the range until the motion is that of an upward sweep.
+    """Sweep down until the motion agrees with an upward sweep; return (dataset, agreement).
 
-    `tunings`, shape (n,), rise in equal steps, which go on down to `lowest`; `settings` are
-    arguments of `sweep`. Returns its dataset, tunings rising, and whether both motions agree.
+    `tunings`, (n,), rise in equal steps; the sweep continues below them in the same steps to
+    `lowest` at most. `settings` are arguments of `sweep`. The tunings of the dataset rise and begin
+    where both motions agree; `agreement` tells whether they do anywhere.
     """
     first, step = float(tunings[0]), float(tunings[1] - tunings[0])
     count = max(0, math.floor((first - lowest) / step + 1e-9))
     below = np.round(first - step * np.arange(count, 0, -1), 12)
     curve = sweep(pair, np.concatenate([below, tunings]), direction="down", **settings)
-    there = curve.isel(tuning=slice(count + 1))
-    up = sweep(pair, there.tuning.values, direction="up", **settings)
+    down = curve.isel(tuning=slice(count + 1))
+    up = sweep(pair, down.tuning.values, direction="up", **settings)
     height = up.displacement_max - up.displacement_min
-    away = [np.abs(there[name] - up[name]) for name in ("displacement_max", "displacement_min")]
-    same = np.flatnonzero(np.maximum(*away) <= _SAME_MOTION * height)
+    errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
+    same = np.flatnonzero(np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * height)
     return curve.isel(tuning=slice(same[-1] if same.size else 0, None)), bool(same.size)
 
 
 def check_tunings(name, tunings, check, tuning_at=np.asarray):
-    """Return tunings, or speeds, as a float array, shape (n,); `check` refuses a single one."""
+    """Return different tunings or speeds as a float array, (n,), or raise ValueError.
+
+    `check(name, value)` raises ValueError for a wrong value; `tuning_at` converts speeds.
+    """
     try:
         values = np.atleast_1d(np.asarray(tunings))
     except ValueError:
@@ -192,12 +195,12 @@ def check_tunings(name, tunings, check, tuning_at=np.asarray):
             f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
     if values.dtype.kind not in "iuf" or not allowed(tuning_at(values.astype(float))).all():
-        # One after the other, to name the first that is not allowed.
+        # The check of single values names the first wrong one.
         for i, value in enumerate(values.tolist()):
             check(f"{name}[{i}]", value)
     values = values.astype(float)
     unique, counts = np.unique(values, return_counts=True)
     if unique.size < values.size:
-        twice = float(unique[counts > 1][0])
-        raise ValueError(f"{name} contains {twice!r} twice: all {name} must be different")
+        repeated = float(unique[counts > 1][0])
+        raise ValueError(f"{name} contains {repeated!r} twice: all {name} must be different")
     return values
