@@ -1,4 +1,4 @@
-"""The folder of the kernels' machine code, which numba's cache writes and reads.
+"""The folder in which numba keeps the machine code of the kernels.
 
 numba looks for edits in the file of a function only, not in the modules whose functions it calls.
 So the folder carries a hash of all kernel sources in its name, and a stale kernel cannot be loaded.
@@ -15,7 +15,7 @@ _KERNELS = Path(__file__).parent, Path(__file__).parents[1] / "integrators" / "s
 
 
 def source_hash():
-    """Return the hash (16 hex digits) of all kernel sources."""
+    """Return a hash (16 hex digits) of all kernel sources."""
     digest = hashlib.sha256()
     for path in sorted(path for folder in _KERNELS for path in folder.rglob("*.py")):
         digest.update(path.name.encode())
@@ -24,7 +24,7 @@ def source_hash():
 
 
 def cache_folder():
-    """Return the folder of the machine code; make it."""
+    """Return the folder of the machine code, which is created if needed."""
     name = f"kernels-{source_hash()}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "gearlib")
@@ -33,14 +33,14 @@ def cache_folder():
         os.makedirs(folder, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
-        # A read-only home must not keep anyone from computing.
+        # The home folder is read-only.
         folder = os.path.join(_temporary_folder(), name)
         os.makedirs(folder, exist_ok=True)
     return folder
 
 
 def _temporary_folder():
-    """Return a folder for temporary files that nobody else can have filled."""
+    """Return a folder for temporary files that no other user can have filled."""
     user = os.getuid() if hasattr(os, "getuid") else None
     path = os.path.join(tempfile.gettempdir(), f"gearlib-{user}")
     with contextlib.suppress(OSError):

@@ -1,9 +1,9 @@
-"""Codes that all kernels share: the contact of a mesh, and how a run ended."""
+"""Codes that all kernels share: contact of a mesh and status of a run."""
 
 #: Drive side in contact (the paper's normal mesh), no contact, coast side (inverse mesh).
 NORMAL, BACKLASH, INVERSE = 1, 0, -1
-#: Both sides at once, of which the models say nothing: what an event leads to, never a contact.
+#: Contact of both sides at once, which no model describes; an event to it ends a run as JAMMED.
 BOTH = 2
 
-#: `gearlib.data.status` says what each means and what to do.
+#: Statuses of a run, which `gearlib.data.status` explains.
 OK, EVENT_LIMIT, OVERFLOW, NOT_CONVERGED, STALLED, JAMMED, UNRESOLVED, NO_START = range(8)

@@ -1,7 +1,7 @@
 """Copies between arrays, number by number.
 
-What numba makes of ``target[:] = source`` brings along the texts of its errors, which take five
-seconds to compile in every process that compiles anything.
+numba compiles ``target[:] = source`` with error messages that cost five seconds in every process
+that compiles anything.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ def copy(source, target):
 
 @uncounted
 def copy_rows(source, target):
-    """Fill the first rows of `target`, shape (m, n), with those of `source`, shape (k, n)."""
+    """Copy `source`, shape (k, n), to the first k rows of `target`, shape (m, n)."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
@@ -26,7 +26,7 @@ def copy_rows(source, target):
 
 @kernel
 def enlarged(table, rows):
-    """Return a table with room for so many rows that begins with those of `table`."""
+    """Return a table of `rows` rows that begins with the rows of `table`."""
     larger = np.empty((rows, table.shape[1]))
     copy_rows(table, larger)
     return larger

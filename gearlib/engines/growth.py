@@ -1,4 +1,4 @@
-"""Growth of a small deviation that is carried along by maps of mesh periods."""
+"""Growth of a small deviation under the maps of mesh periods."""
 
 import math
 
@@ -9,10 +9,10 @@ from gearlib.engines.jit import kernel
 
 @kernel
 def carry(maps, weights, vector, logs):
-    """Carry a deviation, shape (n,), through maps, shape (k, n, n), and scale it after each.
+    """Multiply a deviation, shape (n,), by maps, shape (k, n, n), and normalise it after each.
 
-    The length is that of weights * deviation, both of shape (n,). Fills `logs`, shape (k,), with
-    the logarithms of the growth. Returns False where the deviation has vanished.
+    The norm is that of weights * deviation, both of shape (n,). Fills `logs`, shape (k,), with the
+    logarithms of the growth. Returns False if the deviation has vanished.
     """
     n = vector.shape[0]
     image = np.empty(n)

@@ -1,7 +1,7 @@
-"""The settings with which numba compiles every kernel.
+"""Decorators that compile kernels with numba, with common settings.
 
-numba takes a constant in a call from another kernel for a type of its own, and compiles the called
-kernel once more. Before large kernels it is therefore written as ``np.int64(1)``.
+numba treats a literal number in a call from another kernel as a separate type and compiles the
+called kernel once more. In calls of large kernels it is therefore written as ``np.int64(1)``.
 """
 
 import numba
@@ -9,13 +9,13 @@ import numba
 from gearlib.engines.cache import cache_folder
 
 numba.config.CACHE_DIR = cache_folder()
-# No kernel is handed to C, so that numba need not write an entry for it.
+# Kernels need no C wrapper, because no C code calls them.
 _SHARED = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
 _SHARED |= {"no_cfunc_wrapper": True}
 
 
 def kernel(function):
-    """Compile `function` with the settings that all kernels share.
+    """Compile a function with the settings that all kernels share.
 
     ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
@@ -24,20 +24,20 @@ def kernel(function):
 
 
 def inlined(function):
-    """Compile `function` into its callers: for steps whose arguments cost more than their work."""
+    """Compile a function into its callers, for steps whose calls cost more than their work."""
     return numba.njit(_nrt=True, forceinline=True, **_SHARED)(function)
 
 
 def uncounted(function):
-    """Compile `function` without counts of references: it makes and returns no arrays.
+    """Compile a function without reference counts; it must neither create nor return arrays.
 
-    Every access to a tuple of arrays would count one reference up and down, for all threads: in
-    inner loops that costs more than the sums. ``_nrt`` and ``forceinline`` are named everywhere,
-    because numba passes options that are not named from a kernel to those that it calls.
+    Every access to a tuple of arrays would count one reference up and down, for all threads, which
+    costs more than the sums in inner loops. ``_nrt`` and ``forceinline`` are named everywhere,
+    because numba passes on options that are not named to the kernels that a kernel calls.
     """
     return numba.njit(_nrt=False, forceinline=False, **_SHARED)(function)
 
 
-def woven(function):
-    """Compile `function` into its callers, and as `uncounted`."""
+def inlined_uncounted(function):
+    """Compile a function into its callers, without reference counts as in `uncounted`."""
     return numba.njit(_nrt=False, forceinline=True, **_SHARED)(function)

@@ -1,4 +1,4 @@
-"""What is recorded of an orbit: extrema, fractions, samples, events, period."""
+"""Records of an orbit: extrema, contact times, samples, events and period."""
 
 import math
 from typing import NamedTuple
@@ -27,27 +27,27 @@ SUMMARY_COLUMNS = 9
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
 SAMPLE_COLUMNS = 6
-#: Where it stands, from the begin of the mesh period on, at which phase a sample is wanted.
-SAMPLE_AT = SAMPLE_X
+#: Column of the phase, since the start of the mesh period, of a sample that is not filled yet.
+SAMPLE_PHASE = SAMPLE_X
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
-#: Longest orbit that is looked for, in mesh periods; with run-out also in repeats of it.
+#: Longest period of an orbit, in mesh periods, or in repeats of a run-out.
 MAX_PERIOD = 16
-#: Mesh periods before the end whose states are kept, to compare two spans of the longest orbit;
-#: with run-out `strobe_periods`.
+#: Number of last mesh periods whose states are recorded, enough for two periods of the longest
+#: orbit; `strobe_periods` with run-out.
 STROBE_PERIODS = 2 * MAX_PERIOD - 1
-#: Stroboscopic states this close, in units of the orbit's height (or of the static deflection if
-#: that is larger), are the same: far above the rounding of a run, far below a visible difference.
-SAME_STATE = 1e-6
+#: Largest distance of stroboscopic states that count as equal, over the height of the orbit or the
+#: static deflection if that is larger: far above rounding, far below a visible difference.
+SAME_STATE_TOLERANCE = 1e-6
 
 
 class Span(NamedTuple):
     """The length of a run."""
 
-    periods: int  #: mesh periods
-    recorded: int  #: the last ones of them
-    max_events: int  #: in one of them
+    periods: int  #: number of mesh periods
+    recorded: int  #: number of the last mesh periods, which are recorded
+    max_events: int  #: largest number of events in one mesh period
 
 
 class Record(NamedTuple):
@@ -55,26 +55,26 @@ class Record(NamedTuple):
 
     state: np.ndarray  #: z, shape (size,)
     final: np.ndarray  #: displacement and velocity, or all of z of a train
-    period: int  #: mesh periods after which the recorded motion repeats; 0: it does not
+    period: int  #: mesh periods after which the motion repeats, 0: it does not
     samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
     events: np.ndarray  #: shape (k, 5 or 6)
     summary: np.ndarray  #: shape (9,), or (m, 10) of m meshes
     status: int
-    evaluations: int = 0  #: of the right-hand side
+    evaluations: int = 0  #: number of evaluations of the right-hand side
 
 
 class Rows(NamedTuple):
     """The rows that a sweep fills, one for each tuning."""
 
-    bound: float  #: displacement beyond which a motion grows without bound
-    summaries: np.ndarray  #: those of `Record`
+    bound: float  #: largest displacement of a bounded motion
+    summaries: np.ndarray  #: summaries of `Record`
     ends: np.ndarray  #: final states
     codes: np.ndarray  #: period and status, shape (n, 2)
 
 
 @kernel
 def clear_summary(summary):
-    """Prepare a summary, shape (9,), for `add_arcs`."""
+    """Set a summary, shape (9,), to that of an empty record."""
     summary[:] = 0.0
     summary[X_MAX] = -math.inf
     summary[X_MIN] = math.inf
@@ -84,7 +84,7 @@ def clear_summary(summary):
 
 @uncounted
 def unresolved(summary):
-    """Return whether an extremum could not be found."""
+    """Return whether an extremum of the summary is NaN: it could not be isolated."""
     for k in range(FORCE_MIN + 1):
         if math.isnan(summary[k]):
             return True
@@ -92,27 +92,28 @@ def unresolved(summary):
 
 
 @uncounted
-def equal_steps(samples, column, whole):
-    """Fill a column of samples with the phases of equal steps of a period of length `whole`."""
+def equal_steps(samples, column, length):
+    """Fill a column of the samples with equal steps of phase over a period of a `length`."""
     for k in range(samples.shape[0]):
-        samples[k, column] = whole * k / samples.shape[0]
+        samples[k, column] = length * k / samples.shape[0]
 
 
 @kernel
-def add_curve(curve, to_bernstein, work, summary, most, least):
+def add_curve(curve, to_bernstein, work, summary, max_column, min_column):
     """Add the extrema of a polynomial on [0, 1] to two columns of the summary.
 
-    Arguments as of `gearlib.engines.polynomial.highest`; `curve` is negated.
+    `curve` has its power coefficients, which change sign; `to_bernstein` and `work` are as in
+    `polynomial.highest`.
     """
-    summary[most] = highest(curve, to_bernstein, work, summary[most])
+    summary[max_column] = highest(curve, to_bernstein, work, summary[max_column])
     for k in range(curve.shape[0]):
         curve[k] = -curve[k]
-    summary[least] = -highest(curve, to_bernstein, work, -summary[least])
+    summary[min_column] = -highest(curve, to_bernstein, work, -summary[min_column])
 
 
 @uncounted
 def add_time(contact, length, low, summary):
-    """Add a stretch of one contact code to the summary, `low`: at the lower stiffness."""
+    """Add a time with one contact code to the summary; `low`: at the lower mesh stiffness."""
     if contact == BACKLASH:
         summary[TIME_BACKLASH] += length
         summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
@@ -124,64 +125,70 @@ def add_time(contact, length, low, summary):
 
 
 @kernel
-def note(events, found, period, phase, before, after, velocity, summary):
-    """Count a change of contact and append it to the event table, if one is wanted."""
-    if before == NORMAL:
+def count_event(events, rows, period, phase, contact_before, contact_after, velocity, summary):
+    """Count a change of contact in the summary; append it to the event table unless that is empty.
+
+    Returns (events, rows in use).
+    """
+    if contact_before == NORMAL:
         summary[BOUNCES] += 1.0
     if events.shape[0] > 0:
-        events, found = add_event(events, found, period, phase, before, after, velocity)
-    return events, found
+        events, rows = add_event(
+            events, rows, period, phase, contact_before, contact_after, velocity
+        )
+    return events, rows
 
 
 @kernel
-def add_event(events, found, period, phase, before, after, velocity):
-    """Append one event to the table, enlarged as needed; return (events, rows in use)."""
-    if found == events.shape[0]:
-        events = enlarged(events, 2 * found + 16)
-    events[found, EVENT_PERIOD] = period
-    events[found, EVENT_PHASE] = phase
-    events[found, EVENT_FROM] = before
-    events[found, EVENT_TO] = after
-    events[found, EVENT_VELOCITY] = velocity
-    return events, found + 1
+def add_event(events, rows, period, phase, contact_before, contact_after, velocity):
+    """Append an event to the table, enlarged as needed; return (events, rows in use)."""
+    if rows == events.shape[0]:
+        events = enlarged(events, 2 * rows + 16)
+    events[rows, EVENT_PERIOD] = period
+    events[rows, EVENT_PHASE] = phase
+    events[rows, EVENT_FROM] = contact_before
+    events[rows, EVENT_TO] = contact_after
+    events[rows, EVENT_VELOCITY] = velocity
+    return events, rows + 1
 
 
 @kernel
-def repeat_record(samples, events, found, seen, periods):
-    """Repeat the samples and events of the first `seen` of so many periods up to their end.
+def repeat_record(samples, events, rows, recorded, periods):
+    """Repeat the samples and events of the first `recorded` mesh periods up to `periods`.
 
-    Returns (events, found) as `add_event`.
+    Returns (events, rows in use), as `add_event`.
     """
-    rows, first = samples.shape[0] // periods * seen, found
-    for k in range(rows, samples.shape[0]):
-        copy(samples[k - rows], samples[k])
-    for n in range(seen, periods, seen):
-        for i in range(first):
+    sample_count, event_count = samples.shape[0] // periods * recorded, rows
+    for k in range(sample_count, samples.shape[0]):
+        copy(samples[k - sample_count], samples[k])
+    for n in range(recorded, periods, recorded):
+        for i in range(event_count):
             phase, velocity = events[i, EVENT_PHASE], events[i, EVENT_VELOCITY]
-            before, after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
+            contact_before, contact_after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
             period = int(events[i, EVENT_PERIOD]) + n
-            events, found = add_event(events, found, period, phase, before, after, velocity)
-    return events, found
+            events, rows = add_event(
+                events, rows, period, phase, contact_before, contact_after, velocity
+            )
+    return events, rows
 
 
 @kernel
 def strobe_periods(repeats):
-    """Return how many periods before the end `orbit_period` looks at."""
+    """Return the number of last mesh periods whose states `orbit_period` compares."""
     return 2 * MAX_PERIOD * repeats - 1
 
 
 @kernel
 def orbit_period(strobes, tuning, height, repeats=1):
-    """Return the least n such that the last n stroboscopic states repeat after n periods, or 0.
+    """Return the smallest number n of mesh periods after which the motion repeats, or 0.
 
-    n is at most 16 mesh periods, or a multiple, up to the 16th, of the `repeats` mesh periods after
-    which a run-out repeats. An n that is none has to hold all through a repeat, since a slow run-
-    out moves little from a period to the next. `strobes`, shape (k + 1, 2): displacement and
-    dx/dtau at the end of each of the last k periods, and before them; `height` of the orbit is the
-    scale.
+    `strobes`, shape (k + 1, 2), has displacement and dx/dtau before the last k periods and at the
+    end of each; `height` of the orbit is the scale. n is at most 16, or a multiple up to 16 of the
+    `repeats` mesh periods of a run-out. Other n have to hold over a whole repeat, since a slow
+    run-out changes little from one period to the next.
     """
     last = strobes.shape[0] - 1
-    tolerance = SAME_STATE * max(1.0, height)
+    tolerance = SAME_STATE_TOLERANCE * max(1.0, height)
     for i in range(2 * MAX_PERIOD):
         n = i + 1 if i < MAX_PERIOD else (i + 1 - MAX_PERIOD) * repeats
         span = max(n, repeats)

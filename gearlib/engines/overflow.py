@@ -1,4 +1,4 @@
-"""States that are too large for floating-point numbers, of all kinds of kernels."""
+"""Check of states that are too large for floating-point numbers."""
 
 import math
 
@@ -7,5 +7,5 @@ from gearlib.engines.jit import kernel
 
 @kernel
 def within_range(x, v):
-    """Return whether a state is finite with room for the squares that the kernels take."""
+    """Return whether displacement and velocity are finite and small enough to be squared."""
     return math.fabs(x) < 1e150 and math.fabs(v) < 1e150

@@ -3,45 +3,47 @@
 A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
 interval without a negative coefficient holds no crossing, one with falling coefficients and a
 negative end holds exactly one, and any other is halved (de Casteljau). Nothing is sampled: a dip
-below zero, however short, makes a coefficient negative. What would take too many halvings is not
-guessed: the answer is then that there is none.
+below zero, however short, makes a coefficient negative. If an answer takes too many halvings, the
+functions return that there is none.
 """
 
 import math
 
 import numpy as np
 
-from gearlib.engines.jit import kernel, uncounted, woven
+from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
 
-#: Halvings after which an interval is as short as rounding.
+#: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
-#: Steps of Newton's method, of which every eighth halves the bracket: 60 halvings leave nothing.
+#: Largest number of Newton steps. Every eighth halves the bracket, so that 60 halvings suffice.
 MAX_NEWTON = 480
-#: Steps to a maximum, from a start so close that none has ever needed ten.
-_FEW_NEWTON = 60
-#: Rows of the storage of searches: of intervals that wait, and three of polynomials.
+#: Largest number of Newton steps to a maximum, of which fewer than ten are usual.
+_MAX_PEAK_STEPS = 60
+#: Number of rows of the storage of a search: intervals to be searched and three polynomials.
 WORK_ROWS = MAX_DEPTH + 4
-#: Intervals looked at; polynomials with up to ten nearly double roots take 140.
+#: Largest number of intervals in a search; ten nearly double roots take 140.
 MAX_INTERVALS = 1000
-#: A dip smaller than this share of the coefficients cannot be told from their rounding.
+#: Rounding of a polynomial, as a share of its coefficients.
 _ROUNDING = 4e-16
-#: Highest degree, and what coefficient i adds to coefficient k of the left half, C(k, i) / 2^k, and
-#: of the right half, counted from the end, whose columns go backwards.
-_MOST = 24
-#: Binomials of all degrees up to it.
-BINOMIALS = np.array([[float(math.comb(n, k)) for k in range(_MOST + 1)] for n in range(_MOST + 1)])
-_LEFT = np.array([[math.comb(k, i) / 2.0**k for k in range(_MOST + 1)] for i in range(_MOST + 1)])
+#: Highest degree of a polynomial.
+_MAX_DEGREE = 24
+_DEGREES = range(_MAX_DEGREE + 1)
+#: Binomial coefficients C(n, k), shape (25, 25).
+BINOMIALS = np.array([[float(math.comb(n, k)) for k in _DEGREES] for n in _DEGREES])
+#: Share of coefficient i in coefficient k of the left half, C(k, i) / 2^k, and of the right half
+#: with columns in reverse order.
+_LEFT = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
 _RIGHT = np.ascontiguousarray(_LEFT[:, ::-1])
-#: Largest values are sought to this share of the coefficients, a hundred roundings.
-_CLOSE = 4e-14
-#: Distance from a maximum whose square is nothing.
-_NEAR = 1e-9
+#: Tolerance of a largest value, as a share of the coefficients: a hundred times their rounding.
+_VALUE_TOLERANCE = 4e-14
+#: Tolerance of the place of a maximum, whose square is below rounding.
+_PEAK_TOLERANCE = 1e-9
 
 
 def bernstein_matrix(degree):
     """Return the matrix, shape (degree + 1, degree + 1), from power to Bernstein coefficients.
 
-    Row i holds what the i-th power coefficient adds to the Bernstein coefficients.
+    Row i holds the shares of the i-th power coefficient in the Bernstein coefficients.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):
@@ -52,7 +54,7 @@ def bernstein_matrix(degree):
 
 @kernel
 def horner(coefficients, s):
-    """Return the value and the derivative at s of the polynomial with power `coefficients`."""
+    """Return (value, derivative) at s of the polynomial with power coefficients, constant first."""
     value, slope = 0.0, 0.0
     for k in range(coefficients.shape[0] - 1, -1, -1):
         slope = slope * s + value
@@ -62,7 +64,7 @@ def horner(coefficients, s):
 
 @kernel
 def _to_bernstein(coefficients, matrix, out):
-    """Fill `out` with the Bernstein coefficients of a polynomial."""
+    """Fill `out` with the Bernstein coefficients of a polynomial with power `coefficients`."""
     out[: coefficients.shape[0]] = coefficients[0]
     for i in range(1, coefficients.shape[0]):
         c = coefficients[i]
@@ -70,18 +72,18 @@ def _to_bernstein(coefficients, matrix, out):
             out[j] += matrix[i, j] * c
 
 
-@woven
+@inlined_uncounted
 def halve(b, left, whole, n):
-    """Turn Bernstein coefficients into those of the right half; fill those of the left.
+    """Replace Bernstein coefficients b of degree n by those of the right half; fill `left`.
 
-    Sums of columns, which the compiler does with all lanes of the vector unit; de Casteljau's
-    scheme waits for its own results. `whole` is storage.
+    `left` gets those of the left half; `whole` is storage. Sums of columns are faster than de
+    Casteljau's scheme, because the compiler turns them into vector instructions.
     """
     for k in range(n + 1):
         whole[k] = b[k]
         left[k], b[k] = 0.0, 0.0
-    # A slice: the compiler does not know that a sum of two indices counts from the front.
-    right = _RIGHT[:, _MOST - n :]
+    # With an index sum in place of this slice the compiler would check for negative indices.
+    right = _RIGHT[:, _MAX_DEGREE - n :]
     i = 0
     while i + 3 <= n:
         p, q, s, t = whole[i], whole[i + 1], whole[i + 2], whole[i + 3]
@@ -115,7 +117,10 @@ def lowest_of_parabola(a, b, c):
 
 @uncounted
 def _root(b, n, s, p, q):
-    """Return (s, slope at s) where Bernstein coefficients of degree n pass zero, near s."""
+    """Return (root s, slope at s) of a polynomial with one sign change from plus to minus.
+
+    b has the Bernstein coefficients of degree n, s the estimate of the root; p and q are storage.
+    """
     for i in range(n + 1):
         p[i] = BINOMIALS[n, i] * b[i]
     for i in range(n):
@@ -139,14 +144,14 @@ def _root(b, n, s, p, q):
             low = s
         else:
             high = s
-        # Both sums lack powers of the scale, the value one more.
+        # Both sums lack powers of the scale; the value lacks one more.
         new = s - value * scale / (n * rate) if rate < 0.0 else -1.0
         newton = low <= new <= high and step % 8 < 7
         if not newton:
             new = 0.5 * (low + high)
         moved = abs(new - s)
         s = new
-        # What a step of Newton's method leaves goes with its square, as from the last step to it.
+        # Newton's method converges quadratically: the next step is estimated from the last two.
         if moved <= 2e-16 * high or (newton and moved * moved * moved < 1e-17 * high * last * last):
             break
         last = moved if newton else 0.0
@@ -154,10 +159,11 @@ def _root(b, n, s, p, q):
 
 
 @uncounted
-def _changes(b, n, noise):
-    """Return (sign changes of Bernstein coefficients, place of the last): no more roots are there.
+def _sign_changes(b, n, noise):
+    """Return (number of sign changes of Bernstein coefficients, estimate of the last root).
 
-    Coefficients that cannot be told from zero do not count, unless they are first.
+    The number is a bound of the number of roots. Coefficients within `noise` of zero are left out,
+    except the first.
     """
     changes, place, before = 0, 0.0, b[0]
     last = 0
@@ -174,18 +180,19 @@ def _changes(b, n, noise):
 def first_fall_from(work, zeros, end, noise):
     """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
 
-    2: there is none; -1: the budget of intervals does not suffice to tell. A polynomial in
-    Bernstein form has no more roots than its coefficients change signs, and lies between the
-    smallest and the largest: what neither settles is halved. The first row of `work`, shape
-    (WORK_ROWS, n + 2), begins with its coefficients; `zeros` powers from the constant on are zero:
-    1 on the line, 2 at rest on it. A dip below zero by `noise` cannot be told from rounding.
+    s is 2 if there is none, and -1 if the search takes too many intervals. The first row of `work`,
+    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients; the first `zeros` power
+    coefficients are zero: 1 on the line, 2 at rest on it. A dip below zero by `noise` counts as
+    rounding. A polynomial has at most as many roots as its Bernstein coefficients have sign
+    changes, and lies between the smallest and the largest. Intervals in which neither decides are
+    halved.
     """
     last, b, rounding = work.shape[1] - 1, work[0], noise
     n = last - 1
     if not noise < math.inf:
-        # Beyond the range of numbers: so is the end of the period, whose status says so.
+        # The coefficients overflow; the status of the period will tell.
         return 2.0, 0.0
-    # Factors s are divided out: beside such a root the next one could not be told from rounding.
+    # Factors s are divided out, so that the roots next to 0 stay above rounding.
     for _ in range(min(zeros, n - 2)):
         for i in range(n):
             b[i] = b[i + 1] * n / (i + 1)
@@ -195,7 +202,7 @@ def first_fall_from(work, zeros, end, noise):
     if zeros == 0 and b[0] <= 0.0 and slope < -noise:
         return 0.0, 0.0
     if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
-        # Its root is closer than rounding can place it.
+        # The root is closer to 0 than rounding.
         return max(-b[0] / slope, 0.0), 0.0
     p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
     depth, low = 0, 0.0
@@ -212,21 +219,21 @@ def first_fall_from(work, zeros, end, noise):
             low += width
             depth -= 1
             continue
-        changes, place = _changes(b, n, noise)
+        changes, place = _sign_changes(b, n, noise)
         if changes == 1 and b[0] > 0.0:
             s, slope = _root(b, n, place, p, q)
-            found = low + width * s
-            if found > end:
+            root = low + width * s
+            if root > end:
                 return 2.0, 0.0
-            slope *= found**zeros / width
-            return found, rounding / abs(slope) if slope != 0.0 else 0.0
+            slope *= root**zeros / width
+            return root, rounding / abs(slope) if slope != 0.0 else 0.0
         if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > noise):
-            # Below from the start, and coming up.
+            # The polynomial starts below zero and rises.
             low += width
             depth -= 1
         elif depth == MAX_DEPTH:
             if b[n] < -noise and b[n] < b[0]:
-                # Rounding hides how it falls, not that it does.
+                # It falls within this interval, which is as short as rounding.
                 return low, 0.0
             low += width
             depth -= 1
@@ -244,24 +251,23 @@ def first_fall_from(work, zeros, end, noise):
 def first_fall(coefficients, to_bernstein, work):
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
-    -1 if the budget of intervals does not suffice to tell. `coefficients`, shape (n + 1,), are
-    those of powers, constant first. From zero, or below it by the rounding of whoever starts there,
-    the polynomial counts as falling at once when its slope is negative; else what counts is where
-    it falls after it has come up. `to_bernstein`: `bernstein_matrix` of degree n; `work` is storage
-    of shape (WORK_ROWS, n + 2).
+    s is -1 if the search takes too many intervals. `coefficients`, shape (n + 1,), are those of
+    powers, constant first. A polynomial that starts at zero, or below it by rounding, falls at once
+    if its slope is negative; otherwise it has to rise above zero first. `to_bernstein` is
+    `bernstein_matrix` of degree n; `work` is storage of shape (WORK_ROWS, n + 2).
     """
-    noise, bend, end = 0.0, 0.0, 0.0
+    noise, other_slopes, end = 0.0, 0.0, 0.0
     for k in range(coefficients.shape[0]):
         end += coefficients[k]
         noise += abs(coefficients[k])
-        bend += k * abs(coefficients[k])
+        other_slopes += k * abs(coefficients[k])
     noise *= _ROUNDING
     slope = coefficients[1]
     if coefficients[0] <= 0.0 and slope < -noise:
         return 0.0
-    # It rises or falls all along, and does not reach zero.
-    bend -= abs(slope)
-    if slope > bend or (slope < -bend and end > noise):
+    # It is monotonic and does not reach zero.
+    other_slopes -= abs(slope)
+    if slope > other_slopes or (slope < -other_slopes and end > noise):
         return 2.0
     zeros = 0
     while zeros < 2 and coefficients[zeros] == 0.0:
@@ -276,12 +282,13 @@ def first_fall(coefficients, to_bernstein, work):
 def highest(coefficients, to_bernstein, work, floor):
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
-    NaN if the budget of intervals does not suffice. Arguments as of `first_fall`.
+    It is NaN if the search takes too many intervals. `coefficients` are those of powers, constant
+    first; `to_bernstein` and `work` are as in `first_fall`.
     """
-    reach = 0.0
+    variation = 0.0
     for k in range(1, coefficients.shape[0]):
-        reach += abs(coefficients[k])
-    if coefficients[0] + reach <= floor:
+        variation += abs(coefficients[k])
+    if coefficients[0] + variation <= floor:
         return floor
     _to_bernstein(coefficients, to_bernstein, work[0])
     return highest_from(work, coefficients.shape[0] - 1, floor)
@@ -289,7 +296,7 @@ def highest(coefficients, to_bernstein, work, floor):
 
 @uncounted
 def _one_peak(b, n):
-    """Return whether Bernstein coefficients rise, then fall: their polynomial has one maximum."""
+    """Return whether Bernstein coefficients rise, then fall: the polynomial has one maximum."""
     k = 1
     while k <= n and b[k] >= b[k - 1]:
         k += 1
@@ -300,16 +307,16 @@ def _one_peak(b, n):
 
 @uncounted
 def _peak(b, n):
-    """Return the largest value of such a polynomial, n >= 2, on [0, 1]."""
+    """Return the largest value on [0, 1] of a polynomial with one maximum, degree n >= 2."""
     s, low, high = 0.5, 0.0, 1.0
-    for _ in range(_FEW_NEWTON):
-        slope, bend, power, rest = 0.0, 0.0, 1.0, 1.0 - s
+    for _ in range(_MAX_PEAK_STEPS):
+        slope, bend, power, complement = 0.0, 0.0, 1.0, 1.0 - s
         for k in range(n - 1):
             rise, next_rise = b[k + 1] - b[k], b[k + 2] - b[k + 1]
-            slope = slope * rest + power * (BINOMIALS[n - 1, k] * rise)
-            bend = bend * rest + power * (BINOMIALS[n - 2, k] * (next_rise - rise))
+            slope = slope * complement + power * (BINOMIALS[n - 1, k] * rise)
+            bend = bend * complement + power * (BINOMIALS[n - 2, k] * (next_rise - rise))
             power *= s
-        slope = slope * rest + power * (b[n] - b[n - 1])
+        slope = slope * complement + power * (b[n] - b[n - 1])
         if slope > 0.0:
             low = s
         else:
@@ -319,7 +326,7 @@ def _peak(b, n):
             new = 0.5 * (low + high)
         moved = abs(new - s)
         s = new
-        if moved <= _NEAR:
+        if moved <= _PEAK_TOLERANCE:
             break
     value, power = 0.0, 1.0
     for k in range(n + 1):
@@ -330,14 +337,15 @@ def _peak(b, n):
 
 @uncounted
 def highest_from(work, n, floor):
-    """Return the same of Bernstein coefficients of degree n, which begin the first row of `work`.
+    """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
-    Branch and bound: an interval is dropped when no coefficient lies above the best value so far.
+    The first row of `work` begins with its Bernstein coefficients of degree n. Branch and bound: an
+    interval is dropped if no coefficient exceeds the largest value so far.
     """
     size = 0.0
     for k in range(n + 1):
         size = max(size, abs(work[0, k]))
-    noise, depth = _CLOSE * size, 0
+    noise, depth = _VALUE_TOLERANCE * size, 0
     for _ in range(MAX_INTERVALS):
         if depth < 0:
             return floor

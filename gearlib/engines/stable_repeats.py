@@ -1,4 +1,4 @@
-"""The period of a motion, by proof: states that repeat may be those of a transient.
+"""Proof of the period of a motion; states that repeat may be those of a transient.
 
 Let P be the map of p mesh periods, M its derivative at the state s, and d = P(s) - s with the
 components c along the eigenvectors of M, of length 1. Where the pattern of events is fixed and all
@@ -6,8 +6,8 @@ multipliers of M lie within the unit circle, all later states lie within
 
     D = sum_k |c_k| / (1 - |lambda_k|)
 
-of s, and end on an orbit there. That is taken for proof where D is far below the distance from any
-grazing, as in `gearlib.engines.pair.settling`, which does so for a `GearPair` on its way.
+of s, and converge to an orbit there. This counts as a proof if D is far below the distance from any
+grazing. `gearlib.engines.pair.settling` proves the same during the runs of a `GearPair`.
 """
 
 import functools
@@ -19,62 +19,66 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import OK
 from gearlib.engines.orbit import Span
 
-#: A motion has settled once it stays this close to an orbit that draws it on: less than what tells
-#: states apart, so that a transient of a shorter orbit is not taken for a longer one.
-_SETTLED = 1e-8
-#: Multipliers nearer to the unit circle draw a motion on too slowly to tell.
-_LEAST_DECAY = 1e-6
-#: An orbit grazes no line if it stays this far from it, in static deflections, or crosses it with
-#: this speed, in static deflections by natural time.
-_CLEAR, _QUICK = 1e-5, 1e-3
-#: Periods over which `followed` goes on at most, in all and as a multiple of those behind it.
-_MOST, _TIMES = 5000, 20
-#: A motion that begins beside another by this share, the rounding of a run, has left it when it is
-#: this far away, in shares of the state.
-_BESIDE, _APART = 1e-13, 1e-2
+#: Largest distance D from a stable orbit of a settled motion. It is smaller than the tolerance of
+#: equal states, so that a transient of a shorter orbit is not taken for a longer orbit.
+_SETTLED_DISTANCE = 1e-8
+#: Smallest distance of Floquet multipliers from the unit circle for which a proof is possible.
+_MIN_DECAY = 1e-6
+#: An orbit grazes no flank line if it stays at this distance, in static deflections, or crosses it
+#: with this speed, in static deflections by natural time.
+_GRAZING_DISTANCE, _GRAZING_SPEED = 1e-5, 1e-3
+#: Largest number of additional periods, and as a multiple of the periods so far.
+_MAX_ADDED_PERIODS, _MAX_PERIOD_RATIO = 5000, 20
+#: Distance of two starts, the rounding of a run, and distance at which their motions have diverged,
+#: as shares of the state.
+_START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 
 
-def proven(propagator, z, period, limit, first=0):
-    """Return the period of the orbit on which the motion from z settles, 0 where that is not shown.
+def proven_period(propagator, z, period, max_events, first=0):
+    """Return the period of the orbit to which the motion from z converges, 0 without a proof.
 
-    `period` is that of `gearlib.engines.orbit.orbit_period`; `first` is the mesh period of z, where
-    the excitation repeats after several.
+    `period` is the number of mesh periods after which the motion repeats, by `orbit.orbit_period`;
+    `max_events` limits the events in a mesh period, `first` the mesh period of z if the
+    excitation repeats after several.
     """
     model = propagator.model
     if not period or propagator.proves_periods:
         return period
     span, first = math.lcm(period, model.repeats), first % model.repeats
-    end, maps, code = propagator.maps(z, span, limit, first)
+    end, maps, code = propagator.maps(z, span, max_events, first)
     if code != OK:
         return 0
     try:
         reduce, lift = model.reduction()
     except ValueError:
-        # Its free rotation is not neutral: it has to come to rest as all the others.
+        # The free rotation is not neutral and has to settle like all other motions.
         reduce = lift = np.eye(model.size)
     weights = np.repeat([1.0, propagator.tuning], len(reduce) // 2)
     reduce, lift = weights[:, None] * reduce, lift / weights
-    step, within = reduce @ (end - z), _SETTLED * max(1.0, np.abs(reduce @ z).max())
-    if not np.linalg.norm(step) <= within:
+    step, tolerance = reduce @ (end - z), _SETTLED_DISTANCE * max(1.0, np.abs(reduce @ z).max())
+    if not np.linalg.norm(step) <= tolerance:
         return 0
     matrix = np.eye(len(reduce))
-    for one in maps:
-        matrix = reduce @ one @ lift @ matrix
-    if not _way_left(matrix, step) <= within:
+    for period_map in maps:
+        matrix = reduce @ period_map @ lift @ matrix
+    if not _distance_bound(matrix, step) <= tolerance:
         return 0
-    record = propagator.run(z, Span(span, span, limit), first=first)
-    return period if record.status == OK and _keeps_clear(propagator, record) else 0
+    record = propagator.run(z, Span(span, span, max_events), first=first)
+    return period if record.status == OK and _avoids_grazing(propagator, record) else 0
 
 
-def _way_left(matrix, step):
-    """Return D of the module's docstring, infinite where the map hardly contracts."""
+def _distance_bound(matrix, step):
+    """Return the bound D of the module's docstring, infinite if the map hardly contracts.
+
+    `matrix` is M, `step` is d.
+    """
     norm = np.linalg.norm(matrix)
     if norm < 0.5:
-        # Next to nothing is left of a deviation, and eigenvectors are those of rounding.
+        # The map contracts so fast that its eigenvectors are those of rounding.
         return np.linalg.norm(step) / (1.0 - norm)
     multipliers, vectors = np.linalg.eig(matrix)
     decay = 1.0 - np.abs(multipliers)
-    if decay.min() < _LEAST_DECAY:
+    if decay.min() < _MIN_DECAY:
         return math.inf
     try:
         return (np.abs(np.linalg.solve(vectors, step)) / decay).sum()
@@ -82,35 +86,37 @@ def _way_left(matrix, step):
         return math.inf
 
 
-def _keeps_clear(propagator, record):
-    """Return whether a recorded motion grazes no flank line."""
+def _avoids_grazing(propagator, record):
+    """Return whether a recorded motion stays off or crosses all flank lines without grazing."""
     ends = record.summary[..., [orbit.X_MAX, orbit.X_MIN]]
     lines = propagator.model.flank_lines
-    near = [np.abs(np.moveaxis(ends, -1, 0) - line).min() for line in lines]
+    distances = [np.abs(np.moveaxis(ends, -1, 0) - line).min() for line in lines]
     speeds = np.abs(record.events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
-    return min(near) > _CLEAR and speeds.min(initial=math.inf) > _QUICK
+    return min(distances) > _GRAZING_DISTANCE and speeds.min(initial=math.inf) > _GRAZING_SPEED
 
 
-def followed(propagator, record, span, until_settled):
-    """Prove the period of the motion at the end of a run, now or later on.
+def settled_period(propagator, record, span, until_settled):
+    """Prove the period of the motion at the end of a run; continue the run if needed.
 
-    `until_settled` goes on while it is not proven, to 20 times the periods or 5000 more. Returns
-    the period, 0 if the motion has not settled or rounding decides where it does, and the mesh
-    periods after which it is proven.
+    With `until_settled` the run continues until there is a proof, for 20 times its periods or 5000
+    more at most. Returns (the period, 0 if the motion has not settled or rounding decides where it
+    settles, the number of mesh periods after which it is proven).
     """
     z, period, periods = record.state, record.period, span.periods
-    twin, apart, most = z * (1.0 + _BESIDE), False, periods
+    neighbour, diverged, max_periods = z * (1.0 + _START_DISTANCE), False, periods
     if until_settled:
-        most = min(_TIMES * periods, periods + _MOST)
+        max_periods = min(_MAX_PERIOD_RATIO * periods, periods + _MAX_ADDED_PERIODS)
     while True:
-        shown = 0 if apart else proven(propagator, z, period, span.max_events, periods)
-        more = min(periods, most - periods)
-        if shown or apart or not more:
-            return shown, periods
-        ahead, first = Span(more, 1, span.max_events), periods % propagator.model.repeats
-        run = functools.partial(propagator.run, span=ahead, first=first, keep_events=False)
-        record, beside, periods = run(z), run(twin), periods + more
+        proven = 0 if diverged else proven_period(propagator, z, period, span.max_events, periods)
+        added = min(periods, max_periods - periods)
+        if proven or diverged or not added:
+            return proven, periods
+        next_span, first = Span(added, 1, span.max_events), periods % propagator.model.repeats
+        run = functools.partial(propagator.run, span=next_span, first=first, keep_events=False)
+        record, neighbour_record, periods = run(z), run(neighbour), periods + added
         if record.status != OK:
             return 0, periods
-        z, twin, period = record.state, beside.state, record.period
-        apart = beside.status != OK or np.abs(twin - z).max() > _APART * max(1.0, np.abs(z).max())
+        z, neighbour, period = record.state, neighbour_record.state, record.period
+        diverged = neighbour_record.status != OK or np.abs(
+            neighbour - z
+        ).max() > _DIVERGED_DISTANCE * max(1.0, np.abs(z).max())

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.linear.grid import work_of
+from gearlib.engines.linear.grid import new_work
 from gearlib.engines.linear.train_run import set_contacts
 from gearlib.engines.linear.train_system import matrix_of, set_harmonics
 from gearlib.engines.pair.motion import contact_between
@@ -157,18 +157,20 @@ class Linear(_Problem):
         system, size = self.system, model.size
         self.starts, self.first, self.low = system.starts, system.first_segment, system.low
         lines = np.atleast_2d(np.array(model.flank_lines).reshape(2, -1))
-        self.gaps, self.closing = lines[0] - lines[1], self._grid.closing
+        self.gaps, self.closing = lines[0] - lines[1], self._grid.may_jam
         self.repeats = system.repeats
         self.tuning, self.size, self._train = tuning, size, bool(model.mesh_names)
         #: From states to those of the system, all components.
-        self.unit = np.ones(len(system.free))
+        self.unit = np.ones(len(system.base_matrix))
         if not self._train:
             self.unit[:size] = self.propagator.scale
-        self.distances = self.unit * np.stack([system.near, system.far])
+        self.distances = self.unit * np.stack([system.drive_lines, system.coast_lines])
         self._columns = np.moveaxis(self.distances, 2, 1).copy()
-        self._rates = self.unit * np.stack([self._grid.rate, self._grid.far_rate]) / tuning
+        self._rates = (
+            self.unit * np.stack([self._grid.drive_rates, self._grid.coast_rates]) / tuning
+        )
         self._matrices: dict = {}
-        self._meshes = np.arange(len(system.near))
+        self._meshes = np.arange(len(system.drive_lines))
         # Moves of the coordinates that change the distance of one mesh only.
         self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self.distances]
 
@@ -184,9 +186,9 @@ class Linear(_Problem):
         """Return (z, contact codes) at phase 0."""
         z = self.propagator.start(state) * (self.propagator.scale / self.unit[: self.size])
         n, m = self.unit.size, self._meshes.size
-        work = work_of(n, n, m)
-        work.z[:] = self.unit * self.full(0.0, z)
-        set_contacts(self.system, self._grid.open, work, 0)
+        work = new_work(n, n, m)
+        work.state[:] = self.unit * self.full(0.0, z)
+        set_contacts(self.system, self._grid.no_coast_side, work, 0)
         return z, work.contact.copy()
 
     def ends(self, t, z):
@@ -222,14 +224,19 @@ class Linear(_Problem):
 
     def couplings(self):
         """Return which entries of `matrix` differ from zero on any branch, bool."""
-        push, grip = self.system.push[..., : self.size, None], self.system.grip[..., None, :]
-        return (self.system.free[: self.size] != 0.0) | (push * grip != 0.0).any(axis=(0, 1, 2))
+        push, grip = (
+            self.system.force_input[..., : self.size, None],
+            self.system.force_output[..., None, :],
+        )
+        return (self.system.base_matrix[: self.size] != 0.0) | (push * grip != 0.0).any(
+            axis=(0, 1, 2)
+        )
 
     def matrix(self, segment, codes):
         """Return the matrix of a branch, from z, the constant and the harmonics to z'."""
         key = segment, codes.tobytes()
         if key not in self._matrices:
-            whole = np.empty_like(self.system.free)
+            whole = np.empty_like(self.system.base_matrix)
             matrix_of(self.system, self.system.effect[codes + 1, segment, self._meshes], whole)
             rows = whole[: self.size] / self.unit[: self.size, None]
             self._matrices[key] = rows * self.unit / self.tuning

@@ -113,11 +113,11 @@ class Model:
 
     def outputs(self, system):
         """Return rows that map states to extra recorded variables, shape (e, 3, p, n)."""
-        return np.zeros((0, *system.effect.shape[:2], len(system.free)))
+        return np.zeros((0, *system.effect.shape[:2], len(system.base_matrix)))
 
     def initial(self, system, state):
         """Return the full state vector at tau = 0 with a displacement and its rate dx/dtau."""
-        full_state = 0.0 * system.near[0]
+        full_state = 0.0 * system.drive_lines[0]
         full_state[:2] = state
         return full_state
 

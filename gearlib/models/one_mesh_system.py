@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.engines.codes import NORMAL
-from gearlib.engines.exponential import REACH, exponential
+from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
@@ -47,7 +47,7 @@ def one_mesh(free, force_input, flanks, low, starts, orders, tuning):
         low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
-        longest=REACH / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
+        longest=MAX_NORM / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
         harmonics=np.asarray(orders, float),
         tuning=tuning,
         repeats=1,
@@ -62,7 +62,7 @@ def _largest_norm(matrices):
 def by_phase(system, codes, segment):
     """Return the state matrix by phase, dz/dtau, of contact codes in a stiffness segment."""
     effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
-    matrix = np.empty_like(system.free)
+    matrix = np.empty_like(system.base_matrix)
     matrix_of(system, np.array(effects, np.int64), matrix)
     half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2
     scale = np.ones(len(matrix), matrix.dtype)
@@ -87,7 +87,7 @@ def missing_flank(n, constant):
 def contact_map(model, tuning):
     """Return the monodromy matrix of permanent contact over all periods of the excitation."""
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
-    codes = [NORMAL] * len(system.near)
+    codes = [NORMAL] * len(system.drive_lines)
     for segment, length in enumerate(np.diff(system.starts)):
         matrix = by_phase(system, codes, segment)[:n, :n].copy()
         steps = math.ceil(length / tuning / system.longest)

@@ -239,14 +239,14 @@ class SixDegreePair(WithPair):
     def outputs(self, system):
         """Return rows that map states to the variables in OUTPUTS, shape (12, 3, p, n)."""
         pair, elastic = self.pair, self.flexible()
-        m, shape = 2 + len(elastic), (*system.effect.shape[:2], len(system.free))
-        rows = np.zeros((len(OUTPUTS), *shape), system.free.dtype)
+        m, shape = 2 + len(elastic), (*system.effect.shape[:2], len(system.base_matrix))
+        rows = np.zeros((len(OUTPUTS), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # The backlash line s is the difference of the distances y and y - s.
-        rows[OUTPUTS.index("backlash")] = system.near[0] - system.far[0]
+        rows[OUTPUTS.index("backlash")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
             rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
-        rows[OUTPUTS.index("friction_force")] = system.grip[0, system.effect[:, :, 0], 1]
+        rows[OUTPUTS.index("friction_force")] = system.force_output[0, system.effect[:, :, 0], 1]
         damping_unit = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for k, i in enumerate(elastic, 2):
             rows[2 + i, ..., k] = 1.0
@@ -259,8 +259,8 @@ class SixDegreePair(WithPair):
 
         The bearings start in their static deflection if `preload` is set.
         """
-        z = np.zeros(len(system.free), system.free.dtype)
-        elastic, near = self.flexible(), system.near[0]
+        z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
+        elastic, near = self.flexible(), system.drive_lines[0]
         m = 2 + len(elastic)
         if self.preload:
             for k, i in enumerate(elastic):
@@ -272,7 +272,7 @@ class SixDegreePair(WithPair):
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
         z[:2] = shares * (state[0] - near @ z)
-        z[m : m + 2] = shares * (state[1] - near @ (system.free @ z) / system.tuning)
+        z[m : m + 2] = shares * (state[1] - near @ (system.base_matrix @ z) / system.tuning)
         # This removes the rounding error of the shares from the displacement.
         z[0] += state[0] - near @ z
         return z

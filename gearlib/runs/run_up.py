@@ -124,14 +124,14 @@ def run_up(
     limit = checks.integer("max_events", max_events, 1)
     push = inertia_of(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, z = courses.set_out(model, speeds, loads, state)
+    runner, pieces, z = courses.start_course(model, speeds, loads, state)
     meshes, end = runner.meshes, pieces[-1]
     turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
     columns = samples * (meshes * 6 + model.size) + _NUMBERS_PER_PERIOD * meshes
     words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
     stretches = list(
-        courses.run_through(runner, pieces, z, samples, limit, push, model.periods_per_revolution)
+        courses.run_course(runner, pieces, z, samples, limit, push, model.periods_per_revolution)
     )
     code = stretches[-1].status
     if code == status.OK and summary.reach(stretches[-1].summary) > model.bound(1.0, state):
@@ -149,7 +149,7 @@ def run_up(
     attributes |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
     dataset = result(
-        "Run-up of a gear mesh", model, data, coords, method=runner.words, **attributes
+        "Run-up of a gear mesh", model, data, coords, method=runner.description, **attributes
     )
     dataset["status"].attrs["message"] = status.MESSAGES[code]
     return dataset
@@ -229,7 +229,7 @@ def _course(name, rows, words, accept, steps=False):
 
 
 def inertia_of(model, driver, driven_mass, base_radius):
-    """Return the inertia forces of the meshes per acceleration, for `courses.run_through`."""
+    """Return the inertia forces of the meshes per acceleration, for `courses.run_course`."""
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
         if driven_mass or base_radius is not None:

@@ -9,7 +9,7 @@ from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH
-from gearlib.engines.stable_repeats import followed
+from gearlib.engines.stable_repeats import settled_period
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
     check_memory,
@@ -156,7 +156,7 @@ def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=F
     periods = checked.span.periods
     if prove and checked.method in integrators.AUTOMATIC and record.status == status.OK:
         engine = pair.propagator(tuning, checked.method, **checked.options)
-        period, periods = followed(engine, record, checked.span, until_settled)
+        period, periods = settled_period(engine, record, checked.span, until_settled)
         record = record._replace(period=period)
     return record, periods
 

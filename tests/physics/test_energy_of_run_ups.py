@@ -16,9 +16,9 @@ def course_of(model, speed, load, push, samples):
     """Return (time, coordinates in m) along a course, from rest."""
     omega = float(model.mesh_frequency(1.0))
     start = "static" if model.mesh_names else (0.0, 0.0)
-    runner, pieces, state = courses.set_out(model, np.array(speed), np.array(load), start)
+    runner, pieces, state = courses.start_course(model, np.array(speed), np.array(load), start)
     inertia, teeth = push / model.static_deflection, 24.0
-    found = list(courses.run_through(runner, pieces, state, samples, 10**6, inertia, teeth))
+    found = list(courses.run_course(runner, pieces, state, samples, 10**6, inertia, teeth))
     steps = np.arange(samples) / samples
     theta = [(one.theta[:-1, None] + np.diff(one.theta)[:, None] * steps).ravel() for one in found]
     q = (

@@ -20,7 +20,7 @@ from gearlib import (
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
-from gearlib.engines.pair.motion import mesh
+from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.studies import global_picture as studies
 from gearlib.studies.global_picture import _random_states
@@ -52,7 +52,7 @@ def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
     found = basins(pair, tuning, grid(45))
     states = np.stack(np.meshgrid(found.displacement, found.velocity, indexing="ij"), axis=-1)
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
-    m = mesh(ratios(pair), tuning)
+    m = mesh_at_tuning(ratios(pair), tuning)
     ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
     points = found.state.values
     away = np.linalg.norm(ends[:, None, None] - points, axis=-1)

@@ -49,7 +49,7 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
 def relative(pair, nu, state):
     """Return displacement and velocity at tau = 0 of a full state without constants."""
     system = pair.system(nu)
-    z, (near,) = pair.initial(system, (0.0, 0.0)), system.near
+    z, (near,) = pair.initial(system, (0.0, 0.0)), system.drive_lines
     z[: state.size] = state
     return near @ z, near @ (by_phase(system, [0], 0) @ z)
 

@@ -9,7 +9,7 @@ import pytest
 import gearlib
 from gearlib.engines import orbit
 from gearlib.engines.linear.modal_arcs import modes
-from gearlib.engines.linear.periods import EVENT_MESH, in_order
+from gearlib.engines.linear.periods import EVENT_MESH, sort_last_event
 from gearlib.runs.simulation import _event_table
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
@@ -92,8 +92,8 @@ def test_tables_that_are_forgotten_change_nothing():
     propagator = PLANETS.propagator(1.0)
     start = PLANETS.start_state("static")
     asked = propagator.record(start, 60, 100, 8)
-    n, m = propagator.system.near.shape[1], 6
-    lengths = int(propagator.grid.kind.max()) + 1
+    n, m = propagator.system.drive_lines.shape[1], 6
+    lengths = int(propagator.grid.length_index.max()) + 1
     propagator.spare = [(propagator.system, modes(n, m, lengths, memory=1))]
     assert len(propagator.spare[0][1].keys) == 2
     for one, other in zip(asked, propagator.record(start, 60, 100, 8), strict=True):
@@ -174,16 +174,16 @@ def test_events_at_one_phase_come_by_the_numbers_of_their_meshes():
     rows = np.zeros((4, 6))
     rows[:, orbit.EVENT_PHASE], rows[:, EVENT_MESH] = (1.0, 2.0, 2.0, 2.0), (3, 1, 2, 0)
     ordered = rows.copy()
-    in_order(ordered, 3, 0)
+    sort_last_event(ordered, 3, 0)
     assert ordered[:, EVENT_MESH].tolist() == [3, 0, 1, 2]
     # Not before those of another period.
     kept = rows.copy()
-    in_order(kept, 3, 2)
+    sort_last_event(kept, 3, 2)
     assert kept[:, EVENT_MESH].tolist() == [3, 1, 0, 2]
     # What one mesh does at a phase stays as it was.
     rows[3, EVENT_MESH] = 2
     kept = rows.copy()
-    in_order(kept, 3, 0)
+    sort_last_event(kept, 3, 0)
     np.testing.assert_array_equal(kept, rows)
 
 

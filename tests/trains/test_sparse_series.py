@@ -27,7 +27,7 @@ def motion(train, tuning, state, price, periods=2):
     """Return (state, samples, events, summary, maps, combinations with modes)."""
     propagator = train.propagator(tuning)
     tables = propagator.taken()
-    tables.price[0] = price
+    tables.mode_cost[0] = price
     propagator.spare[:] = [(propagator.system, tables)]
     z, size = np.array(state), train.size
     raw, events = propagator.raw(50 * periods), np.empty((4, EVENT_COLUMNS))

@@ -149,14 +149,22 @@ def test_static_start_is_at_rest():
         two_stage(PAPER),
     ):
         system = train.system(0.8)
-        z = np.zeros(system.near.shape[1])
+        z = np.zeros(system.drive_lines.shape[1])
         z[: train.size] = train.start_state("static")
         z[train.size] = z[train.size + 1 :: 2] = 1.0
-        a = system.free.copy()
+        a = system.base_matrix.copy()
         for j in range(len(train.meshes)):
-            code = 1 if system.near[j] @ z >= 0.0 else -1 if system.far[j] @ z <= 0.0 else 0
+            code = (
+                1
+                if system.drive_lines[j] @ z >= 0.0
+                else -1
+                if system.coast_lines[j] @ z <= 0.0
+                else 0
+            )
             effect = system.effect[code + 1, 0, j]
-            a += np.einsum("ka,kb->ab", system.push[j, effect], system.grip[j, effect])
+            a += np.einsum(
+                "ka,kb->ab", system.force_input[j, effect], system.force_output[j, effect]
+            )
         assert np.abs((a @ z)[: train.size]).max() < 1e-10
     assert not train.start_state((0, 0)).any()
     with pytest.raises(ValueError, match="initial_state = .* must be .0, 0., 'static' or 8 finite"):

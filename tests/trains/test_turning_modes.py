@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import gearlib
 from gearlib.engines.linear import grid, modal_frame, propagator
-from gearlib.engines.linear.modal_arcs import advance, turn_by
+from gearlib.engines.linear.modal_arcs import advance, fill_mode_factors
 from gearlib.engines.linear.train_system import matrix_of
 from tests.properties.known_models import pairs_as_train
 from tests.trains.test_events import PAIR
@@ -23,10 +23,10 @@ def combinations_of(train, tuning, rng, count=6):
     for _ in range(count):
         segment = rng.integers(system.effect.shape[1])
         codes = rng.choice([1, 1, 0, -1], size=len(train.meshes))
-        codes = np.where(propagator.grid.open & (codes < 0), 0, codes)
+        codes = np.where(propagator.grid.no_coast_side & (codes < 0), 0, codes)
         effects = np.array([system.effect[code + 1, segment, j] for j, code in enumerate(codes)])
         c = modal_frame.add(propagator.spare[0][1], system, propagator.frame, effects)
-        a = np.empty_like(system.free)
+        a = np.empty_like(system.base_matrix)
         matrix_of(system, effects, a)
         found.append((c, a, codes))
     return propagator, found
@@ -49,12 +49,12 @@ def random_state(propagator, rng):
 def after(propagator, c, z, t):
     """Return the state a time later by the modes of combination c."""
     tables, n = propagator.spare[0][1], propagator.components
-    wide = tables.out.shape[2]
+    wide = tables.from_modes.shape[2]
     y, term, image, factors = (np.zeros(k) for k in (wide, max(wide, 8 * 24), wide, n))
-    y[:n] = z @ tables.into[c][:, :n]
-    turn_by(tables, c, t, factors)
+    y[:n] = z @ tables.to_modes[c][:, :n]
+    fill_mode_factors(tables, c, t, factors)
     advance(tables, c, factors, t, y, term, image)
-    return y[:n] @ tables.out[c][:, :n], y
+    return y[:n] @ tables.from_modes[c][:, :n], y
 
 
 @pytest.mark.parametrize("share", [0.999999, 1.0, 1.0 + 1e-9])
@@ -70,7 +70,7 @@ def test_a_critical_damping_falls_back_on_one_block(share):
     np.testing.assert_allclose(other.displacement[:, 0], one.displacement, rtol=0, atol=1e-11)
     c, _, codes = found[0]
     if (codes == 1).all():
-        assert propagator.spare[0][1].pairs[c] == 0
+        assert propagator.spare[0][1].pair_counts[c] == 0
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-13, 1e-10, 1e-7, 1e-4, 1e-2])
@@ -88,7 +88,7 @@ def test_deviations_at_and_beside_an_undamped_resonance(apart):
         for t in (0.3, 4.0):
             exact = expm(a * t) @ z
             np.testing.assert_allclose(after(propagator, c, z, t)[0], exact, rtol=0, atol=1e-12)
-        blocks.add(bool(propagator.spare[0][1].pairs[c] == 0))
+        blocks.add(bool(propagator.spare[0][1].pair_counts[c] == 0))
     # One block only next to the resonance, or where nothing oscillates.
     assert True in blocks or apart > 1e-7
 
@@ -97,10 +97,10 @@ def test_a_lasting_contact_is_proven_and_no_polynomial_asked(monkeypatch):
     train, kept = pairs_as_train(PAIR, 2), []
 
     def work(*sizes):
-        kept.append(grid.work_of(*sizes))
+        kept.append(grid.new_work(*sizes))
         return kept[-1]
 
-    monkeypatch.setattr(propagator, "work_of", work)
+    monkeypatch.setattr(propagator, "new_work", work)
     # Far above the resonance both meshes only tremble.
     run = gearlib.simulate(train, 3.1, periods=30, initial_state="static")
     # The first is that of the run, which is then followed on.

@@ -47,9 +47,9 @@ def test_a_turn_of_the_whole_train_costs_nothing(tuning):
         train = turning(np.random.default_rng(seed), planets=seed + 1, **torsional)
         rigid, n = turned(train), train.size // 2
         system = train.system(tuning)
-        forces = train.structure.mass @ system.free[n : 2 * n, :n]
+        forces = train.structure.mass @ system.base_matrix[n : 2 * n, :n]
         assert np.abs(forces @ rigid).max() < 1e-13 * (np.abs(forces) @ np.abs(rigid)).max()
-        rows = np.concatenate([system.near[:, :n], system.far[:, :n]])
+        rows = np.concatenate([system.drive_lines[:, :n], system.coast_lines[:, :n]])
         assert np.abs(rows @ rigid).max() < 1e-12 * np.abs(rigid).max()
 
 
@@ -113,7 +113,9 @@ def whirl(stiffness, outer, shaft, inner, speed):
     system, n = train.system(speed / at_one), train.size // 2
     own = [train.structure.coordinates.index(("sun", axis)) for axis in "xy"]
     own += [n + i for i in own]
-    values = np.linalg.eigvals(system.free[np.ix_(own, own)]) * train.reference_angular_frequency
+    values = (
+        np.linalg.eigvals(system.base_matrix[np.ix_(own, own)]) * train.reference_angular_frequency
+    )
     return values[np.argsort(values.imag)]
 
 

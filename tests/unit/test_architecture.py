@@ -20,7 +20,7 @@ SOURCES = [
 GOING = {
     "gearlib.engines.pair.pair_run": {"run"},
     "gearlib.engines.pair.many_runs": {"run_many", "skip_many", "section"},
-    "gearlib.engines.pair.maps": {"vary"},
+    "gearlib.engines.pair.maps": {"fill_period_maps"},
     "gearlib.engines.linear.train_run": {"run_train"},
     "gearlib.engines.taylor.taylor_run": {"run_nonlinear"},
 }

@@ -15,13 +15,13 @@ from gearlib.engines.pair.contact_table import (
     NONE,
     SPACING,
     fill_table,
-    go_by,
+    move_by,
     set_level,
-    step,
+    step_by_series,
 )
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.many_runs import skip_many
-from gearlib.engines.pair.motion import contact_of, evolve, level, mesh
+from gearlib.engines.pair.motion import contact_of, evolve, level_at_tuning, mesh_at_tuning
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.engines.pair.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 
@@ -109,7 +109,7 @@ def test_whole_periods_equal_events_one_by_one(case, seed):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         ratios, tuning, x, v = case(rng)
-        assert compare(mesh(ratios, tuning), x, v, PERIODS) < 1e-11
+        assert compare(mesh_at_tuning(ratios, tuning), x, v, PERIODS) < 1e-11
 
 
 def changes(arcs, count):
@@ -135,7 +135,7 @@ def test_one_period_at_a_time():
     work, events = new_work(), 0
     for _ in range(400):
         ratios, tuning, x, v = bouncing_case(rng)
-        m = mesh(ratios, tuning)
+        m = mesh_at_tuning(ratios, tuning)
         set_mesh(work, m)
         state = contact_of(m.gap, x, v), x, v
         for _ in range(10):
@@ -176,7 +176,7 @@ def test_grazing_the_flank_line():
     work, found, compared = new_work(), 0, 0
     for _ in range(60):
         ratios = ratios_of(rng.uniform(1.2, 1.8), rng.uniform(0.3, 0.9), 0.01, 0.01, math.inf)
-        m = mesh(ratios, rng.uniform(0.5, 1.2))
+        m = mesh_at_tuning(ratios, rng.uniform(0.5, 1.2))
         set_mesh(work, m)
         x = rng.uniform(0.0, 2.0)
         sides = jump_of_the_pattern(m, x)
@@ -197,7 +197,7 @@ def test_grazing_the_flank_line():
 
 
 def test_company_does_not_matter():
-    m = mesh(ratios_of(1.569, 0.5879, 0.001, 0.0, 4.0), 0.9)
+    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.001, 0.0, 4.0), 0.9)
     states = np.random.default_rng(3).uniform(-1.0, 2.0, (50, 2))
     together, alone = np.empty((50, 2)), np.empty((50, 2))
     statuses = np.zeros(50, dtype=np.int64)
@@ -208,7 +208,7 @@ def test_company_does_not_matter():
 
 
 def test_calls_of_any_length_give_the_same_bits():
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.95)
+    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.95)
     work = new_work()
     set_mesh(work, m)
     set_start(work, 0.0, 0.0)
@@ -219,7 +219,7 @@ def test_calls_of_any_length_give_the_same_bits():
 
 
 def test_limit_of_events_is_kept():
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
+    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
     statuses, ends = np.zeros(1, dtype=np.int64), np.empty((1, 2))
     for limit, status in ((4, 1), (12, 0)):
         skip_many(m, np.zeros((1, 2)), 50, limit, ends, statuses)
@@ -230,7 +230,7 @@ def test_tables_of_contact():
     rng = np.random.default_rng(11)
     row, table = np.zeros((1, LEVEL_COLUMNS)), np.zeros((96, 2))
     for damping in [0.0, 1e-3, 0.0617, 0.5, 0.99, 1.0, 2.0]:
-        lev = level(1.2, damping, rng.uniform(0.3, 3.0))
+        lev = level_at_tuning(1.2, damping, rng.uniform(0.3, 3.0))
         set_level(lev, 9.0, row[0])
         if damping >= math.sqrt(1.2):
             assert row[0, LAST] == NONE
@@ -240,7 +240,7 @@ def test_tables_of_contact():
             u, v = rng.normal(size=2)
             k, part = rng.integers(0, int(row[0, LAST]) + 1), rng.uniform(-0.75, 0.75)
             t = (k + part) * row[0, SPACING]
-            near = step(row, 0, *go_by(row, 0, u, v, *table[k]), part * row[0, SPACING])
+            near = step_by_series(row, 0, *move_by(row, 0, u, v, *table[k]), part * row[0, SPACING])
             # A few roundings of the state and of the phase w t.
             allowed = 4e-15 * (1.0 + abs(u) + abs(v)) * (1.0 + lev.square)
             np.testing.assert_allclose(near, evolve(lev, u, v, t), rtol=0, atol=allowed)

@@ -117,7 +117,7 @@ def basins(
         "Basins of attraction of a gear mesh",
         pair,
         dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}),
-        method=strobe.propagator.words,
+        method=strobe.propagator.description,
         tuning=strobe.tuning,
         periods=cycles * strobe.cycle,
         stop_early=bool(stop_early),

@@ -94,7 +94,7 @@ class Stroboscope:
         """
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)
-        size = max(1, min(self.propagator.chunk, -(-len(states) // self.threads)))
+        size = max(1, min(self.propagator.chunk_size, -(-len(states) // self.threads)))
         parts = [slice(i, i + size) for i in range(0, len(states), size)]
 
         def propagate(part):

@@ -1,50 +1,56 @@
-"""How the distances of meshes from their flank lines go along a piece: proofs and first events.
+"""Distances of meshes from their flank lines along a piece: bounds and first crossings.
 
-The amplitudes of the modes bound a distance as long as nothing happens: mostly this proves that no
+The amplitudes of the modes bound a distance while the contacts stay. Mostly this proves that no
 line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
-zero is isolated: nothing is sampled.
+zero is isolated: nothing is sampled. A `combination` is a row of `Modes`, or SERIES.
 """
 
 import math
 
 from gearlib.engines.codes import INVERSE, NORMAL
-from gearlib.engines.jit import uncounted, woven
-from gearlib.engines.linear.modal_arcs import DEGREE, LEAST
-from gearlib.engines.linear.sparse_series import SERIES, may_reach
+from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, LOW_DEGREE
+from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
 from gearlib.engines.linear.train_system import next_contact
 from gearlib.engines.polynomial import BINOMIALS, first_fall_from
 
-#: Rounding of a distance, as a share of its parts.
+#: Rounding of a distance, as a share of its terms.
 _ROUNDING = 1e-15
 
 
-@woven
-def sizes_of(tables, c, y, sizes):
-    """Fill `sizes` with the amplitudes of pairs and real modes; return how many there are."""
-    pairs = tables.pairs[c]
-    for k in range(pairs):
+@inlined_uncounted
+def fill_amplitudes(tables, combination, y, amplitudes):
+    """Fill `amplitudes` with the magnitudes of pairs and real modes in y; return their number."""
+    pair_count = tables.pair_counts[combination]
+    for k in range(pair_count):
         u, v = y[2 * k], y[2 * k + 1]
-        sizes[k] = math.sqrt(u * u + v * v)
-    for k in range(tables.single[c]):
-        sizes[pairs + k] = abs(y[2 * pairs + k])
-    return pairs + tables.single[c]
+        amplitudes[k] = math.sqrt(u * u + v * v)
+    for k in range(tables.real_counts[combination]):
+        amplitudes[pair_count + k] = abs(y[2 * pair_count + k])
+    return pair_count + tables.real_counts[combination]
 
 
-@woven
-def _counts(grid, j, code, line):
-    """Return whether mesh j may come to a line: in contact, to the other one only if `closing`."""
-    return not ((code == -line and not grid.closing[j]) or (line == -1 and grid.open[j]))
+@inlined_uncounted
+def _can_reach(grid, j, code, line):
+    """Return whether mesh j with contact `code` may reach a flank line, 1 drive or -1 coast side.
+
+    A mesh in contact on one side reaches the other side only if it may jam.
+    """
+    return not ((code == -line and not grid.may_jam[j]) or (line == -1 and grid.no_coast_side[j]))
 
 
-@woven
-def _side(code, line):
-    """Return the sign of the distance from a line: above that of the contact it lies on."""
+@inlined_uncounted
+def _distance_sign(code, line):
+    """Return the sign, 1 or -1, of the distance from a flank line in a contact."""
     return -1.0 if ((code != NORMAL) if line == 1 else (code == INVERSE)) else 1.0
 
 
-@woven
-def _sum_of(a, b, count):
-    """Return the sum of the first products, in four sums that do not wait for one another."""
+@inlined_uncounted
+def _dot_of_first(a, b, count):
+    """Return the scalar product of the first `count` entries of a and b.
+
+    Four independent partial sums let the processor compute them in parallel.
+    """
     p, q, s, t = 0.0, 0.0, 0.0, 0.0
     k = 0
     while k + 3 < count:
@@ -59,41 +65,53 @@ def _sum_of(a, b, count):
     return (p + q) + (s + t)
 
 
-@woven
-def furthest(tables, c, line, j, w, count):
-    """Return how far a steady distance provably goes from its level while the contacts stay."""
-    reach = _sum_of(tables.swing[c, line, j], w.sizes, count)
-    return reach + _ROUNDING * (reach + abs(tables.level[c, line, j]))
+@inlined_uncounted
+def largest_deviation(tables, combination, line, j, work, count):
+    """Return a bound of the deviation of a distance from its constant part.
+
+    It holds as long as the contacts stay, for the `count` amplitudes of `Work` and a distance that
+    is bounded. `line` is 0 for the coast side and 1 for the drive side.
+    """
+    deviation = _dot_of_first(tables.mode_shares[combination, line, j], work.amplitudes, count)
+    return deviation + _ROUNDING * (deviation + abs(tables.slow_distance[combination, line, j]))
 
 
-@woven
-def keeps_off(tables, c, j, grid, w, count):
+@inlined_uncounted
+def stays_off_lines(tables, combination, j, grid, work, count):
     """Return whether mesh j provably stays off its flank lines as long as the contacts stay.
 
-    By a series: as long as it lasts.
+    `count` is the number of amplitudes in `Work`. A combination without modes is checked over the
+    length of its series.
     """
-    reach, code = 0.0, w.contact[j]
+    deviation, code = 0.0, work.contact[j]
     for line in (1, -1):
-        if not _counts(grid, j, code, line):
+        if not _can_reach(grid, j, code, line):
             continue
         side = (line + 1) // 2
-        if c == SERIES:
-            if may_reach(w.distances[side, j], _side(code, line), w.powers.shape[0] - 1):
+        if combination == SERIES:
+            if series_may_reach_zero(
+                work.distance_series[side, j],
+                _distance_sign(code, line),
+                work.to_bernstein.shape[0] - 1,
+            ):
                 return False
             continue
-        if not tables.steady[c, side, j]:
+        if not tables.bounded[combination, side, j]:
             return False
-        # Lines that are a constant apart swing alike.
-        if line == 1 or code == INVERSE or not grid.plain[j]:
-            reach = _sum_of(tables.swing[c, side, j], w.sizes, count)
-        level = tables.level[c, side, j]
-        if not _side(code, line) * level > reach + _ROUNDING * abs(level):
+        # Distances from two lines with a constant gap have the same amplitude.
+        if line == 1 or code == INVERSE or not grid.constant_gap[j]:
+            deviation = _dot_of_first(
+                tables.mode_shares[combination, side, j], work.amplitudes, count
+            )
+        level = tables.slow_distance[combination, side, j]
+        if not _distance_sign(code, line) * level > deviation + _ROUNDING * abs(level):
             return False
     return True
 
 
-@woven
+@inlined_uncounted
 def _curve(curves, y, b, points):
+    """Fill b, shape (points,), with the products of `curves`, shape (n, points), and y."""
     i, n = 0, curves.shape[0]
     for r in range(points):
         b[r] = 0.0
@@ -111,19 +129,22 @@ def _curve(curves, y, b, points):
         i += 1
 
 
-@woven
-def curve_of(curves, y, b):
-    """Fill b, shape (degree + 1,), with the Bernstein coefficients: curves, (n, degree + 1)."""
-    # Loops of a known length take no time to begin and to end.
-    if b.shape[0] == LEAST + 1:
-        _curve(curves, y, b, LEAST + 1)
+@inlined_uncounted
+def fill_curve(curves, y, b):
+    """Fill b, shape (degree + 1,), with the Bernstein coefficients of a distance in the state y.
+
+    `curves`, shape (n, degree + 1), has those of each component of y.
+    """
+    # The compiler unrolls loops whose length it knows.
+    if b.shape[0] == LOW_DEGREE + 1:
+        _curve(curves, y, b, LOW_DEGREE + 1)
     else:
-        _curve(curves, y, b, DEGREE + 1)
+        _curve(curves, y, b, HIGH_DEGREE + 1)
 
 
-@woven
-def _seen(curve, shift, sign, b, points):
-    """Fill b with a distance from the side where a mesh is; return its smallest coefficient."""
+@inlined_uncounted
+def _fill_signed_distance(curve, shift, sign, b, points):
+    """Fill b with sign * (curve + shift); return its smallest coefficient."""
     lowest = math.inf
     for k in range(points):
         b[k] = sign * (curve[k] + shift)
@@ -132,17 +153,19 @@ def _seen(curve, shift, sign, b, points):
 
 
 @uncounted
-def rounding_of(curves, y):
-    """Return the rounding of a distance: of the largest coefficients that its parts have."""
-    size, last = 0.0, curves.shape[1] - 1
+def distance_rounding(curves, y):
+    """Return a bound of the rounding of a distance that is the product of `curves` and y."""
+    magnitude, last = 0.0, curves.shape[1] - 1
     for i in range(curves.shape[0]):
-        size += max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2])) * abs(y[i])
-    return _ROUNDING * size
+        magnitude += max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2])) * abs(
+            y[i]
+        )
+    return _ROUNDING * magnitude
 
 
 @uncounted
-def begin_of(b, share, n):
-    """Turn Bernstein coefficients of degree n into those on [0, share]."""
+def restrict_to_start(b, share, n):
+    """Turn Bernstein coefficients b of degree n on [0, 1] into those on [0, share], in place."""
     if share == 1.0:
         return
     for j in range(1, n + 1):
@@ -151,60 +174,71 @@ def begin_of(b, share, n):
 
 
 @uncounted
-def _falls(b, zeros, noise):
-    """Return whether a distance that starts at rest on its line, as on the other one, falls."""
-    lead, size = 0.0, 0.0
+def _falls_from_rest(b, zeros, noise):
+    """Return whether a distance falls that starts at rest on its line.
+
+    The sign of its first derivative that is not zero, of order `zeros`, decides.
+    """
+    derivative, size = 0.0, 0.0
     for i in range(zeros + 1):
         share = BINOMIALS[zeros, i]
-        lead += share * b[i] if (zeros - i) % 2 == 0 else -share * b[i]
+        derivative += share * b[i] if (zeros - i) % 2 == 0 else -share * b[i]
         size += share
-    return lead < -noise * size
+    return derivative < -noise * size
 
 
-@woven
-def first_events(tables, c, grid, w, end):
-    """Find when each mesh crosses a flank line first; fill share, target and spread of `Work`.
+@inlined_uncounted
+def find_first_events(tables, combination, grid, work, end):
+    """Find the first crossing of a flank line by each mesh on a piece up to the share `end`.
 
-    Returns the smallest share of the piece, at most `end`, 2 if there is none, -1 if rounding hides
-    whether there is one.
+    Fills event_share, contact_after and share_rounding of `Work`. Returns the smallest share, 2 if
+    there is no crossing, -1 if rounding hides whether there is one.
     """
-    best, curve, b = 2.0, w.curve, w.bernstein[0]
-    for j in range(w.contact.shape[0]):
-        w.share[j], code = 2.0, w.contact[j]
-        if w.clear[j] and w.rest[j] == 0:
+    first_share, curve, b = 2.0, work.curve, work.search[0]
+    for j in range(work.contact.shape[0]):
+        work.event_share[j], code = 2.0, work.contact[j]
+        if work.stays_off[j] and work.zero_order[j] == 0:
             continue
-        known = False
+        curve_is_filled = False
         for line in (1, -1):
-            if not _counts(grid, j, code, line):
+            if not _can_reach(grid, j, code, line):
                 continue
-            curves, y, shift, noise = w.powers, w.distances[0, 0], 0.0, 0.0
-            if c == SERIES:
-                y = w.distances[(line + 1) // 2, j]
+            curves, y, shift, noise = work.to_bernstein, work.distance_series[0, 0], 0.0, 0.0
+            if combination == SERIES:
+                y = work.distance_series[(line + 1) // 2, j]
                 noise = _ROUNDING * y[curves.shape[0]]
             else:
-                curves, y = tables.curves[c, (line + 1) // 2, j], w.y
-            if known and grid.plain[j] and c != SERIES:
-                shift = tables.level[c, 0, j] - tables.level[c, 1, j]
+                curves, y = tables.curves[combination, (line + 1) // 2, j], work.modal_state
+            if curve_is_filled and grid.constant_gap[j] and combination != SERIES:
+                shift = (
+                    tables.slow_distance[combination, 0, j]
+                    - tables.slow_distance[combination, 1, j]
+                )
             else:
-                curve_of(curves, y, curve)
-            known = True
-            sign = _side(code, line)
-            if curve.shape[0] == LEAST + 1:
-                lowest = _seen(curve, shift, sign, b, LEAST + 1)
+                fill_curve(curves, y, curve)
+            curve_is_filled = True
+            sign = _distance_sign(code, line)
+            if curve.shape[0] == LOW_DEGREE + 1:
+                lowest = _fill_signed_distance(curve, shift, sign, b, LOW_DEGREE + 1)
             else:
-                lowest = _seen(curve, shift, sign, b, DEGREE + 1)
-            zeros = w.rest[j] if w.line[j] == line else 0
+                lowest = _fill_signed_distance(curve, shift, sign, b, HIGH_DEGREE + 1)
+            zeros = work.zero_order[j] if work.start_line[j] == line else 0
             if lowest > 0.0 and zeros == 0:
                 continue
-            noise += rounding_of(curves, y)
-            if zeros == 0 and w.rest[j] > 1 and not grid.gap[j] and _falls(b, w.rest[j], noise):
-                found, spread = 0.0, 0.0
+            noise += distance_rounding(curves, y)
+            if (
+                zeros == 0
+                and work.zero_order[j] > 1
+                and not grid.has_backlash[j]
+                and _falls_from_rest(b, work.zero_order[j], noise)
+            ):
+                share, rounding = 0.0, 0.0
             else:
-                found, spread = first_fall_from(w.bernstein, zeros, end, noise)
-            if found < 0.0:
+                share, rounding = first_fall_from(work.search, zeros, end, noise)
+            if share < 0.0:
                 return -1.0
-            if found < w.share[j]:
-                w.share[j], w.spread[j] = found, spread
-                w.target[j] = next_contact(code, line)
-        best = min(best, w.share[j])
-    return best
+            if share < work.event_share[j]:
+                work.event_share[j], work.share_rounding[j] = share, rounding
+                work.contact_after[j] = next_contact(code, line)
+        first_share = min(first_share, work.event_share[j])
+    return first_share

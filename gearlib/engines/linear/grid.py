@@ -1,106 +1,111 @@
-"""What a run of a gear train is divided into, and its storage."""
+"""The segments and meshes of a gear train as its kernels need them, and the storage of a run."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.linear.modal_arcs import DEGREE
-from gearlib.engines.linear.sparse_series import price_of, sparse_of
+from gearlib.engines.linear.modal_arcs import HIGH_DEGREE
+from gearlib.engines.linear.sparse_series import mode_cost_of, sparse_fields
 from gearlib.engines.linear.train_system import may_close
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
-# Entries of `Work.place`: events recorded so far, mesh period, segment (-1: at the start of a
-# period), events of the period, samples taken of it, events before it, mesh periods that the
-# segments of the system last for.
-FOUND, PERIOD, SEGMENT, COUNT, TAKEN, OPENING, UNTIL = range(7)
+# Entries of `Work.counters`: rows in use of the event table, mesh period, segment (-1: at the
+# start of a period), events and samples of this period so far, first row of its events, and the
+# number of mesh periods that the segments of the system last for.
+EVENT_ROWS, PERIOD, SEGMENT, PERIOD_EVENTS, SAMPLES_TAKEN, FIRST_EVENT_ROW, KNOWN_PERIODS = range(7)
 
 
 class Grid(NamedTuple):
-    """What the meshes of a system and its segments are like."""
+    """Quantities that the kernels need of a `TrainSystem`: p segments, m meshes, n components."""
 
-    length: np.ndarray  #: theta of the segments, shape (p,)
-    kind: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
-    rate: np.ndarray  #: functionals of dd_j/dtheta, shape (m, n)
-    far_rate: np.ndarray  #: of the distances from the coast side
-    open: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
-    closing: np.ndarray  #: bool, whether both of its flanks might touch at once, shape (m,)
-    plain: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
-    gap: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
+    lengths: np.ndarray  #: theta of the segments, shape (p,)
+    length_index: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
+    drive_rates: np.ndarray  #: functionals: rates of `drive_lines` by theta, shape (m, n)
+    coast_rates: np.ndarray  #: functionals: rates of `coast_lines` by theta, shape (m, n)
+    no_coast_side: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
+    may_jam: np.ndarray  #: bool, whether both of its flanks may touch at once, shape (m,)
+    constant_gap: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
+    has_backlash: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
     spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
-    block: np.ndarray  #: int, which rows of a summary each mesh period is in, shape (repeats,)
-    taken: np.ndarray  #: int, where samples of mesh periods begin, shape (repeats + 1,) or (0,)
-    columns: np.ndarray  #: int, of what is not zero in `free`, see `sparse_series.sparse_of`
-    count: np.ndarray
-    values: np.ndarray
-    places: np.ndarray  #: int, of the components that a mesh touches
-    touched: np.ndarray
-    chirp: np.ndarray  #: frequencies by tau of harmonics on a course of speed, shape (h,)
-    pace: int  #: the component that is dtau/dtheta there, see `sparse_series`
+    summary_blocks: np.ndarray  #: int, block of the summary of each mesh period, shape (repeats,)
+    sample_starts: np.ndarray  #: int, first sample of each period, shape (repeats + 1,) or (0,)
+    nonzero_columns: np.ndarray  #: int, columns of the non-zeros of `base_matrix`, by rows
+    nonzero_counts: np.ndarray  #: int, number of non-zeros in each row, shape (n,)
+    nonzero_values: np.ndarray  #: their values, by rows
+    mesh_components: np.ndarray  #: int, components that a mesh depends on or acts on, by meshes
+    mesh_component_counts: np.ndarray  #: int, number of these components, shape (m,)
+    chirp_frequencies: np.ndarray  #: by tau, of harmonics while the speed changes, shape (h,)
+    speed_component: int  #: the component that is dtau/dtheta while the speed changes
 
 
 class Work(NamedTuple):
-    """What changes on the way, and storage."""
+    """State and storage of a run: m meshes, n components, padded to a multiple of eight."""
 
     contact: np.ndarray  #: int, contact codes, shape (m,)
-    rest: np.ndarray  #: int, leading coefficients that are 0: 1 on a line, more: at rest, (m,)
-    line: np.ndarray  #: int, on which: 1 drive side, -1 coast side, shape (m,)
-    effects: np.ndarray  #: int, shape (m,)
-    clear: np.ndarray  #: bool, whether a mesh comes to no flank line, shape (m,)
-    share: np.ndarray  #: where a mesh has its event, in shares of a piece, shape (m,)
-    target: np.ndarray  #: int, its contact after that, shape (m,)
-    spread: np.ndarray  #: rounding of that share, shape (m,)
-    z: np.ndarray  #: the state, filled up
-    y: np.ndarray  #: the same in modes
-    other: np.ndarray
-    sampled: np.ndarray
-    moved: np.ndarray
-    term: np.ndarray
-    image: np.ndarray
-    factors: np.ndarray
-    sizes: np.ndarray  #: of the modes
-    place: np.ndarray  #: int, how far the run is, by the names above, shape (7,)
-    ahead: np.ndarray  #: theta left of the segment, phase of the last event
+    zero_order: np.ndarray  #: int, 0: off the lines; k: on one, first k derivatives zero, (m,)
+    start_line: np.ndarray  #: int, which line that is: 1 drive side, -1 coast side, shape (m,)
+    effects: np.ndarray  #: int, effects of the meshes, shape (m,)
+    stays_off: np.ndarray  #: bool, whether a mesh provably reaches no flank line, shape (m,)
+    event_share: np.ndarray  #: instant of the next event, as a share of a piece, shape (m,)
+    contact_after: np.ndarray  #: int, contact code after that event, shape (m,)
+    share_rounding: np.ndarray  #: rounding error of `event_share`, shape (m,)
+    state: np.ndarray  #: z, padded
+    modal_state: np.ndarray  #: y, the state in modes, padded
+    mode_buffer: np.ndarray  #: copy of y that `record` moves on, or a deviation in modes
+    sampled_modes: np.ndarray  #: y at a sample
+    sampled_state: np.ndarray  #: z at a sample
+    term: np.ndarray  #: storage of a series
+    image: np.ndarray  #: storage of a series
+    mode_factors: np.ndarray  #: factors of the modes over a time
+    amplitudes: np.ndarray  #: magnitudes of the modes in y, shape (n,)
+    counters: np.ndarray  #: int, progress of the run, by the names above, shape (7,)
+    progress: np.ndarray  #: theta that remains of the segment, phase of the last event
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
-    bernstein: np.ndarray  #: those of intervals that wait, and their widths
-    terms: np.ndarray  #: the series of the state, shape (degree + 1, filled up)
-    distances: np.ndarray  #: its distances, far and near, shape (2, m, degree + 2)
-    powers: np.ndarray  #: from powers to Bernstein coefficients, shape (degree + 1, degree + 1)
+    search: np.ndarray  #: Bernstein coefficients and widths of intervals, storage of `polynomial`
+    series: np.ndarray  #: Taylor series of the state, shape (degree + 1, padded)
+    distance_series: np.ndarray  #: of coast-side and drive-side distances, (2, m, degree + 2)
+    to_bernstein: np.ndarray  #: matrix from powers to Bernstein coefficients, (degree + 1,) * 2
 
 
 def grid_of(system):
-    """Return the `Grid` of a system; how many lengths it has is ``kind.max() + 1``."""
-    length = np.diff(system.starts) / system.tuning
-    # Lengths that differ by rounding are one.
-    order = np.argsort(length, kind="stable")
-    new = np.concatenate([[True], np.diff(length[order]) > 1e-13 * length[order][1:]])
-    kind = np.empty(length.size, np.int64)
-    kind[order] = np.cumsum(new) - 1
-    length = length[order][new][kind]
-    one = system.free.shape[0] - 1 - 2 * system.harmonics.size
-    never = ~system.far[:, :one].any(axis=1)
-    apart = system.far - system.near
-    plain = ~(apart[:, :one].any(axis=1) | apart[:, one + 1 :].any(axis=1))
-    near, far = system.near @ system.free, system.far @ system.free
-    closing = ~never & may_close(system.near, system.far, one)
+    """Return the `Grid` of a system, whose segments have ``length_index.max() + 1`` lengths."""
+    lengths = np.diff(system.starts) / system.tuning
+    # Lengths that differ by rounding get the same number.
+    order = np.argsort(lengths, kind="stable")
+    is_new = np.concatenate([[True], np.diff(lengths[order]) > 1e-13 * lengths[order][1:]])
+    length_index = np.empty(lengths.size, np.int64)
+    length_index[order] = np.cumsum(is_new) - 1
+    lengths = lengths[order][is_new][length_index]
+    constant = system.base_matrix.shape[0] - 1 - 2 * system.harmonics.size
+    no_coast_side = ~system.coast_lines[:, :constant].any(axis=1)
+    clearance = system.coast_lines - system.drive_lines
+    constant_gap = ~(clearance[:, :constant].any(axis=1) | clearance[:, constant + 1 :].any(axis=1))
+    drive_rates = system.drive_lines @ system.base_matrix
+    coast_rates = system.coast_lines @ system.base_matrix
+    may_jam = ~no_coast_side & may_close(system.drive_lines, system.coast_lines, constant)
     spin = system.harmonics * system.tuning
-    gap = ~plain | (apart[:, one] != 0.0)
-    block = np.zeros(len(system.first_segment) - 1, np.int64)
-    own = near, far, never, closing, plain, gap, spin, block, np.empty(0, np.int64)
-    return Grid(length, kind, *own, **sparse_of(system), chirp=np.empty(0), pace=0)
+    has_backlash = ~constant_gap | (clearance[:, constant] != 0.0)
+    blocks = np.zeros(len(system.first_segment) - 1, np.int64)
+    mesh_facts = drive_rates, coast_rates, no_coast_side, may_jam, constant_gap, has_backlash
+    mesh_facts += spin, blocks, np.empty(0, np.int64)
+    constant_speed = {"chirp_frequencies": np.empty(0), "speed_component": 0}
+    return Grid(lengths, length_index, *mesh_facts, **sparse_fields(system), **constant_speed)
 
 
-def work_of(n, wide, m, degree=DEGREE, wanted=False):
-    """Return `Work` for n components, filled up to `wide`, m meshes and polynomials.
+def new_work(n, padded, m, degree=HIGH_DEGREE, with_series=False):
+    """Return the `Work` of n components, padded to `padded`, m meshes and polynomials of a degree.
 
-    With what the series takes where modes may cost more, or where it is `wanted`.
+    It has storage for series where modes may cost more than a series, or if `with_series`.
     """
-    series = wanted or price_of(n) > 0
-    terms = np.zeros((degree + 1 if series else 0, wide))
-    distances = np.zeros((2, m, degree + 2 if series else 0))
+    series = with_series or mode_cost_of(n) > 0
+    series_terms = np.zeros((degree + 1 if series else 0, padded))
+    distance_series = np.zeros((2, m, degree + 2 if series else 0))
     integers = (np.zeros(m, np.int64) for _ in range(4))
-    states = (np.zeros(wide) for _ in range(7))
-    place, ahead = np.array([0, 0, -1, 0, 0, 0, 0]), np.zeros(2)
-    storage = np.zeros(degree + 1), np.zeros((WORK_ROWS, degree + 2)), terms, distances
+    states = (np.zeros(padded) for _ in range(7))
+    counters, progress = np.array([0, 0, -1, 0, 0, 0, 0]), np.zeros(2)
+    storage = np.zeros(degree + 1), np.zeros((WORK_ROWS, degree + 2)), series_terms, distance_series
     events = np.zeros(m, np.bool_), np.zeros(m), np.zeros(m, np.int64), np.zeros(m)
-    sizes, powers = (np.zeros(n), np.zeros(n)), bernstein_matrix(degree if series else 0)
-    return Work(*integers, *events, *states, *sizes, place, ahead, *storage, powers)
+    amplitudes, to_bernstein = (np.zeros(n), np.zeros(n)), bernstein_matrix(degree if series else 0)
+    return Work(
+        *integers, *events, *states, *amplitudes, counters, progress, *storage, to_bernstein
+    )

@@ -1,17 +1,16 @@
-"""Modes of one combination of contacts and stiffness levels: tables made on first use, and kept.
+"""Tables of the modes of each combination of contacts and stiffness levels, filled on first use.
 
 A motion visits few of the combinations that m meshes may form. In the modes of one of them the
-state is y: oscillating pairs first, whose complex amplitudes turn, real modes, then a block for
-what is slow or cannot be told apart (free motions, the constant), whose series is summed. With z
-of `TrainSystem`, z = out y and y = into z.
+state is y: oscillating pairs first, whose complex amplitudes turn, real modes, then a block of
+slow components (free motions, the constant) whose power series is summed. With z of
+`TrainSystem`, z = from_modes y and y = to_modes z.
 
 The distances of the meshes from their flank lines are products of rows with y. Over a piece of
 theta they are polynomials to rounding, whose Bernstein coefficients are products of `curves` with
-y; and the sizes of the amplitudes bound them for all time.
+y. The magnitudes of the modes bound them for all time.
 
-`gearlib.engines.linear.modal_frame` fills the tables. The product of a table and a state adds
-columns, which the compiler does with all lanes of the vector unit: tables are stored by columns,
-filled up to eighths.
+`gearlib.engines.linear.modal_frame` fills the tables. Tables are stored by columns, padded to
+multiples of eight, so that the compiler can add columns with vector instructions.
 """
 
 import math
@@ -19,98 +18,103 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.jit import uncounted, woven
-from gearlib.engines.linear.sparse_series import price_of
+from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.linear.sparse_series import mode_cost_of
 
-#: Degree of the polynomials of distances over a piece, the least and the most: where changing modes
-#: costs more than roots, as of many components, long pieces pay.
-LEAST, DEGREE = 15, 23
-#: Components from which the most is taken.
-_MANY = 20
-#: Bytes that the tables of one thread may take; beyond, they are forgotten and begun anew, which
-#: changes no result.
-MEMORY = 2**28
-#: Combinations that are kept at most, and turns over lengths of segments for each.
-_MOST, TURNS = 1024, 64
-#: |lambda| of the fastest mode times a piece: the Chebyshev series of e^(lambda t) on a piece, cut
-#: behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17 and 2 (7.2 / 4)^24 / 24! = 4e-18.
-REACHES = {LEAST: 2.4, DEGREE: 7.2}
-#: Terms of a series below this share of the state are nothing, whatever the scales; most terms.
-_NOTHING, _MAX_TERMS = 1e-30, 60
+#: Degree of the polynomials of distances over a piece. Long pieces of high degree pay for many
+#: components, where a change of modes costs more than the search for roots.
+LOW_DEGREE, HIGH_DEGREE = 15, 23
+#: Number of components from which the high degree is taken.
+_HIGH_DEGREE_COMPONENTS = 20
+#: Largest size in bytes of the tables of one thread; full tables are emptied and filled again.
+MAX_TABLE_BYTES = 2**28
+#: Largest number of combinations in the tables, and of lengths of segments for each.
+_MAX_COMBINATIONS, MAX_SEGMENT_LENGTHS = 1024, 64
+#: Largest |lambda| of a mode times the length of a piece, by degree. The Chebyshev series of
+#: e^(lambda t), cut behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17
+#: and 2 (7.2 / 4)^24 / 24! = 4e-18.
+MAX_PIECE_RATES = {LOW_DEGREE: 2.4, HIGH_DEGREE: 7.2}
+#: A series ends with a term below this share of the state, or after so many terms.
+_LAST_TERM, _MAX_TERMS = 1e-30, 60
 
 
 class Modes(NamedTuple):
-    """Tables of up to c combinations of a `TrainSystem`: n components, m meshes."""
+    """Tables of up to c combinations of a `TrainSystem`: n components, m meshes.
 
-    known: np.ndarray  #: int, (combinations, turns) in use, shape (2,)
-    slots: np.ndarray  #: int, where to look for a key: index of the combination or -1
-    steps: np.ndarray  #: int, of the series of a combination that would have this slot
-    price: np.ndarray  #: int, how many of them its modes cost, shape (1,)
+    Index 2 stands for the distances from the coast-side and the drive-side flank line.
+    """
+
+    used: np.ndarray  #: int, number of combinations and of `turn_factors` in use, shape (2,)
+    hash_slots: np.ndarray  #: int, hash table: row of a combination, or -1
+    series_steps: np.ndarray  #: int, steps by the power series, by hash slot
+    mode_cost: np.ndarray  #: int, number of series steps that cost as much as modes, shape (1,)
     keys: np.ndarray  #: int8, effects of all meshes, shape (c, m)
-    pairs: np.ndarray  #: int, oscillating pairs, shape (c,)
-    single: np.ndarray  #: int, real modes behind them, shape (c,)
+    pair_counts: np.ndarray  #: int, number of oscillating pairs, shape (c,)
+    real_counts: np.ndarray  #: int, number of real modes behind them, shape (c,)
     rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
-    block: np.ndarray  #: matrix of the components behind these, shape (c, n, n)
-    pace: np.ndarray  #: rate of its fastest motion, about, shape (c,)
-    piece: np.ndarray  #: theta over which `curves` hold, shape (c,)
-    into: np.ndarray  #: from z to y, by columns, shape (c, n, n filled up)
-    out: np.ndarray  #: from y to z, by columns
-    curves: np.ndarray  #: Bernstein coefficients, far and near, (c, 2, m, n, degree + 1)
-    swing: np.ndarray  #: largest share of a mode in the distances, far and near, (c, 2, m, n)
-    level: np.ndarray  #: distances without the modes, far and near, shape (c, 2, m)
-    steady: np.ndarray  #: bool, whether `swing` and `level` bound them, shape (c, 2, m)
-    at: np.ndarray  #: int, where the turn over each length of segment is, -1: nowhere, (c, k)
-    turns: np.ndarray  #: factors of the modes, shape (s, n)
+    slow_matrix: np.ndarray  #: matrix of the slow components behind these, shape (c, n, n)
+    slow_rate: np.ndarray  #: estimated rate of their fastest motion, shape (c,)
+    piece_lengths: np.ndarray  #: theta over which `curves` hold, shape (c,)
+    to_modes: np.ndarray  #: matrix from z to y, by columns, shape (c, n, n padded)
+    from_modes: np.ndarray  #: matrix from y to z, by columns, shape (c, n, n padded)
+    curves: np.ndarray  #: Bernstein coefficients of the distances, (c, 2, m, n, degree + 1)
+    mode_shares: np.ndarray  #: largest share of each mode in the distances, (c, 2, m, n)
+    slow_distance: np.ndarray  #: constant part of the distances, shape (c, 2, m)
+    bounded: np.ndarray  #: bool, whether these two bound the distances, shape (c, 2, m)
+    turn_index: np.ndarray  #: int, row of `turn_factors` by length of segment, or -1, (c, k)
+    turn_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
 
 
-def modes(n, meshes, lengths, combinations=_MOST, memory=MEMORY):
-    """Return empty `Modes` for so many different lengths of segments, of at most so many bytes."""
-    wide, degree = filled_up(n), DEGREE if n >= _MANY else LEAST
-    each = 2 * n * wide + n * n + meshes * n * (2 * degree + 4)
-    c = int(min(max(memory // (8 * each), 2), _MOST, max(combinations, 16)))
-    # Combinations without modes are counted too.
-    slots, price = 2**14 if price_of(n) else 1, price_of(n)
-    while slots < 4 * c:
+def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_BYTES):
+    """Return empty `Modes` for `lengths` lengths of segments, in at most `memory` bytes."""
+    padded = round_up_to_eight(n)
+    degree = HIGH_DEGREE if n >= _HIGH_DEGREE_COMPONENTS else LOW_DEGREE
+    numbers_per_combination = 2 * n * padded + n * n + meshes * n * (2 * degree + 4)
+    count = memory // (8 * numbers_per_combination)
+    count = int(min(max(count, 2), _MAX_COMBINATIONS, max(combinations, 16)))
+    # Combinations that go by the series take hash slots as well.
+    slots, cost = 2**14 if mode_cost_of(n) else 1, mode_cost_of(n)
+    while slots < 4 * count:
         slots *= 2
     return Modes(
         np.zeros(2, np.int64),
         np.full(slots, -1, np.int64),
         np.zeros(slots, np.int64),
-        np.full(1, price),
-        np.empty((c, meshes), np.int8),
-        np.zeros(c, np.int64),
-        np.zeros(c, np.int64),
-        np.empty((c, n, 2)),
-        np.empty((c, n, n)),
-        np.empty(c),
-        np.empty(c),
-        np.empty((c, n, wide)),
-        np.empty((c, n, wide)),
-        np.empty((c, 2, meshes, n, degree + 1)),
-        np.empty((c, 2, meshes, n)),
-        np.empty((c, 2, meshes)),
-        np.zeros((c, 2, meshes), np.bool_),
-        np.full((c, min(lengths, TURNS)), -1, np.int64),
-        np.empty((c * min(lengths, TURNS), n)),
+        np.full(1, cost),
+        np.empty((count, meshes), np.int8),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.empty((count, n, 2)),
+        np.empty((count, n, n)),
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, n, padded)),
+        np.empty((count, n, padded)),
+        np.empty((count, 2, meshes, n, degree + 1)),
+        np.empty((count, 2, meshes, n)),
+        np.empty((count, 2, meshes)),
+        np.zeros((count, 2, meshes), np.bool_),
+        np.full((count, min(lengths, MAX_SEGMENT_LENGTHS)), -1, np.int64),
+        np.empty((count * min(lengths, MAX_SEGMENT_LENGTHS), n)),
     )
 
 
-def filled_up(count):
-    """Return the next multiple of eight."""
+def round_up_to_eight(count):
+    """Return the smallest multiple of eight that is not below `count`."""
     return (count + 7) // 8 * 8
 
 
 @uncounted
-def slot_of(slots, keys, effects):
-    """Return the slot of a combination of effects, or the free one where it belongs."""
-    mask, key, m = slots.shape[0] - 1, 0, effects.shape[0]
+def find_slot(slots, keys, effects):
+    """Return the hash slot of a combination of effects, shape (m,), or the free slot for it."""
+    mask, hashed, m = slots.shape[0] - 1, 0, effects.shape[0]
     for j in range(m):
-        # Whatever overflows: an odd number near the golden ratio, so that neighbours lie apart.
-        key = (key + effects[j]) * 0x1E3779B97F4A7C15
-    slot = (key >> 20) & mask
+        # Multiplicative hashing by an odd number near the golden ratio; the product may overflow.
+        hashed = (hashed + effects[j]) * 0x1E3779B97F4A7C15
+    slot = (hashed >> 20) & mask
     while slots[slot] >= 0:
-        j, own = 0, keys[slots[slot]]
-        while j < m and own[j] == effects[j]:
+        j, stored = 0, keys[slots[slot]]
+        while j < m and stored[j] == effects[j]:
             j += 1
         if j == m:
             break
@@ -118,23 +122,23 @@ def slot_of(slots, keys, effects):
     return slot
 
 
-def forget(tables):
-    """Empty the tables."""
-    tables.known[:] = 0
-    tables.slots[:] = -1
-    tables.steps[:] = 0
-    tables.at[:] = -1
+def clear_tables(tables):
+    """Mark all rows of the tables as unused."""
+    tables.used[:] = 0
+    tables.hash_slots[:] = -1
+    tables.series_steps[:] = 0
+    tables.turn_index[:] = -1
 
 
-def forget_lengths(tables):
-    """Empty what depends on the tuning even if the matrices do not."""
-    tables.known[1] = 0
-    tables.at[:] = -1
+def clear_segment_factors(tables):
+    """Mark the factors of whole segments as unused, since they depend on the tuning."""
+    tables.used[1] = 0
+    tables.turn_index[:] = -1
 
 
-@woven
-def multiply(columns, c, z, out):
-    """out = matrix c times z, for matrices stored by columns, shape (c, n, w)."""
+@inlined_uncounted
+def multiply(columns, row, z, out):
+    """Fill `out` with the matrix columns[row].T times z; `columns` has the shape (c, n, w)."""
     n, w = columns.shape[1], columns.shape[2]
     for r in range(w):
         out[r] = 0.0
@@ -142,73 +146,96 @@ def multiply(columns, c, z, out):
     while j + 3 < n:
         p, q, s, t = z[j], z[j + 1], z[j + 2], z[j + 3]
         for r in range(w):
-            out[r] += (columns[c, j, r] * p + columns[c, j + 1, r] * q) + (
-                columns[c, j + 2, r] * s + columns[c, j + 3, r] * t
+            out[r] += (columns[row, j, r] * p + columns[row, j + 1, r] * q) + (
+                columns[row, j + 2, r] * s + columns[row, j + 3, r] * t
             )
         j += 4
     while j < n:
         p = z[j]
         for r in range(w):
-            out[r] += columns[c, j, r] * p
+            out[r] += columns[row, j, r] * p
         j += 1
 
 
-@woven
-def turn_by(tables, c, t, factors):
-    """Fill `factors`, shape (n,), with what the modes of combination c turn and shrink by in t."""
-    pairs = tables.pairs[c]
-    for k in range(pairs):
-        size, angle = math.exp(tables.rates[c, k, 0] * t), tables.rates[c, k, 1] * t
+@inlined_uncounted
+def fill_mode_factors(tables, combination, t, factors):
+    """Fill `factors`, shape (n,), by which the modes of a combination change in the time t.
+
+    A pair has the real and the imaginary part of exp(lambda t), a real mode has exp(lambda t).
+    """
+    pair_count = tables.pair_counts[combination]
+    for k in range(pair_count):
+        size = math.exp(tables.rates[combination, k, 0] * t)
+        angle = tables.rates[combination, k, 1] * t
         factors[2 * k], factors[2 * k + 1] = size * math.cos(angle), size * math.sin(angle)
-    for k in range(tables.single[c]):
-        factors[2 * pairs + k] = math.exp(tables.rates[c, pairs + k, 0] * t)
+    for k in range(tables.real_counts[combination]):
+        factors[2 * pair_count + k] = math.exp(tables.rates[combination, pair_count + k, 0] * t)
 
 
-@woven
-def turn_over(tables, c, kind, t):
-    """Return where the factors of a whole segment are in ``turns``; `kind` numbers its length."""
-    if tables.at[c, kind] < 0:
-        s = tables.known[1]
-        turn_by(tables, c, t, tables.turns[s])
-        tables.at[c, kind] = s
-        tables.known[1] = s + 1
-    return tables.at[c, kind]
+@inlined_uncounted
+def find_segment_factors(tables, combination, length_index, t):
+    """Return the row of ``turn_factors`` for a segment of length t, computed at first use.
+
+    `length_index` is the number of that length.
+    """
+    if tables.turn_index[combination, length_index] < 0:
+        row = tables.used[1]
+        fill_mode_factors(tables, combination, t, tables.turn_factors[row])
+        tables.turn_index[combination, length_index] = row
+        tables.used[1] = row + 1
+    return tables.turn_index[combination, length_index]
 
 
-@woven
-def advance(tables, c, factors, t, y, term, image):
-    """Take y, shape (n,) or longer, by t: `factors` are those of `turn_by`."""
-    pairs, single, n = tables.pairs[c], tables.single[c], tables.block.shape[1]
-    for k in range(pairs):
+@inlined_uncounted
+def advance(tables, combination, factors, t, y, term, image):
+    """Advance the modal state y, shape (n,) or longer, by the time t, in place.
+
+    `factors` are those of `fill_mode_factors` for t; `term` and `image` are storage.
+    """
+    pair_count = tables.pair_counts[combination]
+    real_count = tables.real_counts[combination]
+    n = tables.slow_matrix.shape[1]
+    for k in range(pair_count):
         u, v, p, q = y[2 * k], y[2 * k + 1], factors[2 * k], factors[2 * k + 1]
         y[2 * k], y[2 * k + 1] = p * u - q * v, q * u + p * v
-    first = 2 * pairs + single
-    for k in range(2 * pairs, first):
+    first = 2 * pair_count + real_count
+    for k in range(2 * pair_count, first):
         y[k] *= factors[k]
-    _advance_block(tables.block[c], n - first, tables.pace[c], t, y[first:], term, image)
+    matrix, rate = tables.slow_matrix[combination], tables.slow_rate[combination]
+    _advance_block(matrix, n - first, rate, t, y[first:], term, image)
+
+
+@inlined_uncounted
+def advance_in_time(tables, combination, work, t, y):
+    """Advance the modal state y by the time t, in place, with the storage in `Work`."""
+    fill_mode_factors(tables, combination, t, work.mode_factors)
+    advance(tables, combination, work.mode_factors, t, y, work.term, work.image)
 
 
 @uncounted
-def _advance_block(block, size, pace, t, y, term, image):
-    """Take the components of the block, by steps in which their series ends soon."""
-    # The constant alone stays as it is.
-    steps = max(math.ceil(t * pace), 1.0) if size > 1 else 0.0
+def _advance_block(block, size, rate, t, y, term, image):
+    """Advance the slow components y, shape (size,), by the time t with the series of exp(block t).
+
+    The time is split into steps of at most 1 / `rate`, so that the series ends soon.
+    """
+    # A block of one component holds the constant, which does not change.
+    steps = max(math.ceil(t * rate), 1.0) if size > 1 else 0.0
     h, done = t / max(steps, 1.0), 0.0
     while done < steps:
         largest = 0.0
         for r in range(size):
             term[r] = y[r]
             largest = max(largest, abs(y[r]))
-        k, rest = 0, 1.0
-        while rest > _NOTHING * largest and k < _MAX_TERMS:
+        k, last_term = 0, 1.0
+        while last_term > _LAST_TERM * largest and k < _MAX_TERMS:
             k += 1
-            share, rest = h / k, 0.0
+            factor, last_term = h / k, 0.0
             for r in range(size):
                 total = 0.0
                 for i in range(size):
                     total += block[r, i] * term[i]
-                image[r] = share * total
-                rest = max(rest, abs(image[r]))
+                image[r] = factor * total
+                last_term = max(last_term, abs(image[r]))
             for r in range(size):
                 term[r] = image[r]
                 y[r] += term[r]

@@ -1,77 +1,100 @@
-"""Through mesh periods, from event to event of all meshes.
+"""One mesh period of a gear train, from event to event of all meshes.
 
-Up to the next switch of a stiffness or the next crossing of a flank line by any mesh the modes of
-the present combination turn and shrink. Crossings of several meshes within their rounding are one
-event of them all: their saltation matrices commute, so that the order does not matter
+The modes of the present combination of contacts move the state up to the next switch of a
+stiffness or the next crossing of a flank line by any mesh. Crossings of several meshes within their
+rounding count as simultaneous: their saltation matrices commute, so that the order does not matter
 (`docs/theory/trains.md`).
 """
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
-from gearlib.engines.jit import uncounted, woven
-from gearlib.engines.linear.distances import first_events, keeps_off, sizes_of
-from gearlib.engines.linear.grid import COUNT, FOUND, OPENING, SEGMENT, TAKEN
-from gearlib.engines.linear.modal_arcs import advance, multiply, slot_of, turn_by, turn_over
+from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.linear.distances import fill_amplitudes, find_first_events, stays_off_lines
+from gearlib.engines.linear.grid import (
+    EVENT_ROWS,
+    FIRST_EVENT_ROW,
+    PERIOD_EVENTS,
+    SAMPLES_TAKEN,
+    SEGMENT,
+)
+from gearlib.engines.linear.modal_arcs import (
+    advance,
+    fill_mode_factors,
+    find_segment_factors,
+    find_slot,
+    multiply,
+)
 from gearlib.engines.linear.record import record
 from gearlib.engines.linear.sparse_series import (
     SERIES,
+    advance_by_series,
     expand,
-    fill_distances_of,
-    go_by_series,
-    sum_of,
+    fill_distance_series,
+    sum_series,
 )
 from gearlib.engines.linear.train_system import dot
 
-#: Two crossings closer than this share of a piece are one whatever their speeds: near
-#: grazing rounding would spread without bound what happens at once.
-_AT_ONCE = 1e-13
-#: Rounding that the states of equal meshes have gathered, over that of one distance.
-_GATHERED = 8.0
-#: Returned where the tables lack a combination, that of the effects of `Work`, and where there is
-#: no place for more events, or segments end. No status of a run.
-MISSING, FULL, BEYOND = -1, -2, -3
+#: Largest share of a piece between crossings that count as simultaneous. The bound is needed near
+#: grazing, where the rounding of an instant has no bound.
+_MAX_SIMULTANEOUS_SHARE = 1e-13
+#: Rounding of the states of equal meshes, over that of one distance.
+_STATE_ROUNDING = 8.0
+#: Requests to the caller, no statuses of a run: the tables lack the combination of the effects of
+#: `Work`, the event table has no room, the system has no further segments.
+COMBINATION_MISSING, EVENTS_FULL, SEGMENTS_MISSING = -1, -2, -3
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 
-@woven
-def _cross(system, grid, w, j, p, vectors):
-    """Let mesh j cross the flank line that it has come to, with the `vectors` of deviations."""
-    n, line = system.near.shape[1], 1 if NORMAL in (w.contact[j], w.target[j]) else -1
-    w.line[j] = line
+@inlined_uncounted
+def _cross(system, grid, work, j, segment, vectors):
+    """Change the contact of mesh j, which has reached a flank line in segment p.
+
+    Small deviations, `vectors`, shape (k, n padded), are multiplied by the saltation matrix.
+    """
+    n = system.drive_lines.shape[1]
+    line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
+    work.start_line[j] = line
     if vectors.shape[0] > 0:
-        rate = grid.rate if line == 1 else grid.far_rate
-        row = system.near if line == 1 else system.far
+        rate = grid.drive_rates if line == 1 else grid.coast_rates
+        row = system.drive_lines if line == 1 else system.coast_lines
         speed = 0.0
         for r in range(n):
-            speed += rate[j, r] * w.z[r]
-        old, new = system.effect[w.contact[j] + 1, p, j], system.effect[w.target[j] + 1, p, j]
+            speed += rate[j, r] * work.state[r]
+        effect_before = system.effect[work.contact[j] + 1, segment, j]
+        effect_after = system.effect[work.contact_after[j] + 1, segment, j]
         for r in range(n):
-            w.term[r] = 0.0
+            work.term[r] = 0.0
         for k in range(2):
-            more, less = 0.0, 0.0
+            force_after, force_before = 0.0, 0.0
             for r in range(n):
-                more += system.grip[j, new, k, r] * w.z[r]
-                less += system.grip[j, old, k, r] * w.z[r]
+                force_after += system.force_output[j, effect_after, k, r] * work.state[r]
+                force_before += system.force_output[j, effect_before, k, r] * work.state[r]
             for r in range(n):
-                w.term[r] += system.push[j, new, k, r] * more - system.push[j, old, k, r] * less
-        # A tangential crossing varies nothing: the force of the mesh does not jump.
+                work.term[r] += (
+                    system.force_input[j, effect_after, k, r] * force_after
+                    - system.force_input[j, effect_before, k, r] * force_before
+                )
+        # The saltation matrix of a tangential crossing is the identity: no force jumps.
         for i in range(vectors.shape[0] if speed != 0.0 else 0):
-            share = 0.0
+            time_shift = 0.0
             for r in range(n):
-                share += row[j, r] * vectors[i, r]
-            share /= speed
+                time_shift += row[j, r] * vectors[i, r]
+            time_shift /= speed
             for r in range(n):
-                vectors[i, r] += w.term[r] * share
-    w.rest[j] = 1
-    w.contact[j] = w.target[j]
+                vectors[i, r] += work.term[r] * time_shift
+    work.zero_order[j] = 1
+    work.contact[j] = work.contact_after[j]
 
 
 @uncounted
-def in_order(events, row, first):
-    """Put the last event, in `row`, before those at its phase whose mesh has a higher number."""
+def sort_last_event(events, row, first):
+    """Sort the event in the last `row` by the number of its mesh among those of equal phase.
+
+    `first` is the first row that it may move to.
+    """
     while (
         row > first
         and events[row - 1, orbit.EVENT_PHASE] == events[row, orbit.EVENT_PHASE]
@@ -82,122 +105,168 @@ def in_order(events, row, first):
         row -= 1
 
 
-@woven
-def go(system, grid, tables, w, number, limit, vectors, recording, summary, samples, events):
-    """Go through one mesh period from its start; the state of `Work` is changed in place.
+@inlined_uncounted
+def run_period(
+    system, grid, tables, work, number, limit, vectors, recording, summary, samples, events
+):
+    """Run through one mesh period from its start, from event to event; return a status.
 
-    The excitation repeats after several, of which this is the one with this `number`. `vectors`,
-    shape (k, n filled up), are small deviations that change in place. Only if `recording`, summary,
-    shape (m, 10), samples as of `record.record`, and events, shape (k, 6), are filled; no events if
-    that has no rows. The status is MISSING where the tables lack a combination, FULL where events
-    have no place: it goes on from there when called again.
+    `number` is that of the mesh period within a repeat of the excitation, `limit` the largest
+    number of events, and `vectors`, shape (k, n padded), are small deviations that change in place,
+    as the state in `Work` does. If `recording`, summary, shape (m, 10), samples as in
+    `record.record` and events, shape (k, 6), are filled; an event table without rows stays empty.
+    The status COMBINATION_MISSING asks for modes of the effects of `Work`, EVENTS_FULL for a larger
+    event table; the next call then goes on from there.
     """
-    (m, n), phase, piece = system.near.shape, 0.0, 0.0
+    (m, n), phase, piece = system.drive_lines.shape, 0.0, 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
-    if w.place[SEGMENT] < 0:
-        w.place[SEGMENT], w.place[COUNT], w.place[OPENING] = first, 0, w.place[FOUND]
-        w.place[TAKEN], w.ahead[0], w.ahead[1] = 0, grid.length[first], 0.0
-        if grid.taken.shape[0] == 0:
+    if work.counters[SEGMENT] < 0:
+        work.counters[SEGMENT], work.counters[PERIOD_EVENTS], work.counters[FIRST_EVENT_ROW] = (
+            first,
+            0,
+            work.counters[EVENT_ROWS],
+        )
+        work.counters[SAMPLES_TAKEN] = 0
+        work.progress[0] = grid.lengths[first]
+        work.progress[1] = 0.0
+        if grid.sample_starts.shape[0] == 0:
             orbit.equal_steps(samples, n + m, system.starts[last] - system.starts[first])
-    while w.place[SEGMENT] < last:
-        p, c, left = w.place[SEGMENT], -1, w.ahead[0]
-        while left > 0.0:
-            if c < 0:
+    while work.counters[SEGMENT] < last:
+        segment, combination, remaining = work.counters[SEGMENT], -1, work.progress[0]
+        while remaining > 0.0:
+            if combination < 0:
                 for j in range(m):
-                    w.effects[j] = system.effect[w.contact[j] + 1, p, j]
-                    w.clear[j] = False
-                slot = slot_of(tables.slots, tables.keys, w.effects)
-                c = tables.slots[slot]
-                if c < 0 and tables.steps[slot] < tables.price[0]:
-                    c = SERIES
-                full = recording and 0 < events.shape[0] < w.place[FOUND] + m
-                if c == -1 or full:
-                    w.ahead[0] = left
-                    return MISSING if c == -1 else FULL
-                if c == SERIES:
-                    tables.steps[slot] += 1 + vectors.shape[0]
-                    piece = expand(system, grid, w.effects, w.z, w.terms)
-                    fill_distances_of(system, grid, w.terms, w.distances)
+                    work.effects[j] = system.effect[work.contact[j] + 1, segment, j]
+                    work.stays_off[j] = False
+                slot = find_slot(tables.hash_slots, tables.keys, work.effects)
+                combination = tables.hash_slots[slot]
+                if combination < 0 and tables.series_steps[slot] < tables.mode_cost[0]:
+                    combination = SERIES
+                events_are_full = recording and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
+                if combination == -1 or events_are_full:
+                    work.progress[0] = remaining
+                    return COMBINATION_MISSING if combination == -1 else EVENTS_FULL
+                if combination == SERIES:
+                    tables.series_steps[slot] += 1 + vectors.shape[0]
+                    piece = expand(system, grid, work.effects, work.state, work.series)
+                    fill_distance_series(system, grid, work.series, work.distance_series)
                 else:
-                    piece = tables.piece[c]
-                    multiply(tables.into, c, w.z, w.y)
-            modes, quiet = 0 if c == SERIES else sizes_of(tables, c, w.y, w.sizes), True
+                    piece = tables.piece_lengths[combination]
+                    multiply(tables.to_modes, combination, work.state, work.modal_state)
+            mode_count, all_stay_off = 0, True
+            if combination != SERIES:
+                mode_count = fill_amplitudes(tables, combination, work.modal_state, work.amplitudes)
             for j in range(m):
-                if not w.clear[j]:
-                    w.clear[j] = w.rest[j] == 0 and keeps_off(tables, c, j, grid, w, modes)
-                    quiet &= w.clear[j]
-            length, best = min(piece, left) if c == SERIES or not quiet else left, 2.0
-            if not quiet:
-                best = first_events(tables, c, grid, w, length / piece)
+                if not work.stays_off[j]:
+                    work.stays_off[j] = work.zero_order[j] == 0 and stays_off_lines(
+                        tables, combination, j, grid, work, mode_count
+                    )
+                    all_stay_off &= work.stays_off[j]
+            length = (
+                min(piece, remaining) if combination == SERIES or not all_stay_off else remaining
+            )
+            event_share = 2.0
+            if not all_stay_off:
+                event_share = find_first_events(tables, combination, grid, work, length / piece)
                 for j in range(m):
-                    w.rest[j] = 0
-                if best < 0.0:
+                    work.zero_order[j] = 0
+                if event_share < 0.0:
                     return UNRESOLVED
-                if best <= 1.0:
-                    length = best * piece
+                if event_share <= 1.0:
+                    length = event_share * piece
             if recording:
-                phase = system.starts[p] - system.starts[first]
-                phase += (grid.length[p] - left) * system.tuning
-                record(system, grid, tables, c, w, p, phase, length, piece, summary, samples)
-            left -= length
-            if c == SERIES:
-                sum_of(w.terms, n, length / piece, w.z)
+                phase = system.starts[segment] - system.starts[first]
+                phase += (grid.lengths[segment] - remaining) * system.tuning
+                record(
+                    system,
+                    grid,
+                    tables,
+                    combination,
+                    work,
+                    segment,
+                    phase,
+                    length,
+                    piece,
+                    summary,
+                    samples,
+                )
+            remaining -= length
+            if combination == SERIES:
+                sum_series(work.series, n, length / piece, work.state)
                 for i in range(vectors.shape[0]):
-                    go_by_series(system, grid, w.effects, length, vectors[i], w.terms)
-                if best > 1.0 and left > 0.0:
-                    # Modes may pay by now.
-                    c = -1
+                    advance_by_series(system, grid, work.effects, length, vectors[i], work.series)
+                if event_share > 1.0 and remaining > 0.0:
+                    # Modes may cost less than the series by now.
+                    combination = -1
                     continue
             else:
-                kind, factors = grid.kind[p], w.factors
-                if length == grid.length[p] and 0 <= kind < tables.at.shape[1]:
-                    factors = tables.turns[turn_over(tables, c, kind, length)]
+                kind, factors = grid.length_index[segment], work.mode_factors
+                if length == grid.lengths[segment] and 0 <= kind < tables.turn_index.shape[1]:
+                    factors = tables.turn_factors[
+                        find_segment_factors(tables, combination, kind, length)
+                    ]
                 else:
-                    turn_by(tables, c, length, factors)
-                advance(tables, c, factors, length, w.y, w.term, w.image)
+                    fill_mode_factors(tables, combination, length, factors)
+                advance(
+                    tables, combination, factors, length, work.modal_state, work.term, work.image
+                )
                 for i in range(vectors.shape[0]):
-                    multiply(tables.into, c, vectors[i], w.other)
-                    advance(tables, c, factors, length, w.other, w.term, w.image)
-                    multiply(tables.out, c, w.other, vectors[i])
-                if best > 1.0 and left > 0.0:
+                    multiply(tables.to_modes, combination, vectors[i], work.mode_buffer)
+                    advance(
+                        tables,
+                        combination,
+                        factors,
+                        length,
+                        work.mode_buffer,
+                        work.term,
+                        work.image,
+                    )
+                    multiply(tables.from_modes, combination, work.mode_buffer, vectors[i])
+                if event_share > 1.0 and remaining > 0.0:
                     continue
-                multiply(tables.out, c, w.y, w.z)
-            if best > 1.0:
+                multiply(tables.from_modes, combination, work.modal_state, work.state)
+            if event_share > 1.0:
                 break
-            spread = 0.0
+            event_rounding = 0.0
             for j in range(m):
-                if w.share[j] == best:
-                    spread = max(spread, w.spread[j])
+                if work.event_share[j] == event_share:
+                    event_rounding = max(event_rounding, work.share_rounding[j])
             for j in range(m):
-                close = min(_GATHERED * (spread + w.spread[j]), _AT_ONCE)
-                if w.share[j] > 1.0 or w.share[j] - best > close:
+                tolerance = min(
+                    _STATE_ROUNDING * (event_rounding + work.share_rounding[j]),
+                    _MAX_SIMULTANEOUS_SHARE,
+                )
+                if work.event_share[j] > 1.0 or work.event_share[j] - event_share > tolerance:
                     continue
-                if w.target[j] == BOTH:
+                if work.contact_after[j] == BOTH:
                     return JAMMED
-                before = w.contact[j]
-                _cross(system, grid, w, j, p, vectors)
-                w.place[COUNT] += 1
+                contact_before = work.contact[j]
+                _cross(system, grid, work, j, segment, vectors)
+                work.counters[PERIOD_EVENTS] += 1
                 if recording:
-                    if before == NORMAL:
+                    if contact_before == NORMAL:
                         summary[j, orbit.BOUNCES] += 1.0
                     if events.shape[0] > 0:
-                        v = dot(grid.rate[j], w.z[: grid.rate.shape[1]]) / system.tuning
-                        # Sums of lengths may round below the phase of the last event.
-                        w.ahead[1] = max(phase + length * system.tuning, w.ahead[1])
-                        row = w.place[FOUND]
+                        velocity = (
+                            dot(grid.drive_rates[j], work.state[: grid.drive_rates.shape[1]])
+                            / system.tuning
+                        )
+                        # The sum of lengths may round to less than the phase of the last event.
+                        work.progress[1] = max(phase + length * system.tuning, work.progress[1])
+                        row = work.counters[EVENT_ROWS]
                         events[row, orbit.EVENT_PERIOD] = 0.0
-                        events[row, orbit.EVENT_PHASE] = w.ahead[1]
-                        events[row, orbit.EVENT_FROM] = before
-                        events[row, orbit.EVENT_TO] = w.contact[j]
-                        events[row, orbit.EVENT_VELOCITY] = v
+                        events[row, orbit.EVENT_PHASE] = work.progress[1]
+                        events[row, orbit.EVENT_FROM] = contact_before
+                        events[row, orbit.EVENT_TO] = work.contact[j]
+                        events[row, orbit.EVENT_VELOCITY] = velocity
                         events[row, EVENT_MESH] = j
-                        w.place[FOUND] = row + 1
-                        in_order(events, row, w.place[OPENING])
-            if w.place[COUNT] > limit:
+                        work.counters[EVENT_ROWS] = row + 1
+                        sort_last_event(events, row, work.counters[FIRST_EVENT_ROW])
+            if work.counters[PERIOD_EVENTS] > limit:
                 return EVENT_LIMIT
-            c = -1
-        w.place[SEGMENT] = p + 1
-        if p + 1 < last:
-            w.ahead[0] = grid.length[p + 1]
-    w.place[SEGMENT] = -1
+            combination = -1
+        work.counters[SEGMENT] = segment + 1
+        if segment + 1 < last:
+            work.progress[0] = grid.lengths[segment + 1]
+    work.counters[SEGMENT] = -1
     return OK

@@ -1,4 +1,4 @@
-"""Gear trains: between the events of all meshes their modes turn."""
+"""Exact runs of gear trains: modes of each combination of contacts between events."""
 
 import math
 
@@ -7,28 +7,38 @@ import numpy as np
 from gearlib.engines import exponential, orbit
 from gearlib.engines.codes import OK
 from gearlib.engines.copies import enlarged
-from gearlib.engines.linear.grid import FOUND, PERIOD, UNTIL, grid_of, work_of
-from gearlib.engines.linear.modal_arcs import TURNS, forget, forget_lengths, modes
+from gearlib.engines.linear.grid import EVENT_ROWS, KNOWN_PERIODS, PERIOD, grid_of, new_work
+from gearlib.engines.linear.modal_arcs import (
+    MAX_SEGMENT_LENGTHS,
+    clear_segment_factors,
+    clear_tables,
+    modes,
+)
 from gearlib.engines.linear.modal_frame import Frame, add
-from gearlib.engines.linear.periods import BEYOND, EVENT_COLUMNS, FULL, MISSING
+from gearlib.engines.linear.periods import (
+    COMBINATION_MISSING,
+    EVENT_COLUMNS,
+    EVENTS_FULL,
+    SEGMENTS_MISSING,
+)
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
-from gearlib.engines.linear.train_run import begin, period_of, run_train
+from gearlib.engines.linear.train_run import period_of, run_train, start_run
 from gearlib.engines.orbit import Record
 from gearlib.engines.protocol import Base
 
-#: Mesh periods whose segments are made at once, where stiffness and run-out repeat after more.
-_STRETCH = 512
-#: Bytes of tables beyond which they end with their propagators, and are not kept by models.
-_KEPT = 2**25
-#: Rate of the fastest motion, over that of the mesh, beyond which a mesh period takes too long.
+#: Number of mesh periods for which segments are computed at a time, if they repeat after more.
+_PERIODS_AT_A_TIME = 512
+#: Largest tables in bytes that a model keeps when its propagators are gone.
+_MAX_KEPT_BYTES = 2**25
+#: Largest rate of the fastest motion, over that of the mesh; a mesh period takes minutes beyond.
 _MAX_RATE = 20_000.0
 
 
 def _check_rates(model, system):
-    """Refuse bearings or shafts so stiff or so damped that a mesh period takes minutes."""
-    waves = np.abs(system.harmonics * system.tuning).max(initial=1.0)
-    rate = exponential.REACH / system.longest
-    if model.size > 2 and rate > _MAX_RATE * waves:
+    """Raise ValueError if bearings or shafts are so stiff that a mesh period takes minutes."""
+    fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
+    rate = exponential.MAX_NORM / system.longest
+    if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
         raise ValueError(
             "support_stiffness, shaft_stiffness or damping of this model is not allowed in a run: "
             f"its fastest motion is {rate:.2g} times as fast as that of the mesh, it must be at "
@@ -39,141 +49,149 @@ def _check_rates(model, system):
 class Propagator(Base):
     """A gear train at one tuning.
 
-    Tables fill as a run goes on: each run has some of its own, and leaves them to the next one.
+    A run fills tables of modes for the combinations of contacts that it meets, and leaves them to
+    the next run.
     """
 
-    words = "modes of every combination of contacts"
-    chunk = 1
+    description = "modes of every combination of contacts"
+    chunk_size = 1
 
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
-        self.long = model.repeats > _STRETCH and hasattr(model, "segments_of")
-        #: Of a long run-out with the first segments only: `whole` has all.
-        self.system = system = model.system(tuning, *((0, _STRETCH) if self.long else ()))
+        self.long = model.repeats > _PERIODS_AT_A_TIME and hasattr(model, "segments_of")
+        #: The system; it has only the first segments of a long run-out, see `whole`.
+        self.system = system = model.system(tuning, *((0, _PERIODS_AT_A_TIME) if self.long else ()))
         _check_rates(model, system)
         self.grid = grid_of(system)
-        self.components, self.pieces = len(system.free), len(self.grid.length)
+        self.components, self.pieces = len(system.base_matrix), len(self.grid.lengths)
         self.frame = other.frame if other and not self.turning else self.frame_of()
-        # Between coordinates and their rates by phase, and those by theta of the kernels.
+        # The kernels take rates by theta, all others rates by phase.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
-        #: Tables that no run has at present, with their systems; runs take them out and put them
-        #: back, for which a list needs no lock. The frame has those that are small.
+        #: Pairs of a system and tables that no run uses at present. Runs pop and append them, for
+        #: which a list needs no lock. Small tables are shared by all propagators of the frame.
         self.spare: list[tuple] = other.spare if other else self.frame.spare
         self.large: list[tuple] = other.large if other else []
 
     def taken(self):
-        """Return tables for one run: of an earlier one, without what does not hold here, or new."""
-        (m, n), system = self.system.near.shape, self.system
-        lengths = min(int(self.grid.kind.max()) + 1, TURNS)
+        """Return tables for a run: those of an earlier run, without invalid rows, or new ones."""
+        (m, n), system = self.system.drive_lines.shape, self.system
+        lengths = min(int(self.grid.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
         try:
-            before, tables = (self.large or self.spare).pop()
+            table_system, tables = (self.large or self.spare).pop()
         except IndexError:
-            return modes(n, m, lengths, system.push.shape[1] ** m)
-        if tables.at.shape[1] < lengths:
-            return modes(n, m, lengths, system.push.shape[1] ** m)
+            return modes(n, m, lengths, system.force_input.shape[1] ** m)
+        if tables.turn_index.shape[1] < lengths:
+            return modes(n, m, lengths, system.force_input.shape[1] ** m)
         if self.long:
-            forget_lengths(tables)
-        if before is not system:
-            fields = ("free", "near", "far", "push", "grip")
-            pairs = [(getattr(system, name), getattr(before, name)) for name in fields]
-            same = all(np.array_equal(new, old) for new, old in pairs)
-            (forget_lengths if same else forget)(tables)
+            clear_segment_factors(tables)
+        if table_system is not system:
+            fields = "base_matrix", "drive_lines", "coast_lines", "force_input", "force_output"
+            matrices = [(getattr(system, name), getattr(table_system, name)) for name in fields]
+            same_matrices = all(np.array_equal(new, old) for new, old in matrices)
+            (clear_segment_factors if same_matrices else clear_tables)(tables)
         return tables
 
-    new_frame = Frame.of_train
+    create_frame = Frame.of_train
 
     def frame_of(self):
-        """Return the `Frame`; a model keeps it with its bases where they depend on no tuning."""
+        """Return the `Frame`; the model keeps it if its bases do not depend on the tuning."""
         if self.turning:
-            return self.new_frame(self.model, self.system)
-        kept = vars(self.model)
-        # Threads may come at once: all take the one that is there first.
-        new = kept.get("_frame") or self.new_frame(self.model, self.system)
-        return kept.setdefault("_frame", new)
+            return self.create_frame(self.model, self.system)
+        attributes = vars(self.model)
+        # If several threads create a frame at once, all take the first one.
+        frame = attributes.get("_frame") or self.create_frame(self.model, self.system)
+        return attributes.setdefault("_frame", frame)
 
     @property
     def turning(self):
-        """Whether the matrices without harmonics depend on the tuning."""
+        """Whether the matrices depend on the tuning, apart from the harmonics."""
         return self.model.gyroscopic
 
     def whole(self):
-        """Return the system and its grid with the segments of all mesh periods."""
+        """Return the system and its `Grid` with the segments of all mesh periods."""
         if not self.long:
             return self.system, self.grid
         system = self.model.system(self.tuning)
         return system, grid_of(system)
 
     def ahead(self, first, done, spans):
-        """Return (system, grid, period they last to) for a run, `done` periods of it behind it.
+        """Return (system, grid, number of periods they last for) after `done` periods of a run.
 
-        Periods that are recorded lie in one stretch: samples tell segments by their numbers.
+        `spans` are the numbers of all and of recorded periods. All recorded periods get one system,
+        because samples refer to segments by number.
         """
-        periods, unseen = spans[0], spans[0] - spans[1]
+        periods, unrecorded = spans[0], spans[0] - spans[1]
         if not self.long:
             return self.system._replace(first=first), self.grid, periods
-        end = min(done + _STRETCH, unseen) if done < unseen else periods
+        end = min(done + _PERIODS_AT_A_TIME, unrecorded) if done < unrecorded else periods
         system = self.model.system(self.tuning, first + done, end - done)._replace(first=first)
         return system, grid_of(system), end
 
     def at(self, tuning):
-        """Return the propagator of another tuning; it takes the tables over, see `Base.at`."""
+        """Return the propagator at another tuning, which takes over the tables."""
         return type(self)(self.model, tuning, self)
 
     def start(self, state):
-        """Return the state z; see `Base.start`."""
+        """Return the state z of coordinates and rates, or of 'static'; see `Base.start`."""
         return self.model.start_state(state)
 
     def run_system(
         self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True
     ):
-        """Run from z; `spans` are all periods and those recorded, `summary` has a row a mesh.
+        """Run from z, changed in place, and fill samples, events, summary and maps.
 
-        Returns (period, events, events found, status, system whose segments the samples have);
-        samples as of `record.record`. Without `extrema` the summary is not filled.
+        `spans` are the numbers of all and of recorded periods; samples have the columns of
+        `record.record`, the summary a row a mesh, without extrema unless `extrema`. Returns (period
+        of the motion, events, rows of events in use, status, system whose segments the samples
+        name).
         """
-        (system, grid, end), m = self.ahead(first, 0, spans), self.system.near.shape[0]
+        (system, grid, end), m = self.ahead(first, 0, spans), self.system.drive_lines.shape[0]
         (periods, record_periods), size = spans, z.size
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.taken()
         _, _, m, n, points = tables.curves.shape
-        w = work_of(n, tables.out.shape[2], m, points - 1, grid.chirp.size > 0)
-        w.z[:size] = z * self.scale
+        work = new_work(
+            n, tables.from_modes.shape[2], m, points - 1, grid.chirp_frequencies.size > 0
+        )
+        work.state[:size] = z * self.scale
         orbit.clear_summary(summary[0])
         summary[1:] = summary[0]
         if not extrema:
             summary[:, orbit.X_MAX] = math.inf
-        kept = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
-        strobes = np.empty((m, kept + 1, 2))
-        vectors = np.empty((size if len(maps) else 0, w.z.size))
-        w.place[UNTIL] = end
-        code = begin(system, grid, w)
+        strobe_count = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
+        strobes = np.empty((m, strobe_count + 1, 2))
+        vectors = np.empty((size if len(maps) else 0, work.state.size))
+        work.counters[KNOWN_PERIODS] = end
+        code = start_run(system, grid, work)
         while code == OK:
             record = samples, events, limit, summary, strobes, vectors, maps
-            code = run_train(system, grid, tables, w, periods, record_periods, *record)
-            if code == MISSING:
-                add(tables, system, self.frame, w.effects)
-            elif code == BEYOND:
-                system, grid, w.place[UNTIL] = self.ahead(first, int(w.place[PERIOD]), spans)
-                forget_lengths(tables)
-            elif code == FULL:
+            code = run_train(system, grid, tables, work, periods, record_periods, *record)
+            if code == COMBINATION_MISSING:
+                add(tables, system, self.frame, work.effects)
+            elif code == SEGMENTS_MISSING:
+                system, grid, work.counters[KNOWN_PERIODS] = self.ahead(
+                    first, int(work.counters[PERIOD]), spans
+                )
+                clear_segment_factors(tables)
+            elif code == EVENTS_FULL:
                 events = enlarged(events, 2 * len(events) + 16 * m)
             else:
                 break
             code = OK
-        used = tables.known[0] * (2 * tables.into[0].nbytes + tables.curves[0].nbytes)
-        (self.spare if used < _KEPT else self.large).append((self.system, tables))
-        z[:] = w.z[:size] / self.scale
+        used_bytes = tables.used[0] * (2 * tables.to_modes[0].nbytes + tables.curves[0].nbytes)
+        (self.spare if used_bytes < _MAX_KEPT_BYTES else self.large).append((self.system, tables))
+        z[:] = work.state[:size] / self.scale
         done = code == OK and record_periods > 0
         period = period_of(system, strobes, summary) if done else 0
-        return period, events, int(w.place[FOUND]), code, system
+        return period, events, int(work.counters[EVENT_ROWS]), code, system
 
     def raw(self, samples):
-        """Return empty samples as of `record.record`."""
-        m, n = self.system.near.shape
+        """Return an empty table of samples with the columns of `record.record`."""
+        m, n = self.system.drive_lines.shape
         return np.empty((samples, n + m + 1))
 
-    def go(self, z, span, samples, events, summary, first):
-        """Run from z; see `Base.go`. Samples have the columns of `GearTrain.empty_record`."""
+    def fill_record(self, z, span, samples, events, summary, first):
+        """Run from z and fill the tables; samples have the columns of `GearTrain.empty_record`."""
         raw = self.raw(len(samples))
         done = self.run_system(z, raw, events, span.max_events, summary, span[:2], first=first)
         period, events, count, code, system = done
@@ -182,36 +200,36 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:count], summary, code)
 
     def fill(self, raw, samples, system):
-        """Fill samples, shape (k, 6 m + N), from states, contact codes and segments."""
-        m = len(self.system.near)
+        """Fill samples, shape (k, 6 m + N), from raw samples: states, contact codes, segments."""
+        m = len(self.system.drive_lines)
         self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6), system)
         samples[:, 6 * m :] = raw[:, : self.model.size // 2]
 
     def fill_meshes(self, raw, columns, system):
-        """Fill the samples of the meshes, shape (k, m, 6)."""
+        """Fill the samples of the meshes, shape (k, m, 6), from raw samples."""
         nu = system.tuning
-        m, n = system.near.shape
-        state, code, p = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
-        effect = np.take_along_axis(system.effect[:, p, :], code[None] + 1, axis=0)[0]
-        which = np.arange(m)
-        push, grip = system.push[which, effect], system.grip[which, effect]
-        forces = np.einsum("kjtn,kn->kjt", grip, state)
-        rate = state @ system.free.T + np.einsum("kjt,kjtn->kn", forces, push)
-        stiffness = np.take_along_axis(system.stiffness[:, p, :], code[None] + 1, axis=0)[0]
-        near, far = state @ system.near.T, state @ system.far.T
+        m, n = system.drive_lines.shape
+        state, code, segment = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
+        effect = np.take_along_axis(system.effect[:, segment, :], code[None] + 1, axis=0)[0]
+        meshes = np.arange(m)
+        force_input = system.force_input[meshes, effect]
+        forces = np.einsum("kjtn,kn->kjt", system.force_output[meshes, effect], state)
+        rate = state @ system.base_matrix.T + np.einsum("kjt,kjtn->kn", forces, force_input)
+        stiffness = np.take_along_axis(system.stiffness[:, segment, :], code[None] + 1, axis=0)[0]
+        near, far = state @ system.drive_lines.T, state @ system.coast_lines.T
         columns[..., orbit.SAMPLE_X] = near
-        columns[..., orbit.SAMPLE_V] = state @ self.grid.rate.T / nu
-        columns[..., orbit.SAMPLE_A] = rate @ self.grid.rate.T / nu**2
+        columns[..., orbit.SAMPLE_V] = state @ self.grid.drive_rates.T / nu
+        columns[..., orbit.SAMPLE_A] = rate @ self.grid.drive_rates.T / nu**2
         columns[..., orbit.SAMPLE_CONTACT] = code
         columns[..., orbit.SAMPLE_STIFFNESS] = stiffness
         distance = np.where(code == 1, near, np.where(code == -1, far, 0.0))
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
 
     def fill_maps(self, z, periods, max_events, maps, first):
-        """Fill the maps; see `Base.fill_maps`."""
+        """Fill the maps of mesh periods and move z to the end; return the status."""
         tables = self.raw(0), np.empty((0, EVENT_COLUMNS)), max_events
-        summary = np.empty((len(self.system.near), SUMMARY_COLUMNS))
+        summary = np.empty((len(self.system.drive_lines), SUMMARY_COLUMNS))
         code = self.run_system(z, *tables, summary, (periods, 0), maps, first)[3]
-        # Deviations of rates count by phase, as rates do.
+        # The kernel's maps are those of rates by theta.
         maps *= self.scale[None, :] / self.scale[:, None]
         return code

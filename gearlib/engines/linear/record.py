@@ -1,15 +1,20 @@
-"""What is recorded of a gear train: extrema and fractions of every mesh, samples."""
+"""Summary and samples of a gear train: extrema and contact times of every mesh."""
 
 import math
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.copies import copy
-from gearlib.engines.jit import uncounted, woven
-from gearlib.engines.linear.distances import begin_of, curve_of, furthest, sizes_of
-from gearlib.engines.linear.grid import TAKEN
-from gearlib.engines.linear.modal_arcs import advance, multiply, turn_by
-from gearlib.engines.linear.sparse_series import SERIES, sum_of
+from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.linear.distances import (
+    fill_amplitudes,
+    fill_curve,
+    largest_deviation,
+    restrict_to_start,
+)
+from gearlib.engines.linear.grid import SAMPLES_TAKEN
+from gearlib.engines.linear.modal_arcs import advance_in_time, multiply
+from gearlib.engines.linear.sparse_series import SERIES, sum_series
 from gearlib.engines.polynomial import highest_from
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
@@ -18,146 +23,161 @@ SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
 @uncounted
-def _add_extrema(curve, displaced, stiffness, w, row):
-    """Add the extrema of a distance to those of the displacement, if it is one, and of the force.
+def _add_extrema(curve, is_displacement, stiffness, work, row):
+    """Add the extrema of a distance to the summary `row` of its mesh.
 
-    Both are those of one curve, so that one search finds them.
+    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, it is also the
+    displacement; `stiffness` > 0 turns it into a mesh force. One search finds both extrema.
     """
     degree = curve.shape[0] - 1
     for sign, shift, force in (
         (1.0, orbit.X_MAX, orbit.FORCE_MAX),
         (-1.0, orbit.X_MIN, orbit.FORCE_MIN),
     ):
-        floor, largest = sign * row[shift] if displaced else math.inf, -math.inf
+        floor, largest = sign * row[shift] if is_displacement else math.inf, -math.inf
         if stiffness > 0.0:
             floor = min(floor, sign * row[force] / stiffness)
         for k in range(degree + 1):
-            w.bernstein[0, k] = sign * curve[k]
-            largest = max(largest, w.bernstein[0, k])
-        # Most pieces have no new extrema, which their coefficients tell at once.
+            work.search[0, k] = sign * curve[k]
+            largest = max(largest, work.search[0, k])
+        # Most pieces have no new extrema, as their largest coefficient shows.
         if largest <= floor:
             continue
-        best = highest_from(w.bernstein, degree, floor)
-        if displaced and not best <= sign * row[shift]:
-            row[shift] = sign * best
-        if stiffness > 0.0 and not stiffness * best <= sign * row[force]:
-            row[force] = sign * stiffness * best
+        extremum = highest_from(work.search, degree, floor)
+        if is_displacement and not extremum <= sign * row[shift]:
+            row[shift] = sign * extremum
+        if stiffness > 0.0 and not stiffness * extremum <= sign * row[force]:
+            row[force] = sign * stiffness * extremum
 
 
-@woven
-def _distance(tables, c, side, j, w):
-    """Fill the curve of `Work` with a distance, from the far or the near line."""
-    if c == SERIES:
-        curve_of(w.powers, w.distances[side, j], w.curve)
+@inlined_uncounted
+def _fill_distance(tables, combination, side, j, work):
+    """Fill the curve of `Work` with the distance of mesh j, from side 0 (coast) or 1 (drive)."""
+    if combination == SERIES:
+        fill_curve(work.to_bernstein, work.distance_series[side, j], work.curve)
     else:
-        curve_of(tables.curves[c, side, j], w.other, w.curve)
+        fill_curve(tables.curves[combination, side, j], work.mode_buffer, work.curve)
 
 
-@woven
-def _within(system, tables, c, w, p, summary, modes):
-    """Return whether no mesh provably comes to new extrema as long as the contacts stay."""
-    for j in range(w.contact.shape[0]):
-        row, code = summary[j], w.contact[j]
-        if not tables.steady[c, 1, j] or not tables.steady[c, 0, j]:
+@inlined_uncounted
+def _extrema_are_covered(system, tables, combination, work, segment, summary, mode_count):
+    """Return whether no mesh provably exceeds its extrema so far as long as the contacts stay.
+
+    `mode_count` is the number of amplitudes in `Work`, `summary` has a row a mesh.
+    """
+    for j in range(work.contact.shape[0]):
+        row, code = summary[j], work.contact[j]
+        if not tables.bounded[combination, 1, j] or not tables.bounded[combination, 0, j]:
             return False
-        level, reach = tables.level[c, 1, j], furthest(tables, c, 1, j, w, modes)
-        if level + reach > row[orbit.X_MAX] or level - reach < row[orbit.X_MIN]:
+        level = tables.slow_distance[combination, 1, j]
+        deviation = largest_deviation(tables, combination, 1, j, work, mode_count)
+        if level + deviation > row[orbit.X_MAX] or level - deviation < row[orbit.X_MIN]:
             return False
         if code == INVERSE:
-            level, reach = tables.level[c, 0, j], furthest(tables, c, 0, j, w, modes)
-        stiffness = system.stiffness[code + 1, p, j] if code != BACKLASH else 0.0
-        high, low = stiffness * (level + reach), stiffness * (level - reach)
+            level = tables.slow_distance[combination, 0, j]
+            deviation = largest_deviation(tables, combination, 0, j, work, mode_count)
+        stiffness = system.stiffness[code + 1, segment, j] if code != BACKLASH else 0.0
+        high, low = stiffness * (level + deviation), stiffness * (level - deviation)
         if high > row[orbit.FORCE_MAX] or low < row[orbit.FORCE_MIN]:
             return False
     return True
 
 
-@woven
-def _integral(tables, c, line, j, y, z, t):
-    """Return the integral of a distance over t, in which its modes go from y to z."""
-    pairs, total, rates = tables.pairs[c], tables.level[c, line, j] * t, tables.rates[c]
-    # At the begin of a piece a curve is the row of the distance.
-    curves = tables.curves[c, line, j]
-    for k in range(pairs):
+@inlined_uncounted
+def _distance_integral(tables, combination, line, j, start, end, t):
+    """Return the integral of a distance over t, while its modes go from `start` to `end`."""
+    pair_count = tables.pair_counts[combination]
+    total = tables.slow_distance[combination, line, j] * t
+    rates = tables.rates[combination]
+    # The first coefficient of a curve is the share of a mode in the distance.
+    curves = tables.curves[combination, line, j]
+    for k in range(pair_count):
         a, b = rates[k, 0], rates[k, 1]
-        u, v = z[2 * k] - y[2 * k], z[2 * k + 1] - y[2 * k + 1]
+        u, v = end[2 * k] - start[2 * k], end[2 * k + 1] - start[2 * k + 1]
         p, q = a * u + b * v, a * v - b * u
         total += (curves[2 * k, 0] * p + curves[2 * k + 1, 0] * q) / (a * a + b * b)
-    for k in range(tables.single[c]):
-        i = 2 * pairs + k
-        total += curves[i, 0] * (z[i] - y[i]) / rates[pairs + k, 0]
+    for k in range(tables.real_counts[combination]):
+        i = 2 * pair_count + k
+        total += curves[i, 0] * (end[i] - start[i]) / rates[pair_count + k, 0]
     return total
 
 
 @uncounted
-def record(system, grid, tables, c, w, p, phase, length, piece, summary, samples):
-    """Record what begins at `phase`, with the state y of `Work`, and lasts `length` of theta.
+def record(
+    system, grid, tables, combination, work, segment, phase, length, piece, summary, samples
+):
+    """Record a stretch of the motion in the summary, shape (m, 10), and the samples.
 
-    Curves hold over `piece`; a series lasts as long. Samples have the columns: the state, shape
-    (n,), the contact codes, shape (m,), the number of the segment; there the phase stands at first
-    that is wanted. Of a summary whose extrema are infinite none are looked for.
+    The stretch begins at `phase` with the modal state of `Work` and lasts `length` in theta; curves
+    and series hold over `piece`. Samples have the columns: state, shape (n,), contact codes, shape
+    (m,), segment; the last column holds the wanted phase until a sample is filled. Extrema are left
+    out if those of the summary are infinite.
     """
-    m, n = system.near.shape
-    tuning, done, curve = system.tuning, 0.0, w.curve
+    m, n = system.drive_lines.shape
+    tuning, done, curve = system.tuning, 0.0, work.curve
     degree = curve.shape[0] - 1
-    looked_for = summary[0, orbit.X_MAX] < math.inf
-    copy(w.y, w.other)
+    with_extrema = summary[0, orbit.X_MAX] < math.inf
+    copy(work.modal_state, work.mode_buffer)
     for j in range(m):
         orbit.add_time(
-            w.contact[j], length * tuning, system.low[w.contact[j] + 1, p, j], summary[j]
+            work.contact[j],
+            length * tuning,
+            system.low[work.contact[j] + 1, segment, j],
+            summary[j],
         )
     while done < length:
-        part = min(piece, length - done) if looked_for else length
-        searched = looked_for
-        if looked_for and part < length - done:
-            modes = sizes_of(tables, c, w.other, w.sizes)
-            if _within(system, tables, c, w, p, summary, modes):
-                part, searched = length - done, False
-                copy(w.other, w.sampled)
-                turn_by(tables, c, part, w.factors)
-                advance(tables, c, w.factors, part, w.sampled, w.term, w.image)
+        step = min(piece, length - done) if with_extrema else length
+        search_step = with_extrema
+        if with_extrema and step < length - done:
+            mode_count = fill_amplitudes(tables, combination, work.mode_buffer, work.amplitudes)
+            if _extrema_are_covered(
+                system, tables, combination, work, segment, summary, mode_count
+            ):
+                step, search_step = length - done, False
+                copy(work.mode_buffer, work.sampled_modes)
+                advance_in_time(tables, combination, work, step, work.sampled_modes)
                 for j in range(m):
-                    code = w.contact[j]
+                    code = work.contact[j]
                     if code != BACKLASH:
                         line = 0 if code == INVERSE else 1
-                        area = _integral(tables, c, line, j, w.other, w.sampled, part)
-                        area *= tuning * system.stiffness[code + 1, p, j]
-                        summary[j, FORCE_SUM] += area
-        for j in range(m if searched else 0):
-            row, code = summary[j], w.contact[j]
-            _distance(tables, c, 1, j, w)
-            begin_of(curve, part / piece, degree)
-            stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, p, j]
-            _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, w, row)
+                        impulse = _distance_integral(
+                            tables, combination, line, j, work.mode_buffer, work.sampled_modes, step
+                        )
+                        impulse *= tuning * system.stiffness[code + 1, segment, j]
+                        summary[j, FORCE_SUM] += impulse
+        for j in range(m if search_step else 0):
+            row, code = summary[j], work.contact[j]
+            _fill_distance(tables, combination, 1, j, work)
+            restrict_to_start(curve, step / piece, degree)
+            stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, segment, j]
+            _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, work, row)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
-                _distance(tables, c, 0, j, w)
-                begin_of(curve, part / piece, degree)
-                _add_extrema(curve, False, stiffness, w, row)
+                _fill_distance(tables, combination, 0, j, work)
+                restrict_to_start(curve, step / piece, degree)
+                _add_extrema(curve, False, stiffness, work, row)
             for k in range(degree + 1):
-                row[FORCE_SUM] += part * tuning * stiffness * curve[k] / (degree + 1)
-        at = phase + done * tuning
-        end = at + part * tuning - 1e-12
-        while w.place[TAKEN] < samples.shape[0]:
-            taken = w.place[TAKEN]
-            wanted = samples[taken, n + m]
-            if wanted >= end:
+                row[FORCE_SUM] += step * tuning * stiffness * curve[k] / (degree + 1)
+        step_start = phase + done * tuning
+        step_end = step_start + step * tuning - 1e-12
+        while work.counters[SAMPLES_TAKEN] < samples.shape[0]:
+            sample = work.counters[SAMPLES_TAKEN]
+            wanted = samples[sample, n + m]
+            if wanted >= step_end:
                 break
-            t = max(wanted - at, 0.0) / tuning
-            if c == SERIES:
-                sum_of(w.terms, n, t / piece, w.moved)
+            t = max(wanted - step_start, 0.0) / tuning
+            if combination == SERIES:
+                sum_series(work.series, n, t / piece, work.sampled_state)
             else:
-                copy(w.other, w.sampled)
-                turn_by(tables, c, t, w.factors)
-                advance(tables, c, w.factors, t, w.sampled, w.term, w.image)
-                multiply(tables.out, c, w.sampled, w.moved)
-            copy(w.moved, samples[taken, :n])
+                copy(work.mode_buffer, work.sampled_modes)
+                advance_in_time(tables, combination, work, t, work.sampled_modes)
+                multiply(tables.from_modes, combination, work.sampled_modes, work.sampled_state)
+            copy(work.sampled_state, samples[sample, :n])
             for j in range(m):
-                samples[taken, n + j] = w.contact[j]
-            samples[taken, n + m] = p
-            w.place[TAKEN] = taken + 1
-        done += part
+                samples[sample, n + j] = work.contact[j]
+            samples[sample, n + m] = segment
+            work.counters[SAMPLES_TAKEN] = sample + 1
+        done += step
         if done < length:
-            turn_by(tables, c, part, w.factors)
-            advance(tables, c, w.factors, part, w.other, w.term, w.image)
+            advance_in_time(tables, combination, work, step, work.mode_buffer)

@@ -1,8 +1,9 @@
-"""Combinations of contacts without modes: the power series of the state, by what is not zero.
+"""Power series of the state for combinations of contacts without modes, with sparse matrices.
 
 Modes of many coordinates cost as much as a thousand steps of the series, and a train of many meshes
-that part one after the other hardly ever sees a combination again. So it goes by the series until
-the steps in a combination have cost as much as its modes would: never more than twice the least.
+that part one after the other hardly ever sees a combination again. So the series is used until
+the steps in a combination have cost as much as its modes would. The total cost is thus at most
+twice that of the better choice.
 """
 
 import math
@@ -10,111 +11,119 @@ import math
 import numpy as np
 
 from gearlib.engines import exponential
-from gearlib.engines.jit import uncounted, woven
+from gearlib.engines.jit import inlined_uncounted, uncounted
 
-#: Number of a combination that has no modes, in place of its row in their tables.
+#: Row of a combination that has no modes and goes by the series.
 SERIES = -2
-#: |A| times the unit of a series: behind degree 23 the rest is less than 4/3 of its last term.
-REACH = 6.0
+#: |A| times the unit of a series; the terms beyond degree 23 add less than 4/3 of the last term.
+MAX_NORM = 6.0
 #: Largest last term of a series, as a share of the state.
-_LAST = 2e-17
-#: Components from which modes have to pay, and steps of the series for modes, over their square.
-_MANY, _PRICE = 60, 0.015
+_LAST_TERM = 2e-17
+#: Number of components from which the series is tried first, and the cost of modes in steps of the
+#: series over the square of the components.
+_MIN_SERIES_COMPONENTS, _MODE_COST = 60, 0.015
 
 
-def price_of(n):
-    """Return how many steps of the series the modes of n components cost; 0: fewer than count."""
-    return int(_PRICE * n * n) if n >= _MANY else 0
+def mode_cost_of(n):
+    """Return how many steps of the series cost as much as the modes of n components.
 
-
-def sparse_of(system, wanted=False):
-    """Return the fields of a `Grid` that say what is not zero: of `free` by rows, of the meshes.
-
-    It comes first, `count` and `touched` of it; empty where modes cost less than they save and the
-    series is not `wanted`.
+    It is 0 where there are so few components that modes are always used.
     """
-    names = "columns", "count", "places", "touched", "values"
-    n = system.free.shape[0]
-    if not (price_of(n) or wanted):
-        none = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
-        return dict(zip(names, (*none, *none, np.zeros((0, 0))), strict=True))
-    moved = (system.near != 0.0) | (system.far != 0.0)
-    moved |= (system.grip != 0.0).any(axis=(1, 2)) | (system.push != 0.0).any(axis=(1, 2))
-    columns, count = _first(system.free != 0.0)
-    values = np.take_along_axis(system.free, columns, axis=1)
-    return dict(zip(names, (columns, count, *_first(moved), values), strict=True))
+    return int(_MODE_COST * n * n) if n >= _MIN_SERIES_COMPONENTS else 0
 
 
-def _first(which):
-    """Return the places of what is true in the rows of a table, and how many there are."""
-    count = which.sum(axis=1)
-    return np.argsort(~which, axis=1, kind="stable")[:, : count.max()].copy(), count
+def sparse_fields(system, with_series=False):
+    """Return the fields of a `Grid` that list the non-zeros of a system, as a dict of arrays.
+
+    The arrays are empty if modes are always cheaper, unless `with_series`.
+    """
+    names = "nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"
+    names += ("nonzero_values",)
+    n = system.base_matrix.shape[0]
+    if not (mode_cost_of(n) or with_series):
+        empty = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
+        return dict(zip(names, (*empty, *empty, np.zeros((0, 0))), strict=True))
+    involved = (system.drive_lines != 0.0) | (system.coast_lines != 0.0)
+    involved |= (system.force_output != 0.0).any(axis=(1, 2)) | (system.force_input != 0.0).any(
+        axis=(1, 2)
+    )
+    columns, counts = _true_columns(system.base_matrix != 0.0)
+    values = np.take_along_axis(system.base_matrix, columns, axis=1)
+    return dict(zip(names, (columns, counts, *_true_columns(involved), values), strict=True))
+
+
+def _true_columns(mask):
+    """Return (columns of the true entries of each row, first in the row; their number by row)."""
+    counts = mask.sum(axis=1)
+    return np.argsort(~mask, axis=1, kind="stable")[:, : counts.max()].copy(), counts
 
 
 @uncounted
-def _image(system, grid, effects, z, share, out):
-    """Fill `out` with share A z of a combination of effects."""
-    for r in range(grid.count.shape[0]):
+def _fill_scaled_image(system, grid, effects, z, share, out):
+    """Fill `out` with share A z, A being the matrix of the meshes' `effects`, int, shape (m,)."""
+    for r in range(grid.nonzero_counts.shape[0]):
         total = 0.0
-        for i in range(grid.count[r]):
-            total += grid.values[r, i] * z[grid.columns[r, i]]
+        for i in range(grid.nonzero_counts[r]):
+            total += grid.nonzero_values[r, i] * z[grid.nonzero_columns[r, i]]
         out[r] = share * total
     for j in range(effects.shape[0]):
-        # Without friction the second force has no grip.
+        # The second force is the friction, which may be zero.
         for k in range(2 if effects[j] > 0 else 0):
-            grip, push, force = system.grip[j, effects[j], k], system.push[j, effects[j], k], 0.0
-            for i in range(grid.touched[j]):
-                r = grid.places[j, i]
-                force += grip[r] * z[r]
+            row, force = system.force_output[j, effects[j], k], 0.0
+            column = system.force_input[j, effects[j], k]
+            for i in range(grid.mesh_component_counts[j]):
+                r = grid.mesh_components[j, i]
+                force += row[r] * z[r]
             if force != 0.0:
                 force *= share
-                for i in range(grid.touched[j]):
-                    r = grid.places[j, i]
-                    out[r] += push[r] * force
+                for i in range(grid.mesh_component_counts[j]):
+                    r = grid.mesh_components[j, i]
+                    out[r] += column[r] * force
 
 
 @uncounted
-def _chirp(grid, k, unit, terms):
-    """Fill term k + 1 of the rates of harmonics whose phase is quadratic in theta.
+def _fill_chirp_rates(grid, k, unit, terms):
+    """Fill the rates of harmonics in term k + 1 of a series in which the speed changes.
 
-    Behind the coordinates and their rates come the rate of the phase, and of each harmonic cosine,
-    sine and their rates: c' = -w nu s, so that c'' = -w (nu' s + nu s'), and alike of the sine.
+    The components behind the coordinates and their rates are the speed nu and, for each harmonic,
+    cosine c, sine s and their rates. Since c' = -w nu s, c'' = -w (nu' s + nu s'), and likewise for
+    the sine. `unit` is the time unit of the series `terms`, shape (degree + 1, n).
     """
-    pace = grid.pace
-    nu, change = terms[0, pace], terms[1, pace]
-    for j in range(grid.chirp.shape[0]):
-        i, share = pace + 1 + 4 * j, grid.chirp[j] / (k + 1)
-        for side in range(2):
-            # The sine for the cosine, and the other way round.
-            value, rate = i + 1 - side, i + 3 - side
-            total = change * terms[k, value] + unit * nu * terms[k, rate]
+    speed = grid.speed_component
+    speed_start, speed_change = terms[0, speed], terms[1, speed]
+    for j in range(grid.chirp_frequencies.shape[0]):
+        i, share = speed + 1 + 4 * j, grid.chirp_frequencies[j] / (k + 1)
+        for is_sine in range(2):
+            # The rate of the cosine depends on the sine, and that of the sine on the cosine.
+            value, rate = i + 1 - is_sine, i + 3 - is_sine
+            total = speed_change * terms[k, value] + unit * speed_start * terms[k, rate]
             if k > 0:
-                total += unit * change * terms[k - 1, rate]
-            terms[k + 1, i + 2 + side] = share * total if side == 1 else -share * total
+                total += unit * speed_change * terms[k - 1, rate]
+            terms[k + 1, i + 2 + is_sine] = share * total if is_sine == 1 else -share * total
 
 
 @uncounted
 def expand(system, grid, effects, z, terms):
-    """Fill `terms`, shape (degree + 1, n filled up), with the series of z; return its unit.
+    """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z.
 
-    That is the theta on which it ends.
+    Returns its time unit in theta, on which the series converges to rounding.
     """
-    last, n = terms.shape[0] - 1, grid.count.shape[0]
-    unit = REACH / exponential.REACH * system.longest
-    size, rest = 0.0, 0.0
+    last, n = terms.shape[0] - 1, grid.nonzero_counts.shape[0]
+    unit = MAX_NORM / exponential.MAX_NORM * system.longest
+    largest, last_term = 0.0, 0.0
     for r in range(n):
         terms[0, r] = z[r]
-        size = max(size, abs(z[r]))
+        largest = max(largest, abs(z[r]))
     for k in range(last):
-        _image(system, grid, effects, terms[k], unit / (k + 1), terms[k + 1])
-        if grid.chirp.shape[0] > 0:
-            _chirp(grid, k, unit, terms)
+        _fill_scaled_image(system, grid, effects, terms[k], unit / (k + 1), terms[k + 1])
+        if grid.chirp_frequencies.shape[0] > 0:
+            _fill_chirp_rates(grid, k, unit, terms)
     for r in range(n):
-        rest = max(rest, abs(terms[last, r]))
-    # The terms of a linear system bound what follows them; where it rests they are nothing.
+        last_term = max(last_term, abs(terms[last, r]))
+    # The last term bounds those that follow; it is zero for a state at rest.
     share = 1.0
-    if _LAST * size < rest < math.inf:
-        share = (_LAST * size / rest) ** (1.0 / last)
+    if _LAST_TERM * largest < last_term < math.inf:
+        share = (_LAST_TERM * largest / last_term) ** (1.0 / last)
     power = 1.0
     for k in range(1, last + 1):
         power *= share
@@ -124,27 +133,34 @@ def expand(system, grid, effects, z, terms):
 
 
 @uncounted
-def fill_distances_of(system, grid, terms, curves):
-    """Fill `curves`, (2, m, degree + 2): powers of the distances, far and near, their rounding."""
-    for j in range(grid.touched.shape[0]):
+def fill_distance_series(system, grid, terms, curves):
+    """Fill `curves`, (2, m, degree + 2), with the Taylor series of all distances from flank lines.
+
+    The first index is 0 for the coast side and 1 for the drive side; the last column is the sum of
+    magnitudes that bounds the rounding. `terms` is the series of the state.
+    """
+    for j in range(grid.mesh_component_counts.shape[0]):
         for side in range(2):
-            row = system.near[j] if side == 1 else system.far[j]
-            size = 0.0
-            for i in range(grid.touched[j]):
-                r = grid.places[j, i]
-                size += abs(row[r] * terms[0, r])
+            row = system.drive_lines[j] if side == 1 else system.coast_lines[j]
+            magnitude = 0.0
+            for i in range(grid.mesh_component_counts[j]):
+                r = grid.mesh_components[j, i]
+                magnitude += abs(row[r] * terms[0, r])
             for k in range(terms.shape[0]):
                 total = 0.0
-                for i in range(grid.touched[j]):
-                    r = grid.places[j, i]
+                for i in range(grid.mesh_component_counts[j]):
+                    r = grid.mesh_components[j, i]
                     total += row[r] * terms[k, r]
                 curves[side, j, k] = total
-            curves[side, j, terms.shape[0]] = size
+            curves[side, j, terms.shape[0]] = magnitude
 
 
-@woven
-def sum_of(terms, n, share, out):
-    """Fill `out` with a state of n components, at a share of the unit of its series."""
+@inlined_uncounted
+def sum_series(terms, n, share, out):
+    """Fill `out` with the sum of a Taylor series of n components at a `share` of its time unit.
+
+    `terms`, shape (degree + 1, n padded), is that of `expand`.
+    """
     for r in range(n):
         out[r] = terms[terms.shape[0] - 1, r]
     for k in range(terms.shape[0] - 2, -1, -1):
@@ -153,20 +169,24 @@ def sum_of(terms, n, share, out):
 
 
 @uncounted
-def go_by_series(system, grid, effects, length, z, terms):
-    """Take a state, or a deviation, by a length of theta; the contacts stay."""
-    left = length
-    while left > 0.0:
+def advance_by_series(system, grid, effects, length, z, terms):
+    """Advance a state or a deviation z by the time `length` in theta while the contacts stay."""
+    remaining = length
+    while remaining > 0.0:
         unit = expand(system, grid, effects, z, terms)
-        part = min(unit, left)
-        sum_of(terms, grid.count.shape[0], part / unit, z)
-        left -= part
+        step = min(unit, remaining)
+        sum_series(terms, grid.nonzero_counts.shape[0], step / unit, z)
+        remaining -= step
 
 
-@woven
-def may_reach(curve, sign, degree):
-    """Return whether the powers of a distance leave open if it comes to zero from this side."""
-    rest = 0.0
+@inlined_uncounted
+def series_may_reach_zero(curve, sign, degree):
+    """Return whether a distance may reach zero while its series holds.
+
+    `curve` is a row of `fill_distance_series`, `sign` the sign of the distance in the present
+    contact.
+    """
+    variation = 0.0
     for k in range(1, degree + 1):
-        rest += abs(curve[k])
-    return not sign * curve[0] > rest + 1e-14 * curve[degree + 1]
+        variation += abs(curve[k])
+    return not sign * curve[0] > variation + 1e-14 * curve[degree + 1]

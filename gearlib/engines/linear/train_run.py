@@ -1,4 +1,4 @@
-"""A whole run of a gear train: from its start on, the mesh periods at its end recorded."""
+"""A run of a gear train through mesh periods, of which the last ones are recorded."""
 
 import math
 
@@ -6,77 +6,89 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
-from gearlib.engines.jit import kernel, uncounted, woven
-from gearlib.engines.linear.grid import FOUND, OPENING, PERIOD, SEGMENT, UNTIL
-from gearlib.engines.linear.periods import BEYOND, go
-from gearlib.engines.linear.train_system import REST, behind, dot, image, matrix_of, set_harmonics
+from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
+from gearlib.engines.linear.grid import EVENT_ROWS, FIRST_EVENT_ROW, KNOWN_PERIODS, PERIOD, SEGMENT
+from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
+from gearlib.engines.linear.train_system import (
+    ZERO_TOLERANCE,
+    behind,
+    dot,
+    image,
+    matrix_of,
+    set_harmonics,
+)
 
-#: Derivatives of a distance that are looked at where a motion starts on a flank line at rest.
-_DERIVATIVES = 10
+#: Number of derivatives of a distance that decide the contact of a start on a flank line.
+_MAX_DERIVATIVES = 10
 
 
 @uncounted
 def _sign(functional, z):
-    """Return the sign of a functional, 0 where it is the rounding of zero."""
-    value, size = 0.0, 0.0
+    """Return the sign of a functional of z, 0.0 where its value is within rounding of zero."""
+    value, magnitude = 0.0, 0.0
     for r in range(z.shape[0]):
         value += functional[r] * z[r]
-        size += abs(functional[r] * z[r])
-    if abs(value) <= REST * size:
+        magnitude += abs(functional[r] * z[r])
+    if abs(value) <= ZERO_TOLERANCE * magnitude:
         return 0.0
     return 1.0 if value > 0.0 else -1.0
 
 
 @kernel
-def set_contacts(system, open_, w, p):
-    """Fill contact, line and rest of `Work` for its state at the start of segment p.
+def set_contacts(system, no_coast_side, work, segment):
+    """Fill contact, start_line and zero_order of `Work` for its state at the start of a segment.
 
-    On a line the contact is that of the motion just after, by the first derivative of the distance
-    that is not zero. The forces of meshes whose distance begins with a higher one are zero so far.
+    On a flank line the first derivative of the distance that is not zero decides the contact just
+    after. A mesh whose decision needs a higher derivative exerts no force until then.
+    `no_coast_side`, bool, shape (m,), is a field of `Grid`.
     """
-    m, n = system.near.shape
-    z = w.z[:n]
-    w.rest[:] = 0
-    w.line[:] = 0
-    waiting = np.zeros(m, dtype=np.bool_)
+    m, n = system.drive_lines.shape
+    z = work.state[:n]
+    work.zero_order[:] = 0
+    work.start_line[:] = 0
+    undecided = np.zeros(m, dtype=np.bool_)
     for j in range(m):
-        near = _sign(system.near[j], z)
-        far = 1.0 if open_[j] else _sign(system.far[j], z)
-        w.contact[j] = BACKLASH
+        near = _sign(system.drive_lines[j], z)
+        far = 1.0 if no_coast_side[j] else _sign(system.coast_lines[j], z)
+        work.contact[j] = BACKLASH
         if near > 0.0:
-            w.contact[j] = NORMAL
+            work.contact[j] = NORMAL
         elif near == 0.0:
-            w.line[j], waiting[j] = 1, True
+            work.start_line[j], undecided[j] = 1, True
         elif far < 0.0:
-            w.contact[j] = INVERSE
+            work.contact[j] = INVERSE
         elif far == 0.0:
-            w.line[j], waiting[j] = -1, True
-    a = np.empty((n, n))
-    for order in range(1, _DERIVATIVES):
-        if not waiting.any():
+            work.start_line[j], undecided[j] = -1, True
+    matrix = np.empty((n, n))
+    for order in range(1, _MAX_DERIVATIVES):
+        if not undecided.any():
             break
         for j in range(m):
-            w.effects[j] = system.effect[w.contact[j] + 1, p, j]
-        matrix_of(system, w.effects, a)
-        rate = image(a, z)
+            work.effects[j] = system.effect[work.contact[j] + 1, segment, j]
+        matrix_of(system, work.effects, matrix)
+        derivative = image(matrix, z)
         for _ in range(order - 1):
-            rate = image(a, rate)
+            derivative = image(matrix, derivative)
         for j in range(m):
-            if not waiting[j]:
+            if not undecided[j]:
                 continue
-            sign = _sign(system.near[j] if w.line[j] == 1 else system.far[j], rate)
+            sign = _sign(
+                system.drive_lines[j] if work.start_line[j] == 1 else system.coast_lines[j],
+                derivative,
+            )
             if sign != 0.0:
-                waiting[j], w.rest[j] = False, order
-                if sign == w.line[j]:
-                    w.contact[j] = w.line[j]
+                undecided[j], work.zero_order[j] = False, order
+                if sign == work.start_line[j]:
+                    work.contact[j] = work.start_line[j]
     for j in range(m):
-        if waiting[j]:
-            w.rest[j] = _DERIVATIVES
-            w.contact[j] = max(w.line[j], 0)
+        if undecided[j]:
+            work.zero_order[j] = _MAX_DERIVATIVES
+            work.contact[j] = max(work.start_line[j], 0)
 
 
 @uncounted
-def _too_large(z):
+def _exceeds_range(z):
+    """Return whether a component of z is too large for squares in floating point, or NaN."""
     for r in range(z.shape[0]):
         if not abs(z[r]) < 1e150:
             return True
@@ -84,15 +96,20 @@ def _too_large(z):
 
 
 @kernel
-def begin(system, grid, w):
-    """Set the contacts of `Work` for its state at the start of a run; return the status."""
-    n = system.near.shape[1]
-    set_harmonics(system.harmonics, w.z[:n], 2.0 * math.pi * system.first)
-    segments = system.first_segment
-    set_contacts(system, grid.open, w, segments[system.first % (segments.shape[0] - 1)])
-    for j in range(system.near.shape[0]):
-        touches = w.contact[j] == NORMAL or w.line[j] == 1
-        if grid.closing[j] and touches and behind(system.far[j], w.z[:n]):
+def start_run(system, grid, work):
+    """Set the contacts of `Work` for its state at the start of a run; return OK or JAMMED."""
+    n = system.drive_lines.shape[1]
+    set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first)
+    first_segments = system.first_segment
+    set_contacts(
+        system,
+        grid.no_coast_side,
+        work,
+        first_segments[system.first % (first_segments.shape[0] - 1)],
+    )
+    for j in range(system.drive_lines.shape[0]):
+        touches = work.contact[j] == NORMAL or work.start_line[j] == 1
+        if grid.may_jam[j] and touches and behind(system.coast_lines[j], work.state[:n]):
             return JAMMED
     return OK
 
@@ -102,7 +119,7 @@ def run_train(
     system,
     grid,
     tables,
-    w,
+    work,
     periods,
     record_periods,
     samples,
@@ -113,45 +130,48 @@ def run_train(
     vectors,
     maps,
 ):
-    """Run a gear train on from the state of `Work` and the mesh period counted there.
+    """Run a gear train from the state and the mesh period in `Work` on; return a status.
 
-    Where the tables lack a combination, events a place, or a period its segments, the status is
-    MISSING, FULL or BEYOND: call it again once they have it. The last `record_periods` are
-    recorded: samples and events as of `periods.go`, a summary of each block of `Grid`, and in
-    `strobes`, shape (m, k + 1, 2), the states of the meshes at the ends of the last k periods, and
-    before. `maps`, shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), get the growth of small deviations
-    over each period; `vectors` are storage for these.
+    The statuses COMBINATION_MISSING, EVENTS_FULL and SEGMENTS_MISSING ask for a combination in the
+    tables, a larger event table, or the next segments; the next call then goes on from there. The
+    last `record_periods` are recorded in samples and events, see `periods.run_period`, in a summary
+    for each block of `Grid`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity of
+    the meshes before the last k periods and at the end of each. `maps`, shape (periods, 2 N, 2 N)
+    or (0, 2 N, 2 N), are filled with the derivative of the state after each period by that before;
+    `vectors` are their storage.
     """
-    m, n = system.near.shape
-    moving, kept = maps.shape[1], strobes.shape[1] - 1
-    unseen = periods - record_periods
+    m, n = system.drive_lines.shape
+    size, strobe_count = maps.shape[1], strobes.shape[1] - 1
+    first_recorded = periods - record_periods
     per_period = samples.shape[0] // max(record_periods, 1)
-    for i in range(w.place[PERIOD], periods):
-        if i >= w.place[UNTIL]:
-            return BEYOND
-        if w.place[SEGMENT] < 0:
-            # Harmonics are put to their values: their rounding must not grow with the run.
-            set_harmonics(system.harmonics, w.z[:n], 2.0 * math.pi * (system.first + i))
-            row = i - (periods - kept)
+    for period in range(work.counters[PERIOD], periods):
+        if period >= work.counters[KNOWN_PERIODS]:
+            return SEGMENTS_MISSING
+        if work.counters[SEGMENT] < 0:
+            # Exact values keep the rounding of the harmonics from growing with the run.
+            set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * (system.first + period))
+            row = period - (periods - strobe_count)
             if row >= 0:
-                _strobe(system, grid, w.z, strobes, row)
+                _record_strobe(system, grid, work.state, strobes, row)
             for r in range(vectors.shape[0]):
                 for k in range(vectors.shape[1]):
                     vectors[r, k] = 1.0 if r == k else 0.0
-        recording = i >= unseen
-        number = (system.first + i) % (system.first_segment.shape[0] - 1)
-        begin = max(i - unseen, 0) * per_period
-        end = begin + per_period if recording else begin
-        if grid.taken.shape[0] > 0:
-            begin, end = grid.taken[number], grid.taken[number + 1]
-        rows = summary[grid.block[number] * m :]
-        taken = samples[begin:end]
-        status = go(system, grid, tables, w, number, limit, vectors, recording, rows, taken, events)
+        recording = period >= first_recorded
+        number = (system.first + period) % (system.first_segment.shape[0] - 1)
+        first_sample = max(period - first_recorded, 0) * per_period
+        last_sample = first_sample + per_period if recording else first_sample
+        if grid.sample_starts.shape[0] > 0:
+            first_sample, last_sample = grid.sample_starts[number], grid.sample_starts[number + 1]
+        rows = summary[grid.summary_blocks[number] * m :]
+        sample_rows = samples[first_sample:last_sample]
+        status = run_period(
+            system, grid, tables, work, number, limit, vectors, recording, rows, sample_rows, events
+        )
         if status < 0:
             return status
-        for row in range(w.place[OPENING], w.place[FOUND]):
-            events[row, orbit.EVENT_PERIOD] = i
-        if status == OK and _too_large(w.z):
+        for row in range(work.counters[FIRST_EVENT_ROW], work.counters[EVENT_ROWS]):
+            events[row, orbit.EVENT_PERIOD] = period
+        if status == OK and _exceeds_range(work.state):
             status = OVERFLOW
         if recording and status == OK:
             for j in range(m):
@@ -160,30 +180,34 @@ def run_train(
         if status != OK:
             return status
         for r in range(vectors.shape[0]):
-            for k in range(moving):
-                maps[i, k, r] = vectors[r, k]
-        w.place[PERIOD] = i + 1
+            for k in range(size):
+                maps[period, k, r] = vectors[r, k]
+        work.counters[PERIOD] = period + 1
     if record_periods > 0:
-        _strobe(system, grid, w.z, strobes, kept)
+        _record_strobe(system, grid, work.state, strobes, strobe_count)
     return OK
 
 
 @kernel
 def period_of(system, strobes, summary):
-    """Return the period of a recorded run as of `orbit.orbit_period`, for all meshes."""
+    """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
+
+    `strobes` has the states of `run_train`; `summary`, shape (m, 10), gives the scale.
+    """
     period = 1
     for j in range(strobes.shape[0]):
         height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
-        one = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
-        period = period // math.gcd(period, one) * one if one > 0 else 0
+        mesh_period = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
+        period = period // math.gcd(period, mesh_period) * mesh_period if mesh_period > 0 else 0
         if period == 0:
             break
     return period
 
 
-@woven
-def _strobe(system, grid, z, strobes, row):
-    own = z[: system.near.shape[1]]
+@inlined_uncounted
+def _record_strobe(system, grid, z, strobes, row):
+    """Write displacement and velocity of all meshes in the state z to a row of `strobes`."""
+    state = z[: system.drive_lines.shape[1]]
     for j in range(strobes.shape[0]):
-        strobes[j, row, 0] = dot(system.near[j], own)
-        strobes[j, row, 1] = dot(grid.rate[j], own) / system.tuning
+        strobes[j, row, 0] = dot(system.drive_lines[j], state)
+        strobes[j, row, 1] = dot(grid.drive_rates[j], state) / system.tuning

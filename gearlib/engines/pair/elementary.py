@@ -1,6 +1,6 @@
-"""exp, sine and cosine as plain arithmetic, for tables that are made anew at every tuning.
+"""exp, sine and cosine as plain arithmetic, for tables that are filled at every tuning.
 
-A call into the C library costs several times as much and keeps a loop from being vectorised. The
+A call into the C library costs several times as much and prevents vectorised loops. The
 error is one unit in the last place of the result for `decay`, of 1 for `cos_sin`.
 """
 
@@ -15,31 +15,31 @@ _TWO_OVER_PI = 0.6366197723675814
 # ln 2 and pi / 2 in two parts, the first with so few bits that its small multiples are exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _QUARTER_HIGH, _QUARTER_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
-#: exp(-700) = 1e-304 stands for everything smaller: its powers of two end there.
-_MOST_DECAY = 700.0
+#: Largest exponent: exp(-700) = 1e-304 replaces all smaller values.
+_MAX_EXPONENT = 700.0
 
 
 @inlined
 def decay(z):
     """Return exp(-z) for z >= 0."""
-    z = z if z < _MOST_DECAY else _MOST_DECAY
+    z = z if z < _MAX_EXPONENT else _MAX_EXPONENT
     rounded = _ROUNDING - z * _LOG2_E
     k = rounded - _ROUNDING
     r = (-z - k * _LN2_HIGH) - k * _LN2_LOW
-    # Taylor series up to r^13 / 13!, even and odd terms apart to shorten the chain.
+    # Taylor series up to r^13 / 13!; even and odd terms are summed in parallel.
     s = r * r
     even = s * (1.0 / 3628800.0 + s * (1.0 / 479001600.0))
     even = 0.5 + s * (1.0 / 24.0 + s * (1.0 / 720.0 + s * (1.0 / 40320.0) + s * even))
     odd = s * (1.0 / 39916800.0 + s * (1.0 / 6227020800.0))
     odd = 1.0 / 6.0 + s * (1.0 / 120.0 + s * (1.0 / 5040.0 + s * (1.0 / 362880.0) + s * odd))
-    # k, shifted to where a double keeps its exponent, is 2^k.
+    # Shifted to the exponent bits of a double, k gives 2^k.
     bits = (np.float64(rounded).view(np.int64) + 1023) << 52
     return (1.0 + (r + s * (even + r * odd))) * np.int64(bits).view(np.float64)
 
 
 @inlined
 def cos_sin(angle):
-    """Return (cos, sin) of an angle of a few turns at most (2^20 quarter turns)."""
+    """Return (cos, sin) of an angle of at most 2^20 quarter turns."""
     rounded = angle * _TWO_OVER_PI + _ROUNDING
     k = rounded - _ROUNDING
     r = (angle - k * _QUARTER_HIGH) - k * _QUARTER_LOW

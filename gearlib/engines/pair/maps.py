@@ -8,7 +8,8 @@ crossing multiplies it by the saltation matrix
 
 and because the mesh force is zero on a flank line, x'' jumps by the damping alone, which is
 proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even when the
-crossing is tangential. There it depends on the side from which the crossing is looked at."""
+crossing is tangential. There it depends on the side from which the crossing is approached.
+"""
 
 import math
 
@@ -23,7 +24,7 @@ from gearlib.engines.pair.motion import contact_of, propagators
 
 @inlined
 def multiply(a, b, c, d, matrix):
-    """matrix <- [[a, b], [c, d]] matrix."""
+    """Replace `matrix`, shape (2, 2), by the product [[a, b], [c, d]] matrix."""
     for j in range(2):
         first, second = matrix[0, j], matrix[1, j]
         matrix[0, j] = a * first + b * second
@@ -31,52 +32,53 @@ def multiply(a, b, c, d, matrix):
 
 
 @kernel
-def follow_arcs(m, arcs, count, previous, matrix):
-    """Multiply `matrix`, shape (2, 2), by the maps of arcs 0 ... count - 1.
+def follow_arcs(mesh, arcs, count, previous, matrix):
+    """Multiply `matrix`, shape (2, 2), by the maps of the first `count` arcs of a `Mesh`.
 
-    `previous` is the contact code before the first arc. Returns that of the last one.
+    `arcs`, shape (n, 6), is a table of `events`, `previous` the contact code before its first arc.
+    Returns the contact code of the last arc.
     """
     for i in range(count):
         contact = int(arcs[i, CONTACT])
-        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
+        level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
         if contact != previous:
-            before = m.drag if previous == BACKLASH else lev.a
-            after = m.drag if contact == BACKLASH else lev.a
+            before = mesh.drag if previous == BACKLASH else level.a
+            after = mesh.drag if contact == BACKLASH else level.a
             multiply(1.0, 0.0, -2.0 * (after - before), 1.0, matrix)
             previous = contact
         t = arcs[i, DURATION]
         if contact == BACKLASH:
-            decay = math.exp(-2.0 * m.drag * t)
-            reach = -math.expm1(-2.0 * m.drag * t) / (2.0 * m.drag) if m.drag > 0.0 else t
+            decay = math.exp(-2.0 * mesh.drag * t)
+            reach = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag) if mesh.drag > 0.0 else t
             multiply(1.0, reach, 0.0, decay, matrix)
         else:
-            c, s = propagators(lev, t)
-            multiply(c + lev.a * s, s, -lev.square * s, c - lev.a * s, matrix)
+            c, s = propagators(level, t)
+            multiply(c + level.a * s, s, -level.square * s, c - level.a * s, matrix)
     return previous
 
 
 @kernel
-def vary(m, x, v, periods, limit, matrices):
-    """Go through mesh periods from (x, v) at tau = 0; return (x, v, status).
+def fill_period_maps(mesh, x, v, periods, limit, matrices):
+    """Run through mesh periods from (x, v) at tau = 0, and fill their maps; return (x, v, status).
 
-    Fills `matrices`, shape (periods, 2, 2), with the derivative of the state at the end of each
-    period by that at its start.
+    `matrices`, shape (periods, 2, 2), get the derivative of the state at the end of each period by
+    that at its start.
     """
     arcs = np.empty((64, ARC_COLUMNS))
-    contact = contact_of(m.gap, x, v)
+    contact = contact_of(mesh.gap, x, v)
     previous = contact
     for i in range(periods):
-        before = contact, x, v
-        contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+        start = contact, x, v
+        contact, x, v, count = march_period(mesh, contact, x, v, arcs, limit)
         if count > limit:
             return x, v, EVENT_LIMIT
         if count > arcs.shape[0]:
             arcs = np.empty((2 * count, ARC_COLUMNS))
-            contact, x, v = before
-            contact, x, v, count = march_period(m, contact, x, v, arcs, limit)
+            contact, x, v = start
+            contact, x, v, count = march_period(mesh, contact, x, v, arcs, limit)
         if not within_range(x, v):
             return x, v, OVERFLOW
         matrices[i, 0, 0] = matrices[i, 1, 1] = 1.0
         matrices[i, 0, 1] = matrices[i, 1, 0] = 0.0
-        previous = follow_arcs(m, arcs, count, previous, matrices[i])
+        previous = follow_arcs(mesh, arcs, count, previous, matrices[i])
     return x, v, OK

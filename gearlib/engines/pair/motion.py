@@ -19,8 +19,8 @@ With z = 2 b t and phi1(z) = (1 - exp(-z)) / z, phi2(z) = (1 - phi1(z)) / z
     x(t)  = x0 + x0' t phi1 + f t^2 phi2
     x'(t) = x0' exp(-z) + f t phi1,
 
-which holds for b = 0 as well and loses no digits for small b t. The load always pulls up: a
-flight has one lowest point at most, and always ends.
+which holds for b = 0 as well and loses no digits for small b t. The load always acts upwards: a
+flight has at most one lowest point, and always ends.
 """
 
 import math
@@ -33,69 +33,72 @@ UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
 
 
 class Level(NamedTuple):
-    """One stiffness level: its oscillator and where it comes to rest."""
+    """Oscillator of one stiffness level, and its equilibrium."""
 
     a: float  #: decay rate
     square: float  #: W^2
     w: float  #: damped frequency, or half the difference of the two rates when over-damped
     kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
-    equilibrium: float  #: equilibrium of the deflection, 1 / c
+    equilibrium: float  #: static deflection at this stiffness, 1 / c
     stiffness: float  #: c = C / C_s
 
 
 @kernel
-def level(stiffness, damping, tuning):
+def level_at_tuning(stiffness, damping, tuning):
     """Return the `Level` of stiffness c = C / C_s, damping ratio beta and tuning nu."""
     a = damping / tuning
     natural = math.sqrt(stiffness) / tuning
-    # The product keeps the digits that W^2 - a^2 would lose next to critical damping.
+    # The product does not lose digits near critical damping, as W^2 - a^2 would.
     difference = (natural - a) * (natural + a)
     kind = UNDERDAMPED if difference > 0.0 else (OVERDAMPED if difference < 0.0 else CRITICAL)
     return Level(a, natural * natural, math.sqrt(abs(difference)), kind, 1.0 / stiffness, stiffness)
 
 
 @inlined
-def propagators(lev, t):
-    """Return (C(t), S(t))."""
-    if lev.kind == UNDERDAMPED:
-        decay = math.exp(-lev.a * t)
-        return decay * math.cos(lev.w * t), decay * math.sin(lev.w * t) / lev.w
-    if lev.kind == CRITICAL:
-        decay = math.exp(-lev.a * t)
+def propagators(level, t):
+    """Return C(t) and S(t) of the oscillator of a `Level`, see the docstring of this module."""
+    if level.kind == UNDERDAMPED:
+        decay = math.exp(-level.a * t)
+        return decay * math.cos(level.w * t), decay * math.sin(level.w * t) / level.w
+    if level.kind == CRITICAL:
+        decay = math.exp(-level.a * t)
         return decay, decay * t
-    # exp(-(a - w) t) times bounded factors: never inf * 0, and a - w without cancellation.
-    decay = 0.5 * math.exp(-lev.square / (lev.a + lev.w) * t)
-    fast = math.expm1(-2.0 * lev.w * t)
-    return decay * (2.0 + fast), -decay * fast / lev.w
+    # The form exp(-(a - w) t) times bounded factors never gives inf * 0 and does not cancel.
+    decay = 0.5 * math.exp(-level.square / (level.a + level.w) * t)
+    difference = math.expm1(-2.0 * level.w * t)
+    return decay * (2.0 + difference), -decay * difference / level.w
 
 
 @inlined
-def evolve(lev, u, v, t):
-    """Return (u(t), u'(t)) from (u, v) at 0."""
-    c, s = propagators(lev, t)
-    return u * c + (v + lev.a * u) * s, v * c - (lev.a * v + lev.square * u) * s
+def evolve(level, u, v, t):
+    """Return displacement and velocity after the time t of a motion in contact from (u, v).
+
+    u is the displacement from the equilibrium of the `Level`.
+    """
+    c, s = propagators(level, t)
+    return u * c + (v + level.a * u) * s, v * c - (level.a * v + level.square * u) * s
 
 
 @kernel
-def turning_time(lev, u, v):
-    """Return the first t > 0 with u'(t) = 0, infinity if there is none.
+def turning_time(level, u, v):
+    """Return the first t > 0 at which a motion in contact from (u, v) turns, infinity if none.
 
-    Turning points of an under-damped motion follow each other at pi / w; an over-damped or
-    critical motion has one at most.
+    Turning points of an under-damped motion follow each other at pi / w; an over-damped or critical
+    motion has at most one.
     """
-    q = lev.a * v + lev.square * u
+    q = level.a * v + level.square * u
     if v == 0.0:
-        # At rest on a turning point: the next one is half a turn away.
-        return math.pi / lev.w if lev.kind == UNDERDAMPED and u != 0.0 else math.inf
-    if lev.kind == UNDERDAMPED:
-        # The signs go into atan2 so that a turning point close by keeps its relative accuracy.
-        return math.atan2(abs(v) * lev.w, math.copysign(1.0, v) * q) / lev.w
-    if lev.kind == CRITICAL:
+        # The motion is at a turning point; the next one is half a turn away.
+        return math.pi / level.w if level.kind == UNDERDAMPED and u != 0.0 else math.inf
+    if level.kind == UNDERDAMPED:
+        # With the signs in atan2 a turning point close by keeps its relative accuracy.
+        return math.atan2(abs(v) * level.w, math.copysign(1.0, v) * q) / level.w
+    if level.kind == CRITICAL:
         ratio = v / q
         return ratio if ratio > 0.0 else math.inf
-    # artanh(w v / q) with 1 - w v / q in closed form, which heavy damping would round to zero.
-    ratio = v / (lev.square * (v / (lev.a + lev.w) + u))
-    return math.log1p(2.0 * lev.w * ratio) / (2.0 * lev.w) if ratio > 0.0 else math.inf
+    # This is artanh(w v / q) / w, written such that 1 - w v / q does not cancel.
+    ratio = v / (level.square * (v / (level.a + level.w) + u))
+    return math.log1p(2.0 * level.w * ratio) / (2.0 * level.w) if ratio > 0.0 else math.inf
 
 
 class Mesh(NamedTuple):
@@ -112,15 +115,15 @@ class Mesh(NamedTuple):
 
 
 @kernel
-def mesh(ratios, tuning):
-    """Return the `Mesh` at one tuning.
+def mesh_at_tuning(ratios, tuning):
+    """Return the `Mesh` at one tuning from its dimensionless ratios.
 
-    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max segment, the C_min segment,
-    beta, beta_m, backlash in static deflections.
+    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max segment, the C_min segment, beta,
+    beta_m, backlash in static deflections.
     """
     return Mesh(
-        level(ratios[1], ratios[4], tuning),
-        level(ratios[0], ratios[4], tuning),
+        level_at_tuning(ratios[1], ratios[4], tuning),
+        level_at_tuning(ratios[0], ratios[4], tuning),
         ratios[2],
         ratios[3],
         ratios[5] / tuning,
@@ -132,16 +135,17 @@ def mesh(ratios, tuning):
 
 @kernel
 def contact_of(gap, x, v):
-    """Return the contact code of a state; on a flank line, that of the motion just after.
+    """Return the contact code of the displacement x with the velocity v and the backlash `gap`.
 
-    The load pulls up, so a state at rest on a flank line moves up.
+    On a flank line it is that of the motion just after; the load acts upwards, so that a state at
+    rest moves up.
     """
     return contact_between(0.0, -gap, x, v)
 
 
 @kernel
 def contact_between(upper, lower, x, v):
-    """Return the contact code of a state between two contact lines, as `contact_of`."""
+    """Return the contact code of a state (x, v) with flank lines at `upper` and `lower`."""
     if x > upper or (x == upper and v >= 0.0):
         return NORMAL
     if x < lower or (x == lower and v < 0.0):
@@ -151,16 +155,16 @@ def contact_between(upper, lower, x, v):
 
 #: Below this z the power series of phi2 is used: the closed form would lose two digits there.
 _SERIES_BELOW = 0.5
-#: Up to this Q the polynomial of `return_flight` is used.
-_MOST_DRAG = 0.5
-#: Newton's method squares its error: a relative step this small leaves none behind.
-_QUADRATIC = 1e-10
+#: Largest Q for which `return_flight` uses the polynomial.
+_MAX_POLYNOMIAL_Q = 0.5
+#: Relative step of Newton's method after which its squared error is below rounding.
+_LAST_NEWTON_STEP = 1e-10
 _MAX_ITERATIONS = 60
 
 
 @inlined
 def _phi_series(z):
-    # Taylor series of phi2, (-z)^k / (k + 2)!, cut where z^13 / 15! < 1e-16.
+    """Return (phi1, phi2, phi3) of a small z by Taylor series, cut where z^13 / 15! < 1e-16."""
     r = 1.0 / 87178291200.0
     r = 1.0 / 6227020800.0 - z * r
     r = 1.0 / 479001600.0 - z * r
@@ -186,75 +190,81 @@ def phi(z):
 
 @inlined
 def phis(z):
-    """Return those of `phi` and phi3(z) = (1/2 - phi2(z)) / z."""
+    """Return (exp(-z), phi1(z), phi2(z), phi3(z)), phi3(z) = (1/2 - phi2(z)) / z, for z >= 0."""
     if z < _SERIES_BELOW:
         first, second, third = _phi_series(z)
         return 1.0 - z * first, first, second, third
-    gone = -math.expm1(-z)
-    first = gone / z
+    decayed = -math.expm1(-z)
+    first = decayed / z
     second = (1.0 - first) / z
-    return 1.0 - gone, first, second, (0.5 - second) / z
+    return 1.0 - decayed, first, second, (0.5 - second) / z
 
 
 @kernel
-def fly(b, f, x, v, t):
-    """Return (x(t), x'(t)) from (x, v) at 0."""
-    decay, first, second = phi(2.0 * b * t)
-    return x + t * (v * first + f * t * second), v * decay + f * t * first
+def fly(drag, load, x, v, t):
+    """Return displacement and velocity after the time t of a flight from (x, v).
+
+    The equation of motion is x'' + 2 drag x' = load.
+    """
+    decay, first, second = phi(2.0 * drag * t)
+    return x + t * (v * first + load * t * second), v * decay + load * t * first
 
 
 @kernel
-def lowest_time(b, f, v):
+def lowest_time(drag, load, v):
     """Return the time of the lowest point of a flight that starts downwards (v < 0)."""
-    if b == 0.0:
-        return -v / f
-    return math.log1p(-2.0 * b * v / f) / (2.0 * b)
+    if drag == 0.0:
+        return -v / load
+    return math.log1p(-2.0 * drag * v / load) / (2.0 * drag)
 
 
 @kernel
-def climb_time(b, f, depth, v):
-    """Return the time to climb `depth` >= 0 from velocity v >= 0.
+def climb_time(drag, load, depth, v):
+    """Return the time in which a flight with velocity v >= 0 climbs `depth` >= 0.
 
-    Drag delays: the undamped time is a lower bound, from which Newton's method meets the root
-    after one overshoot at most, the height being convex or concave throughout.
+    The undamped time is a lower bound, from which Newton's method reaches the root after at most
+    one overshoot, since the height is convex or concave throughout.
     """
     if depth <= 0.0:
         return 0.0
-    t = 2.0 * depth / (v + math.sqrt(v * v + 2.0 * f * depth))
-    if b == 0.0:
+    t = 2.0 * depth / (v + math.sqrt(v * v + 2.0 * load * depth))
+    if drag == 0.0:
         return t
     for _ in range(_MAX_ITERATIONS):
-        height, speed = fly(b, f, -depth, v, t)
+        height, speed = fly(drag, load, -depth, v, t)
         step = height / speed
         t -= step
-        if abs(step) <= _QUADRATIC * t:
+        if abs(step) <= _LAST_NEWTON_STEP * t:
             break
     return t
 
 
 @kernel
-def fall_time(b, f, depth, v):
-    """Return the time to fall `depth` > 0 from velocity v < 0, given that the flight gets there.
+def fall_time(drag, load, depth, v):
+    """Return the time in which a flight with velocity v < 0 falls `depth` > 0, if it does.
 
-    The height is convex on the way down and the start lies above the level, so Newton's method
-    comes from one side and cannot overshoot into the climb.
+    The height is convex on the way down and the start lies above the root, so that Newton's method
+    approaches it from one side and cannot overshoot.
     """
     t = 0.0
     for _ in range(_MAX_ITERATIONS):
-        height, speed = fly(b, f, depth, v, t)
+        height, speed = fly(drag, load, depth, v, t)
         if not (height > 0.0 and speed < 0.0):
             break
         step = height / speed
         t -= step
-        if abs(step) <= _QUADRATIC * t:
+        if abs(step) <= _LAST_NEWTON_STEP * t:
             break
     return t
 
 
 @inlined
-def _flight_share(q):
-    # T f / -v as a function of Q = -2 b v / f <= 1/2: its Chebyshev series, in powers of 4 Q - 1.
-    # What it leaves out is below 1e-17; the nearest singularity lies at Q = -1.
+def _scaled_flight_time(q):
+    """Return the duration of a return flight times -load / v, as a function of Q <= 1/2.
+
+    It is a Chebyshev series in powers of 4 Q - 1, whose remainder is below 1e-17; Q = -2 drag v /
+    load.
+    """
     t = 4.0 * q - 1.0
     s = t * t
     r = s * s
@@ -270,22 +280,22 @@ def _flight_share(q):
 
 
 @inlined
-def return_flight(b, f, v):
-    """Return (duration, landing speed) of a flight from x = 0 with v < 0 back to it.
+def return_flight(drag, load, v):
+    """Return (duration, landing velocity) of a flight from x = 0 with v < 0 back to x = 0.
 
-    The impulse of the load is the change of the velocity, since the drag of a way down is that of
-    the way back: the landing speed is v + f T. With z = 2 b T and Q = -2 b v / f the duration obeys
-    z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
+    The drag impulses of the way down and the way up cancel, so that the landing velocity is v +
+    load T. With z = 2 drag T and Q = -2 drag v / load the duration obeys z = (1 + Q) (1 - exp(-z)),
+    one function of Q for all flights.
     """
-    if b == 0.0:
-        return -2.0 * v / f, -v
-    q = -2.0 * b * v / f
-    if q <= _MOST_DRAG:
-        t = -v / f * _flight_share(q)
-        return t, v + f * t
-    # The sum would lose digits.
-    t = lowest_time(b, f, v)
-    lowest, _ = fly(b, f, 0.0, v, t)
-    t += climb_time(b, f, -lowest, 0.0)
-    _, speed = fly(b, f, 0.0, v, t)
+    if drag == 0.0:
+        return -2.0 * v / load, -v
+    q = -2.0 * drag * v / load
+    if q <= _MAX_POLYNOMIAL_Q:
+        t = -v / load * _scaled_flight_time(q)
+        return t, v + load * t
+    # For strong drag the sum v + load T would lose digits.
+    t = lowest_time(drag, load, v)
+    lowest, _ = fly(drag, load, 0.0, v, t)
+    t += climb_time(drag, load, -lowest, 0.0)
+    _, speed = fly(drag, load, 0.0, v, t)
     return t, speed

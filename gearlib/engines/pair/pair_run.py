@@ -1,4 +1,4 @@
-"""A whole run: its periods gone through fast, those at its end recorded."""
+"""A whole run: fast periods without a record, then recorded periods."""
 
 import math
 
@@ -13,192 +13,207 @@ from gearlib.engines.pair import recorded_arcs
 from gearlib.engines.pair.events import ARC_COLUMNS
 from gearlib.engines.pair.motion import contact_of
 from gearlib.engines.pair.settling import (
-    NEAR,
+    MAX_DISTANCE,
     after_repeats,
     check_settled,
     not_settled,
     repeat_of,
 )
 from gearlib.engines.pair.whole_periods import (
-    AHEAD,
-    KEPT,
+    REMAINING,
+    STORED_PERIODS,
     advance,
     new_work,
     set_mesh,
     set_start,
 )
 
-FIRST_ARCS = 32
-#: Periods between two looks at whether a run has settled; after each attempt to prove it twice as
-#: many pass as after the one before.
-_LOOK = 8
-#: An orbit that a run follows as closely as this is recorded over one repeat of its own.
-_ON_ORBIT = 1e-13
-#: A run of which no more than its end is asked has settled this close to its orbit, where states
-#: this close to each other are one: an orbit with two such points hardly contracts. Without an
-#: event it may be as far off as is not seen in a figure. Shares of the state.
-_CLOSE, _SAME, _SEEN = 1e-6, 1e-5, 1e-3
+#: Number of rows of a new arc table.
+FIRST_ARC_ROWS = 32
+#: Number of periods between checks whether a run has settled; it doubles after each failed proof.
+_CHECK_INTERVAL = 8
+#: Largest distance from an orbit of which a single repeat is recorded, as a share of the state.
+_ORBIT_DISTANCE = 1e-13
+#: Largest distance D of a motion whose period is proven after its run, distance at which states
+#: count as equal, and largest D of a motion without events, which no figure would show.
+_END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 
 
 @kernel
 def outcome(x, v, count, limit):
-    """Return the status of a run that ended in (x, v) after `count` arcs of a period."""
+    """Return OK, EVENT_LIMIT or OVERFLOW for a run that ended in (x, v) after `count` arcs.
+
+    `limit` is the largest number of arcs of a period.
+    """
     if count > limit:
         return EVENT_LIMIT
     return OK if within_range(x, v) else OVERFLOW
 
 
 @inlined
-def whole_period(m, work, n, contact, x, v, limit, arcs):
-    """Go through mesh period n and keep all its arcs; return as `advance`, and the arc table."""
-    memory, before = work.memory, (contact, x, v)
+def whole_period(mesh, work, n, contact, x, v, limit, arcs):
+    """Go through mesh period n and keep all its arcs.
+
+    Returns (contact, x, v, number of arcs, arc table), the table enlarged as needed.
+    """
+    memory, start = work.memory, (contact, x, v)
     flight = memory[0], memory[1], memory[2], memory[3]
-    contact, x, v, count = advance(m, work, n, contact, x, v, np.int64(1), limit, arcs)
+    contact, x, v, count = advance(mesh, work, n, contact, x, v, np.int64(1), limit, arcs)
     if arcs.shape[0] < count <= limit:
         arcs = np.empty((2 * count, ARC_COLUMNS))
         memory[0], memory[1], memory[2], memory[3] = flight
-        contact, x, v, count = advance(m, work, n, *before, np.int64(1), limit, arcs)
+        contact, x, v, count = advance(mesh, work, n, *start, np.int64(1), limit, arcs)
     return contact, x, v, count, arcs
 
 
 @kernel
-def skip(m, work, contact, x, v, periods, limit):
-    """Go through `periods` mesh periods from tau = 0, unrecorded; `limit` arcs in each.
+def skip(mesh, work, contact, x, v, periods, limit):
+    """Run through mesh periods from tau = 0 without a record, at most `limit` arcs in each.
 
-    Returns (contact, x, v, status, repeat, on_orbit): `repeat`, the periods after which the orbit
-    repeats if the run has settled, else 0; of a run that has, at least the last `repeat` periods
-    have been gone through. `on_orbit`: whether it is at rest on it but for rounding.
+    Returns (contact, x, v, status, repeat, on_orbit). `repeat` is the period of the orbit if the
+    run has settled, otherwise 0; a settled run has gone through at least the last `repeat` periods.
+    `on_orbit`: whether its distance from the orbit is rounding.
     """
-    n, look, pause = np.int64(0), 2 * _LOOK, _LOOK
+    n, next_check, pause = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, on_orbit = not_settled(), False
     no_arcs = np.empty((0, ARC_COLUMNS))
     while n < periods:
-        some = min(_LOOK - n % _LOOK, periods - n)
-        contact, x, v, count = advance(m, work, n, contact, x, v, some, limit, no_arcs)
-        n += some
+        step = min(_CHECK_INTERVAL - n % _CHECK_INTERVAL, periods - n)
+        contact, x, v, count = advance(mesh, work, n, contact, x, v, step, limit, no_arcs)
+        n += step
         status = outcome(x, v, count, limit)
         if status != OK:
             return contact, x, v, status, 0, False
-        if settled.repeat > 0 or n < look:
+        if settled.repeat > 0 or n < next_check:
             continue
-        repeat = repeat_of(m, work, n, NEAR)
+        repeat = repeat_of(mesh, work, n, MAX_DISTANCE)
         if repeat == 0 or periods - n < repeat:
             continue
         contact, x, v, count, settled = check_settled(
-            m, work, n, contact, x, v, repeat, limit, NEAR
+            mesh, work, n, contact, x, v, repeat, limit, MAX_DISTANCE
         )
         n += repeat
         status = outcome(x, v, count, limit)
         if status != OK:
             return contact, x, v, status, 0, False
-        look, pause = n + pause, 2 * pause
+        next_check, pause = n + pause, 2 * pause
         if settled.repeat > 0:
             k = max(0, (periods - n) // repeat - 1)
             far_x, far_v = after_repeats(settled, k)
             if k > 0:
                 x, v = x - settled.x + far_x, v - settled.v + far_v
-                contact = contact_of(m.gap, x, v)
-                work.memory[AHEAD] = -1.0
+                contact = contact_of(mesh.gap, x, v)
+                work.memory[REMAINING] = -1.0
                 n += k * repeat
-            size = max(1.0, abs(x), m.tuning * abs(v))
-            on_orbit = max(abs(far_x), m.tuning * abs(far_v)) <= _ON_ORBIT * size
+            size = max(1.0, abs(x), mesh.tuning * abs(v))
+            on_orbit = max(abs(far_x), mesh.tuning * abs(far_v)) <= _ORBIT_DISTANCE * size
     return contact, x, v, OK, settled.repeat, on_orbit
 
 
 @kernel
-def run(m, x, v, periods, record_periods, samples, events, limit, summary):
+def run(mesh, x, v, periods, record_periods, samples, events, limit, summary):
     """Run one mesh from the state (x, v) at tau = 0, in static deflections and dx/dtau.
 
     The last `record_periods` of its `periods` are recorded: `samples`, shape (record_periods * n,
-    6), are filled with n equal steps a period, n = 0 for none; `events`, shape (k, 5), enlarged as
-    needed, k = 0 for none; `summary`, shape (9,). A period has `limit` arcs at most.
+    6), get n equal steps a period, n may be 0; `events`, shape (k, 5), are enlarged as needed
+    unless k = 0; `summary`, shape (9,), is filled. A period has at most `limit` arcs.
 
-    Returns (x, v, period, events, found, status): the state at the end, the period in mesh periods
-    of the orbit on which the run has settled by proof (0: it has not), the table and its rows in
-    use, OK, EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, events, rows, status): the last state, the proven period of the orbit in
+    mesh periods or 0, the event table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
     """
     work = new_work()
-    set_mesh(work, m)
-    return run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary)
+    set_mesh(work, mesh)
+    return run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, summary)
 
 
 @kernel
-def run_at(m, work, x, v, periods, record_periods, samples, events, limit, summary):
-    """The same as `run` with a work that is at hand."""
+def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, summary):
+    """Run one mesh as `run` does, with the storage `work` that the caller has prepared."""
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
-    contact = contact_of(m.gap, x, v)
+    contact = contact_of(mesh.gap, x, v)
     set_start(work, x, v)
-    unseen = periods - record_periods
-    contact, x, v, status, repeat, on_orbit = skip(m, work, contact, x, v, unseen, limit)
+    unrecorded = periods - record_periods
+    contact, x, v, status, repeat, on_orbit = skip(mesh, work, contact, x, v, unrecorded, limit)
     if status != OK:
         return x, v, 0, events, 0, status
     orbit.clear_summary(summary)
     want_events = events.shape[0] > 0
     per_period = samples.shape[0] // record_periods
-    # Of a settled orbit one repeat is gone through.
-    seen = repeat if on_orbit and record_periods % repeat == 0 else record_periods
-    found = 0
-    arcs = np.empty((FIRST_ARCS, ARC_COLUMNS))
+    # A settled orbit is computed over one repeat only.
+    computed = repeat if on_orbit and record_periods % repeat == 0 else record_periods
+    event_rows = 0
+    arcs = np.empty((FIRST_ARC_ROWS, ARC_COLUMNS))
     previous = contact
-    for i in range(seen):
-        n = unseen + i
-        contact, x, v, count, arcs = whole_period(m, work, n, contact, x, v, limit, arcs)
+    for i in range(computed):
+        n = unrecorded + i
+        contact, x, v, count, arcs = whole_period(mesh, work, n, contact, x, v, limit, arcs)
         status = outcome(x, v, count, limit)
         if status != OK:
             return x, v, 0, events, 0, status
-        recorded_arcs.add_arcs(m, arcs, count, summary)
+        recorded_arcs.add_arcs(mesh, arcs, count, summary)
         bounces, last = recorded_arcs.count_bounces(arcs, count, previous)
         summary[orbit.BOUNCES] += bounces
         if want_events:
-            events, found, _ = recorded_arcs.add_events(arcs, count, previous, n, events, found)
+            events, event_rows, _ = recorded_arcs.add_events(
+                arcs, count, previous, n, events, event_rows
+            )
         if per_period > 0:
             rows = samples[i * per_period : (i + 1) * per_period]
-            orbit.equal_steps(rows, orbit.SAMPLE_AT, 2.0 * math.pi)
-            recorded_arcs.sample_arcs(m, arcs, count, rows)
+            orbit.equal_steps(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+            recorded_arcs.sample_arcs(mesh, arcs, count, rows)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
-        summary[k] *= record_periods / seen
-    if seen < record_periods:
-        events, found = orbit.repeat_record(samples, events, found, seen, record_periods)
-    period = _period(m, work, periods, unseen, unseen + seen, repeat, summary)
+        summary[k] *= record_periods / computed
+    if computed < record_periods:
+        events, event_rows = orbit.repeat_record(
+            samples, events, event_rows, computed, record_periods
+        )
+    period = _recorded_period(
+        mesh, work, periods, unrecorded, unrecorded + computed, repeat, summary
+    )
     if repeat == 0:
-        period = _proven(m, work, periods, contact, x, v, limit, summary)
-    return x, v, period, events, found, OK
+        period = _proven_period(mesh, work, periods, contact, x, v, limit, summary)
+    return x, v, period, events, event_rows, OK
 
 
 @kernel
-def _proven(m, work, n, contact, x, v, limit, summary):
-    """Return the period of the orbit on which the motion settles from its state after n periods.
+def _proven_period(mesh, work, n, contact, x, v, limit, summary):
+    """Return the period of the orbit to which the motion converges after n periods, or 0.
 
-    States that repeat may be those of a transient: 0 where nothing is proven.
+    The states of `work` repeat in a transient as well, so that the period has to be proven. `limit`
+    is the largest number of arcs of a period; `summary` is that of the recorded periods.
     """
-    period, near = repeat_of(m, work, n, _SAME), _CLOSE
+    period, tolerance = repeat_of(mesh, work, n, _SAME_STATE), _END_DISTANCE
     if summary[orbit.TIME_BACKLASH] == 0.0 and summary[orbit.TIME_INVERSE] == 0.0:
-        # The map is linear as long as contact is kept, and has but one orbit; within a period
-        # deviations grow by less than the factor of which this is the inverse.
+        # Without loss of contact the map is linear and has one orbit; within a period deviations
+        # grow by a factor of less than 10.
         lowest = 0.1 * summary[orbit.X_MIN]
-        period, near = 1, max(near, min(_SEEN, lowest) / max(1.0, abs(x), m.tuning * abs(v)))
+        period = 1
+        tolerance = max(
+            tolerance, min(_VISIBLE_DISTANCE, lowest) / max(1.0, abs(x), mesh.tuning * abs(v))
+        )
     if period == 0:
         return 0
-    _, _, _, _, settled = check_settled(m, work, n, contact, x, v, period, limit, near)
+    _, _, _, _, settled = check_settled(mesh, work, n, contact, x, v, period, limit, tolerance)
     return settled.repeat
 
 
 @kernel
-def _period(m, work, periods, unseen, end, repeat, summary):
-    """Return the period of an orbit from its states up to that after period `end`.
+def _recorded_period(mesh, work, periods, unrecorded, end, repeat, summary):
+    """Return the period of an orbit from its stored states up to that after period `end`.
 
-    Of a settled run those before its recorded periods and after `end` are repeats of them.
+    If the run has settled, states before the recorded periods and after `end` repeat those between;
+    `repeat` is then its period, otherwise 0.
     """
-    kept = min(periods, orbit.STROBE_PERIODS)
-    strobes = np.empty((kept + 1, 2))
-    for i in range(kept + 1):
-        n = periods - kept + i
-        if repeat > 0 and n <= unseen - repeat:
-            n += (unseen - n) // repeat * repeat
+    strobe_count = min(periods, orbit.STROBE_PERIODS)
+    strobes = np.empty((strobe_count + 1, 2))
+    for i in range(strobe_count + 1):
+        n = periods - strobe_count + i
+        if repeat > 0 and n <= unrecorded - repeat:
+            n += (unrecorded - n) // repeat * repeat
         if n > end:
             n -= (n - end + repeat - 1) // repeat * repeat
-        copy(work.states[n % KEPT], strobes[i])
+        copy(work.states[n % STORED_PERIODS], strobes[i])
     height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    return orbit.orbit_period(strobes, m.tuning, height)
+    return orbit.orbit_period(strobes, mesh.tuning, height)

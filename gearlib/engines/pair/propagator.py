@@ -1,19 +1,19 @@
-"""Scalar closed forms between events: a `GearPair`."""
+"""Exact runs of a `GearPair`: closed forms between events."""
 
 import numpy as np
 
 from gearlib.engines.orbit import Record
 from gearlib.engines.pair import many_runs, pair_run
-from gearlib.engines.pair.maps import vary
-from gearlib.engines.pair.motion import mesh
+from gearlib.engines.pair.maps import fill_period_maps
+from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.engines.protocol import Base
 
 
 def ratios(pair):
-    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `mesh`.
+    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `motion.mesh`.
 
-    Of a pair whose numbers are arrays of shape (k,), shape (7, k).
+    If the numbers of the pair are arrays of shape (k,), the shape is (7, k).
     """
     return np.array(
         [
@@ -29,22 +29,22 @@ def ratios(pair):
 class Propagator(Base):
     """A `GearPair` at one tuning."""
 
-    chunk, proves_periods = 2048, True
+    chunk_size, proves_periods = 2048, True
 
     def __init__(self, model, tuning, other=None):
         super().__init__(model, tuning)
         self.ratios = other.ratios if other else ratios(model)
-        self.mesh = mesh(self.ratios, tuning)
+        self.mesh = mesh_at_tuning(self.ratios, tuning)
 
     def at(self, tuning):
-        """Return the propagator of another tuning; see `Base.at`."""
+        """Return the propagator of the same pair at another tuning."""
         return type(self)(self.model, tuning, self)
 
-    def go(self, z, span, samples, events, summary, first):
-        """Run from z; see `Base.go`."""
+    def fill_record(self, z, span, samples, events, summary, first):
+        """Run from z and fill the tables; see `Base.fill_record`."""
         tables = samples, events, span.max_events, summary
-        done = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
-        *z[:], period, events, count, code = done
+        result = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
+        *z[:], period, events, count, code = result
         return Record(z, z, period, samples, events[:count], summary, code)
 
     def sweep(self, tunings, order, state, carry, span, rows):
@@ -52,17 +52,17 @@ class Propagator(Base):
         many_runs.run_many(self.ratios, tunings, order, np.array(state), carry, *span, *rows)
 
     def fill_maps(self, z, periods, max_events, maps, first):
-        """Fill the maps; see `Base.fill_maps`."""
-        *z[:], code = vary(self.mesh, *z, periods, max_events, maps)
+        """Fill the maps of mesh periods and move z to the end; return the status."""
+        *z[:], code = fill_period_maps(self.mesh, *z, periods, max_events, maps)
         return code
 
     def many(self, states, periods, max_events):
-        """Take many states on in one call of the kernel; see `Base.many`."""
+        """Return (ends, statuses) of runs from many states, in one call of the kernel."""
         states = np.ascontiguousarray(states)
         ends, codes = np.empty(states.shape), np.empty(len(states), np.int64)
         many_runs.skip_many(self.mesh, states, periods, max_events, ends, codes)
         return ends, codes
 
     def sections(self, *arguments):
-        """Fill the states at one phase of every period."""
+        """Fill a table with states at one phase of every period; see `Base.sections`."""
         many_runs.section(self.mesh, *arguments)

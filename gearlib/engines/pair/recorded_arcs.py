@@ -1,4 +1,4 @@
-"""What is recorded of a period, read off its arcs: extrema, times in contact, samples, events."""
+"""Records of a mesh period from its arcs: extrema, contact times, samples and events."""
 
 import math
 
@@ -8,9 +8,9 @@ from gearlib.engines.orbit import (
     FORCE_MAX,
     FORCE_MIN,
     SAMPLE_A,
-    SAMPLE_AT,
     SAMPLE_CONTACT,
     SAMPLE_FORCE,
+    SAMPLE_PHASE,
     SAMPLE_STIFFNESS,
     SAMPLE_V,
     SAMPLE_X,
@@ -22,96 +22,90 @@ from gearlib.engines.orbit import (
     X_MIN,
     add_event,
 )
-from gearlib.engines.pair.events import (
-    CONTACT,
-    DISPLACEMENT,
-    DURATION,
-    LEVEL,
-    START,
-    VELOCITY,
-)
+from gearlib.engines.pair.events import CONTACT, DISPLACEMENT, DURATION, LEVEL, START, VELOCITY
 from gearlib.engines.pair.motion import UNDERDAMPED, evolve, fly, lowest_time, turning_time
 
 
 @kernel
-def _add_displacement(m, lev, contact, x, summary):
+def _add_displacement(mesh, level, contact, x, summary):
+    """Add a displacement, and the mesh force of a contact there, to the extrema of the summary."""
     summary[X_MAX] = max(summary[X_MAX], x)
     summary[X_MIN] = min(summary[X_MIN], x)
     force = 0.0
     if contact == NORMAL:
-        force = lev.stiffness * x
+        force = level.stiffness * x
     elif contact == INVERSE:
-        force = lev.stiffness * (x + m.gap)
+        force = level.stiffness * (x + mesh.gap)
     summary[FORCE_MAX] = max(summary[FORCE_MAX], force)
     summary[FORCE_MIN] = min(summary[FORCE_MIN], force)
 
 
 @kernel
-def add_arcs(m, arcs, count, summary):
-    """Add arcs 0 ... count - 1 to the summary; extrema are those of the closed forms."""
+def add_arcs(mesh, arcs, count, summary):
+    """Add the extrema and contact times of the first `count` arcs to the summary."""
     for i in range(count):
         contact = int(arcs[i, CONTACT])
-        lev = m.high if arcs[i, LEVEL] == 1.0 else m.low
+        level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
         duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
-        _add_displacement(m, lev, contact, x, summary)
-        known = i + 1 < count
-        end, end_v = (arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]) if known else (0.0, 0.0)
+        _add_displacement(mesh, level, contact, x, summary)
+        has_next = i + 1 < count
+        end, end_v = (arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]) if has_next else (0.0, 0.0)
         if contact == BACKLASH:
             summary[TIME_BACKLASH] += duration
-            if v < 0.0 and not (known and end_v < 0.0):
-                t = lowest_time(m.drag, m.pull, v)
+            if v < 0.0 and not (has_next and end_v < 0.0):
+                t = lowest_time(mesh.drag, mesh.pull, v)
                 if t < duration:
-                    lowest, _ = fly(m.drag, m.pull, x, v, t)
-                    _add_displacement(m, lev, contact, lowest, summary)
-            if not known:
-                end, _ = fly(m.drag, m.pull, x, v, duration)
-            # A flight lands on the line, not a rounding error past it.
-            end = min(max(end, -m.gap), 0.0)
-            _add_displacement(m, lev, contact, end, summary)
+                    lowest, _ = fly(mesh.drag, mesh.pull, x, v, t)
+                    _add_displacement(mesh, level, contact, lowest, summary)
+            if not has_next:
+                end, _ = fly(mesh.drag, mesh.pull, x, v, duration)
+            # Rounding must not move the landing beyond the line.
+            end = min(max(end, -mesh.gap), 0.0)
+            _add_displacement(mesh, level, contact, end, summary)
             continue
-        shift = lev.equilibrium if contact == NORMAL else lev.equilibrium - m.gap
+        shift = level.equilibrium if contact == NORMAL else level.equilibrium - mesh.gap
         summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += duration
         if arcs[i, LEVEL] == 0.0:
             summary[TIME_LOW] += duration
-        if not known:
-            end, end_v = evolve(lev, x - shift, v, duration)
+        if not has_next:
+            end, end_v = evolve(level, x - shift, v, duration)
             end += shift
-        # The first two turning points are the highest and the lowest: amplitudes never grow. Within
-        # half a turn there is one at most, and behind it the velocity has another sign.
-        if not (v * end_v > 0.0 and lev.w * duration < math.pi):
-            t = turning_time(lev, x - shift, v)
+        # The first two turning points are the highest and the lowest, since amplitudes never grow.
+        # Within half a turn there is at most one, after which the velocity has another sign.
+        if not (v * end_v > 0.0 and level.w * duration < math.pi):
+            t = turning_time(level, x - shift, v)
             for _ in range(2):
                 if not t < duration:
                     break
-                u, _v = evolve(lev, x - shift, v, t)
-                _add_displacement(m, lev, contact, u + shift, summary)
-                if lev.kind != UNDERDAMPED:
+                u, _v = evolve(level, x - shift, v, t)
+                _add_displacement(mesh, level, contact, u + shift, summary)
+                if level.kind != UNDERDAMPED:
                     break
-                t += math.pi / lev.w
-        end = max(end, 0.0) if contact == NORMAL else min(end, -m.gap)
-        _add_displacement(m, lev, contact, end, summary)
+                t += math.pi / level.w
+        end = max(end, 0.0) if contact == NORMAL else min(end, -mesh.gap)
+        _add_displacement(mesh, level, contact, end, summary)
 
 
 @kernel
-def add_events(arcs, count, previous, period, events, found):
+def add_events(arcs, count, previous, period, events, rows):
     """Append the changes of contact between successive arcs to the event table.
 
     `previous` is the contact code before the first arc, `period` the number of the mesh period,
-    `found` the rows in use. Returns (events, found, previous); `events` is enlarged as needed.
+    `rows` the number of rows in use. Returns (events, rows in use, contact code of the last arc).
     """
     for i in range(count):
         contact = int(arcs[i, CONTACT])
         if contact != previous:
-            events, found = add_event(
-                events, found, period, arcs[i, START], previous, contact, arcs[i, VELOCITY]
+            events, rows = add_event(
+                events, rows, period, arcs[i, START], previous, contact, arcs[i, VELOCITY]
             )
             previous = contact
-    return events, found, previous
+    return events, rows, previous
 
 
 @kernel
 def count_bounces(arcs, count, previous):
-    """Return (losses of normal contact among the arcs, contact code of the last arc)."""
+    """Return (number of losses of normal contact, contact code of the last arc)."""
     bounces = 0
     for i in range(count):
         contact = int(arcs[i, CONTACT])
@@ -122,34 +116,39 @@ def count_bounces(arcs, count, previous):
 
 
 @inlined
-def in_arc(m, arc, t):
-    """Return (x, v, acceleration, force) at the phase t from the start of the mesh period."""
+def in_arc(mesh, arc, t):
+    """Return (x, v, acceleration, force) at a phase t of the mesh period, which lies in the arc."""
     contact = int(arc[CONTACT])
-    lev = m.high if arc[LEVEL] == 1.0 else m.low
+    level = mesh.high if arc[LEVEL] == 1.0 else mesh.low
     x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
     if contact == BACKLASH:
-        x, v = fly(m.drag, m.pull, x, v, t)
-        return x, v, m.pull - 2.0 * m.drag * v, 0.0
-    shift = lev.equilibrium if contact == NORMAL else lev.equilibrium - m.gap
-    u, v = evolve(lev, x - shift, v, t)
-    return u + shift, v, -2.0 * lev.a * v - lev.square * u, lev.stiffness * (u + lev.equilibrium)
+        x, v = fly(mesh.drag, mesh.pull, x, v, t)
+        return x, v, mesh.pull - 2.0 * mesh.drag * v, 0.0
+    shift = level.equilibrium if contact == NORMAL else level.equilibrium - mesh.gap
+    u, v = evolve(level, x - shift, v, t)
+    return (
+        u + shift,
+        v,
+        -2.0 * level.a * v - level.square * u,
+        level.stiffness * (u + level.equilibrium),
+    )
 
 
 @kernel
-def sample_arcs(m, arcs, count, samples):
-    """Fill `samples`, shape (n, 6), with the states at the phases in their column `SAMPLE_AT`.
+def sample_arcs(mesh, arcs, count, samples):
+    """Fill `samples`, shape (n, 6), with the states at the phases in their column SAMPLE_PHASE.
 
     At an event or a stiffness switch the state just after it is taken.
     """
     i = 0
     for k in range(samples.shape[0]):
-        t = samples[k, SAMPLE_AT]
+        t = samples[k, SAMPLE_PHASE]
         while i + 1 < count and arcs[i + 1, START] <= t:
             i += 1
-        x, v, acceleration, force = in_arc(m, arcs[i], t)
+        x, v, acceleration, force = in_arc(mesh, arcs[i], t)
         samples[k, SAMPLE_X] = x
         samples[k, SAMPLE_V] = v
         samples[k, SAMPLE_A] = acceleration
         samples[k, SAMPLE_CONTACT] = arcs[i, CONTACT]
-        samples[k, SAMPLE_STIFFNESS] = (m.high if arcs[i, LEVEL] == 1.0 else m.low).stiffness
+        samples[k, SAMPLE_STIFFNESS] = (mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low).stiffness
         samples[k, SAMPLE_FORCE] = force

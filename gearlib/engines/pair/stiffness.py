@@ -13,12 +13,12 @@ import math
 
 
 def mean_over_max(contact_ratio, stiffness_ratio):
-    """Return C_s / C_max, Eq. (2)."""
+    """Return the mean mesh stiffness over its maximum, C_s / C_max, Eq. (2)."""
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
 
 def force_note(stiffness_ratio):
-    """Return the sentence that forces of a rectangular stiffness are no dynamic factors."""
+    """Return a sentence that warns of the force jumps of a rectangular mesh stiffness, or ''."""
     if stiffness_ratio == 1.0:
         return ""
     return (
@@ -29,14 +29,15 @@ def force_note(stiffness_ratio):
 
 
 def levels(contact_ratio, stiffness_ratio):
-    """Return (C_max / C_s, C_min / C_s)."""
+    """Return both stiffness levels over the mean, (C_max / C_s, C_min / C_s)."""
     high = 1.0 / mean_over_max(contact_ratio, stiffness_ratio)
     return high, stiffness_ratio * high
 
 
 def segment_lengths(contact_ratio):
-    """Return the phase lengths (half of the C_max segment, whole C_min segment) of one period.
+    """Return the phase lengths of half a C_max segment and a C_min segment.
 
-    One mesh period from tau = 0 is: half a segment of C_max, one of C_min, the other half of C_max.
+    One mesh period from tau = 0 consists of half a C_max segment, the C_min segment, and the other
+    half.
     """
     return math.pi * (contact_ratio - 1.0), 2.0 * math.pi * (2.0 - contact_ratio)

@@ -1,12 +1,12 @@
-"""Whole mesh periods, segment by segment, without exp, sine or cosine.
+"""Fast run through whole mesh periods, segment by segment, without exp, sine or cosine.
 
-The orbit is that of `events`, with shortcuts that are proven:
+The orbit is that of `events`, with shortcuts that are proven to be exact:
 
-* A whole segment in contact is one 2 x 2 map when no flank line can be reached: when the amplitude
-  is below the equilibrium deflection, or when the velocities at both ends and the length of the
-  segment leave room for no minimum in between.
-* From a landing to the end of the segment, or to where contact is lost, by `contact_table`.
-* A flight from x = 0 that cannot reach the far flank returns once: by `flight.return_flight`.
+* A whole segment in contact is a 2 x 2 map if no flank line can be reached: if the amplitude is
+  below the static deflection, or if the velocities at both ends and the length of the segment
+  exclude a minimum in between.
+* `contact_table` gives the motion from a landing to the loss of contact or the end of the segment.
+* `motion.return_flight` gives the landing of a flight from x = 0 that cannot reach the far flank.
 
 All other cases use the closed forms, or `events`.
 """
@@ -38,66 +38,66 @@ from gearlib.engines.pair.contact_table import (
     WITHIN_HALF,
     WITHIN_TURN,
     fill_table,
-    go_by,
-    leaving,
+    first_loss_of_contact,
+    first_minimum_is_above,
     lowest_entry,
+    move_by,
+    provably_stays,
     set_level,
-    stays,
-    stays_above,
-    step,
+    step_by_series,
 )
 from gearlib.engines.pair.events import descent_time, march_on
 from gearlib.engines.pair.motion import evolve, fly, return_flight
 
-#: States at the ends of the last periods, more than `orbit.orbit_period` asks for.
-KEPT = STROBE_PERIODS + 1
-# What is remembered from one call to the next. Of a flight under way: how much of it lies ahead
-# (negative: there is none), its duration, its speeds at the start and at the landing; and the
-# entries of the tables at which the flank was left last in the three segments of a period.
-AHEAD, DURATION, START_SPEED, LANDING_SPEED, ENTRY = range(5)
+#: Number of last periods whose states are stored, one more than `orbit.orbit_period` compares.
+STORED_PERIODS = STROBE_PERIODS + 1
+# Entries of `Work.memory`, which carries a flight from one call to the next: its remaining time
+# (negative: there is no flight), its duration, its speeds at the start and at the landing; then the
+# table entries of the last loss of contact in the three segments of a period.
+REMAINING, DURATION, START_SPEED, LANDING_SPEED, ENTRY = range(5)
 MEMORY = ENTRY + 3
-#: Contact code, within `advance` only, of such a flight.
+#: Contact code of a flight from x = 0 that returns to it, used within `advance` only.
 _FLYING = 2
 
 
 class Work(NamedTuple):
-    """Tables and memory of the whole periods of one mesh; used again for the next mesh."""
+    """Storage of runs through whole periods, used again for the next mesh."""
 
     levels: np.ndarray  #: rows of `contact_table` for C_min and half a segment of C_max
     tables: np.ndarray  #: shape (2, ENTRIES, 2)
     memory: np.ndarray  #: shape (MEMORY,)
-    states: np.ndarray  #: at the end of period n in row n % KEPT, shape (KEPT, 2)
+    states: np.ndarray  #: at the end of period n in row n % STORED_PERIODS, (STORED_PERIODS, 2)
 
 
 @kernel
 def new_work():
-    """Return `Work` for `set_mesh`."""
+    """Return storage for runs, to be prepared by `set_mesh`."""
     return Work(
         np.zeros((2, LEVEL_COLUMNS)),
         np.zeros((2, ENTRIES, 2)),
         np.zeros(MEMORY),
-        np.zeros((KEPT, 2)),
+        np.zeros((STORED_PERIODS, 2)),
     )
 
 
 @kernel
-def set_mesh(work, m):
-    """Prepare `work` for the runs of a mesh."""
-    set_level(m.low, m.whole_low, work.levels[0])
-    set_level(m.high, m.half_high, work.levels[1])
+def set_mesh(work, mesh):
+    """Set the levels of `work` to those of a mesh."""
+    set_level(mesh.low, mesh.whole_low, work.levels[0])
+    set_level(mesh.high, mesh.half_high, work.levels[1])
 
 
 @kernel
 def set_start(work, x, v):
-    """Prepare `work` for a run from (x, v): results must not depend on the run before."""
-    work.memory[AHEAD] = -1.0
+    """Clear the memory of `work` for a run from (x, v), which no earlier run may affect."""
+    work.memory[REMAINING] = -1.0
     work.memory[ENTRY:] = 0.0
     work.states[0, 0], work.states[0, 1] = x, v
 
 
 @inlined
 def _write(arcs, count, start, duration, contact, level, x, v):
-    """Write row `count` of the arc table, if there is one; return the rows so far."""
+    """Write row `count` of the arc table, if it has that row; return the number of arcs so far."""
     if count < arcs.shape[0]:
         arcs[count, 0], arcs[count, 1], arcs[count, 2] = start, duration, contact
         arcs[count, 3], arcs[count, 4], arcs[count, 5] = level, x, v
@@ -105,20 +105,20 @@ def _write(arcs, count, start, duration, contact, level, x, v):
 
 
 @kernel
-def advance(m, work, n, contact, x, v, periods, limit, arcs):
+def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
     """Go through mesh periods n, n + 1 ... from tau = 2 pi n; return (contact, x, v, count).
 
-    `work` is of that mesh and carries a flight from one call to the next. `arcs`, shape (k, 6), is
-    filled with the arcs of the last period, k = 0 for none; `count` is their number, more than
-    `limit` when that did not suffice. The state may be out of range, see `within_range`.
+    `work` has been prepared for the mesh and carries a flight from one call to the next. `arcs`,
+    shape (k, 6), gets the arcs of the last period, k may be 0; `count` is their number, more than
+    `limit` if more than `limit` were needed. The state may be out of range, see `within_range`.
     """
     levels, tables, memory, states = work
-    escape = 2.0 * m.pull * m.gap * MARGIN
+    escape_square = 2.0 * mesh.pull * mesh.gap * MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
-    ahead, duration = memory[AHEAD], memory[DURATION]
+    flight_remaining, duration = memory[REMAINING], memory[DURATION]
     start_speed, landing_speed = memory[START_SPEED], memory[LANDING_SPEED]
-    if ahead >= 0.0:
+    if flight_remaining >= 0.0:
         contact = _FLYING
     for period in range(n, n + periods):
         if not within_range(x, v):
@@ -134,20 +134,23 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                 continue
             t, landed = 0.0, False
             if contact == _FLYING:
-                if arcs.shape[0] > 0 and ahead > 0.0:
-                    x, v = fly(m.drag, m.pull, 0.0, start_speed, duration - ahead)
-                    count = _write(arcs, count, start, min(ahead, length), BACKLASH, i, x, v)
-                if ahead >= length:
-                    ahead -= length
+                if arcs.shape[0] > 0 and flight_remaining > 0.0:
+                    x, v = fly(mesh.drag, mesh.pull, 0.0, start_speed, duration - flight_remaining)
+                    count = _write(
+                        arcs, count, start, min(flight_remaining, length), BACKLASH, i, x, v
+                    )
+                if flight_remaining >= length:
+                    flight_remaining -= length
                     continue
                 contact = NORMAL
-                t, u, v, landed = ahead, -equilibrium, landing_speed, True
+                t, u, v, landed = flight_remaining, -equilibrium, landing_speed, True
             elif contact == NORMAL:
                 u = x - equilibrium
-                end_u, end_v = go_by(levels, i, u, v, levels[i, END_X], levels[i, END_S])
-                half, turn = levels[i, WITHIN_HALF] > 0.0, levels[i, WITHIN_TURN] > 0.0
+                end_u, end_v = move_by(levels, i, u, v, levels[i, END_X], levels[i, END_S])
+                half = levels[i, WITHIN_HALF] > 0.0
+                turn = levels[i, WITHIN_TURN] > 0.0
                 if (
-                    stays(half, turn, v, end_u + equilibrium, end_v)
+                    provably_stays(half, turn, v, end_u + equilibrium, end_v)
                     or levels[i, SQUARE] * u * u + v * (v + levels[i, TWICE_A] * u)
                     < levels[i, BOUND]
                 ):
@@ -156,69 +159,85 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
                     continue
             else:
                 t, contact, x, v, count = march_on(
-                    m, i, start, t, length, contact, x, v, arcs, count, limit, True
+                    mesh, i, start, t, length, contact, x, v, arcs, count, limit, True
                 )
                 if t >= length or count > limit:
                     continue
                 u, landed = -equilibrium, True
 
-            # Contact, flight, landing, contact ... until a segment ends in contact or in flight.
-            lev = m.high if i == 1 else m.low
+            # Contact and flight alternate until the segment ends.
+            level = mesh.high if i == 1 else mesh.low
             if levels[i, LAST] == EMPTY:
-                fill_table(lev, levels[i], tables[i])
+                fill_table(level, levels[i], tables[i])
             while True:
-                left = length - t
-                known = not landed
-                count = _write(arcs, count, start + t, left, NORMAL, i, u + equilibrium, v)
+                remaining = length - t
+                end_is_known = not landed
+                count = _write(arcs, count, start + t, remaining, NORMAL, i, u + equilibrium, v)
                 if landed:
-                    k = int(left * levels[i, PER_TIME] + 0.5)
-                    known = k <= levels[i, LAST]
-                    if known:
-                        end_u, end_v = go_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
-                        end_u, end_v = step(levels, i, end_u, end_v, left - k * levels[i, SPACING])
-                        half, turn = 2.0 * left < levels[i, TURN], left < levels[i, TURN]
-                        if stays(half, turn, v, end_u + equilibrium, end_v):
+                    k = int(remaining * levels[i, PER_TIME] + 0.5)
+                    end_is_known = k <= levels[i, LAST]
+                    if end_is_known:
+                        end_u, end_v = move_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
+                        end_u, end_v = step_by_series(
+                            levels, i, end_u, end_v, remaining - k * levels[i, SPACING]
+                        )
+                        half = 2.0 * remaining < levels[i, TURN]
+                        turn = remaining < levels[i, TURN]
+                        if provably_stays(half, turn, v, end_u + equilibrium, end_v):
                             x, v = end_u + equilibrium, end_v
                             break
                 k = int(memory[ENTRY + segment])
-                leave, speed, k = leaving(levels, tables, i, u, v, k, left)
-                if leave < 0.0 and levels[i, LAST] > 0.0:
+                loss_time, speed, k = first_loss_of_contact(levels, tables, i, u, v, k, remaining)
+                if loss_time < 0.0 and levels[i, LAST] > 0.0:
                     k, below = lowest_entry(levels, tables, i, u, v)
                     if below:
-                        leave, speed, k = leaving(levels, tables, i, u, v, k, left)
-                    elif known and stays_above(levels, tables, i, u, v, k):
+                        loss_time, speed, k = first_loss_of_contact(
+                            levels, tables, i, u, v, k, remaining
+                        )
+                    elif end_is_known and first_minimum_is_above(levels, tables, i, u, v, k):
                         x, v = end_u + equilibrium, end_v
                         break
-                if leave < 0.0:
-                    leave = descent_time(lev, u, v, -equilibrium, left)
-                    if leave <= left:
-                        _, speed = evolve(lev, u, v, leave)
-                    if not (leave <= left and speed < 0.0):
-                        x, v = evolve(lev, u, v, left)
+                if loss_time < 0.0:
+                    loss_time = descent_time(level, u, v, -equilibrium, remaining)
+                    if loss_time <= remaining:
+                        _, speed = evolve(level, u, v, loss_time)
+                    if not (loss_time <= remaining and speed < 0.0):
+                        x, v = evolve(level, u, v, remaining)
                         x += equilibrium
                         break
-                    k = int(leave * levels[i, PER_TIME] + 0.5)
+                    k = int(loss_time * levels[i, PER_TIME] + 0.5)
                 memory[ENTRY + segment] = k
                 if count <= arcs.shape[0]:
-                    arcs[count - 1, 1] = leave
-                if speed * speed >= escape:
-                    # The far flank may be met: event by event to the next landing.
-                    flying = BACKLASH if m.gap > 0.0 else INVERSE
+                    arcs[count - 1, 1] = loss_time
+                if speed * speed >= escape_square:
+                    # The far flank may be reached: march event by event to the next landing.
+                    flying = BACKLASH if mesh.gap > 0.0 else INVERSE
                     t, contact, x, v, count = march_on(
-                        m, i, start, t + leave, length, flying, 0.0, speed, arcs, count, limit, True
+                        mesh,
+                        i,
+                        start,
+                        t + loss_time,
+                        length,
+                        flying,
+                        0.0,
+                        speed,
+                        arcs,
+                        count,
+                        limit,
+                        True,
                     )
                     if t >= length or count > limit:
                         break
                     u, landed = -equilibrium, True
                     continue
-                duration, landing_speed = return_flight(m.drag, m.pull, speed)
-                t += leave
+                duration, landing_speed = return_flight(mesh.drag, mesh.pull, speed)
+                t += loss_time
                 count = _write(
                     arcs, count, start + t, min(duration, length - t), BACKLASH, i, 0.0, speed
                 )
                 t += duration
                 if t >= length:
-                    contact, ahead, start_speed = _FLYING, t - length, speed
+                    contact, flight_remaining, start_speed = _FLYING, t - length, speed
                     break
                 if count > limit:
                     break
@@ -226,15 +245,15 @@ def advance(m, work, n, contact, x, v, periods, limit, arcs):
             if count > limit:
                 break
         if contact == _FLYING:
-            if ahead > 0.0:
-                x, v = fly(m.drag, m.pull, 0.0, start_speed, duration - ahead)
+            if flight_remaining > 0.0:
+                x, v = fly(mesh.drag, mesh.pull, 0.0, start_speed, duration - flight_remaining)
             else:
                 contact, x, v = NORMAL, 0.0, landing_speed
         if count > limit:
             break
-        row = (period + 1) % KEPT
+        row = (period + 1) % STORED_PERIODS
         states[row, 0], states[row, 1] = x, v
-    memory[AHEAD] = ahead if contact == _FLYING else -1.0
+    memory[REMAINING] = flight_remaining if contact == _FLYING else -1.0
     memory[DURATION] = duration
     memory[START_SPEED], memory[LANDING_SPEED] = start_speed, landing_speed
     return (BACKLASH if contact == _FLYING else contact), x, v, count

@@ -1,4 +1,4 @@
-"""Taylor steps that end at events: one degree of freedom, any damping, stiffness and excitation."""
+"""Taylor steps that end at events, for one degree of freedom and nonlinear laws."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from gearlib.engines.protocol import Base
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import run_nonlinear
 
-#: Truncation error of a step, static deflections: that of rounding.
+#: Truncation error of a step in static deflections, as large as rounding.
 TOLERANCE = 1e-16
 TO_BERNSTEIN = bernstein_matrix(ORDER)
 
@@ -16,7 +16,7 @@ TO_BERNSTEIN = bernstein_matrix(ORDER)
 class Propagator(Base):
     """A model with one degree of freedom at one tuning."""
 
-    words = "Taylor steps"
+    description = "Taylor steps"
 
     def __init__(self, model, tuning, tolerance=TOLERANCE):
         super().__init__(model, tuning)
@@ -24,26 +24,26 @@ class Propagator(Base):
         self.law = model.law(tuning, tolerance)
 
     def at(self, tuning):
-        """Return the engine at another tuning; see `Base.at`."""
+        """Return the propagator of the same model at another tuning."""
         return type(self)(self.model, tuning, self.tolerance)
 
-    def go(self, z, span, samples, events, summary, first):
-        """Run from z; see `Base.go`."""
-        return self._go(z, span, samples, events, summary, np.empty((0, 2, 2)), first)
+    def fill_record(self, z, span, samples, events, summary, first):
+        """Run from z and fill the tables; see `Base.fill_record`."""
+        return self._integrate_from(z, span, samples, events, summary, np.empty((0, 2, 2)), first)
 
     def fill_maps(self, z, periods, max_events, maps, first):
-        """Fill the maps; see `Base.fill_maps`."""
+        """Fill the maps of mesh periods and move z to the end; return the status."""
         tables = self.model.empty_record(events=0)
-        return self._go(z, Span(periods, 0, max_events), *tables, maps, first).status
+        return self._integrate_from(z, Span(periods, 0, max_events), *tables, maps, first).status
 
-    def _go(self, z, span, samples, events, summary, maps, first) -> Record:
-        """Run from z, and fill the maps if there are any."""
+    def _integrate_from(self, z, span, samples, events, summary, maps, first) -> Record:
+        """Run from z, changed in place, fill tables and maps; return the `Record`."""
         tables = samples, events, span.max_events, summary, maps, first
-        done = self.integrate(*z, span.periods, span.recorded, *tables)
-        *z[:], period, events, count, code, steps = done
-        # A coefficient of the series costs as much as an evaluation of the right-hand side.
+        result = self.integrate(*z, span.periods, span.recorded, *tables)
+        *z[:], period, events, count, code, steps = result
+        # A coefficient of the series costs about one evaluation of the right-hand side.
         return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)
 
     def integrate(self, *arguments):
-        """Call the kernel; `run_nonlinear` needs no first period, which repeats after each."""
+        """Call `run_nonlinear`, whose excitation repeats after each period, without `first`."""
         return run_nonlinear(self.law, TO_BERNSTEIN, *arguments[:-1])

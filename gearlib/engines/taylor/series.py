@@ -5,9 +5,9 @@ In static deflections and mesh phase, while one contact code and one sign of x' 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) (g + p2 |g| g + p3 g^3),
 
 every term is a polynomial in x, x' and the series of c and F, so that the coefficients of the
-solution follow from each other by Cauchy products. F, e and c come with the factor 1 / nu^2.
-The newest coefficient enters a product linearly: it is added last, by its own factor, so that the
-next one need not wait for the sums.
+solution follow from each other by Cauchy products. F, e and c contain the factor 1 / nu^2. The
+newest coefficient enters a product linearly. It is added last, by a factor of its own, so that the
+processor can compute the other sums in parallel.
 """
 
 from typing import NamedTuple
@@ -19,22 +19,21 @@ from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.pair.elementary import cos_sin
 
-#: Terms of the series beyond the constant. The cost of a step grows with its square, the length
-#: of a step with its logarithm at most; between 16 and 24 the cost per phase is flat.
+#: Degree of the series. The cost of a step grows with its square, the length of a step at most with
+#: its logarithm; between 16 and 24 the cost per phase hardly changes.
 ORDER = 20
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)  # of k + 1
 
-# What a step reads and writes stands in plain arrays: every look into a tuple of arrays counts
-# references, which costs more than the sums.
+# Steps take plain arrays, since the reference counts of named tuples cost more than the sums.
 #: Rows of the array of series: x, x', elastic deflection, stiffness, deflection with its powers,
 #: mesh force, squares of deflection and x', excitation, a polynomial of the share of a step.
-X, V, U, C, G, PUSH, U_SQUARE, V_SQUARE, FORCE, SCALED = range(10)
+X, V, U, C, G, MESH_FORCE, U_SQUARE, V_SQUARE, FORCE, SCALED = range(10)
 ROWS = 10
 #: Columns of the constants of a contact code on a piece of c(tau): damping, powers of the
-#: stiffness (with the sign of the flank), flank line, stiffness at the start of the piece and its
-#: slope; the rest is the same for all of them.
+#: stiffness (with the sign of the flank), flank line, stiffness at the start of the piece, its
+#: slope and the phase of the start. The other columns are equal in all rows.
 (D1, D2, D3, P2, P3, LINE, LEVEL, SLOPE, START) = range(9)
-(GROUND, LOAD, UPPER, LOWER, TUNING, REACH) = range(9, 15)
+(GROUND, LOAD, UPPER, LOWER, TUNING, STEP_SCALE) = range(9, 15)
 COLUMNS = 15
 #: Row of the excitation in the array of harmonics, behind stiffnesses by contact code + 1.
 EXCITATION = 3
@@ -50,14 +49,14 @@ class Law(NamedTuple):
     powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
     breaks: np.ndarray  #: phases that bound the pieces of c(tau), shape (m + 1,), 0 to 2 pi
     pieces: np.ndarray  #: c at the start of a piece and its slope, shape (m, 2)
-    low: np.ndarray  #: whether c lies below its mean on a piece, shape (m,)
+    low: np.ndarray  #: bool, whether c lies below its mean on a piece, shape (m,)
     stiffness: np.ndarray  #: harmonics added to c: order, cosine, sine, shape (j, 3)
     force: np.ndarray  #: harmonics of F (order 0 the mean): order, cosine, sine, shape (k, 3)
     tolerance: float  #: truncation error of a step, in static deflections
-    # Of gear pairs the normal flank lies at 0, both flanks are alike and nothing else pulls.
+    # In gear pairs the normal flank lies at 0, both flanks have the same laws, and ground = 0.
     upper: float  #: displacement of the normal flank
     lower: float  #: displacement of the far flank
-    ground: float  #: e, stiffness towards x = 0 that never parts
+    ground: float  #: e, stiffness towards x = 0 in all contacts
     far_damping: np.ndarray  #: d1, d2, d3 in inverse contact, shape (3,)
     far_pieces: np.ndarray  #: as `pieces`, of the far flank
     far_stiffness: np.ndarray  #: as `stiffness`, of the far flank
@@ -65,7 +64,7 @@ class Law(NamedTuple):
 
 @inlined
 def damping_of(law, contact):
-    """Return d1, d2, d3 of a contact code, shape (3,)."""
+    """Return the damping coefficients d1, d2, d3 of a contact code, shape (3,)."""
     if contact == BACKLASH:
         return law.oil
     return law.material if contact == NORMAL else law.far_damping
@@ -73,35 +72,38 @@ def damping_of(law, contact):
 
 @inlined
 def _fill_harmonics(table, rows):
-    """Fill `rows` with order, cosine, sine and derivatives; return the sum of order 0."""
-    mean, j = 0.0, 0
+    """Fill `rows` with harmonics and their derivatives; return the mean, the term of order 0.
+
+    `table`, shape (j, 3), has order, cosine and sine; a row gets these and n^k / k! with signs.
+    """
+    mean, row = 0.0, 0
     for i in range(table.shape[0]):
         n = table[i, 0]
         if n == 0.0:
             mean += table[i, 1]
             continue
-        copy(table[i], rows[j, :3])
+        copy(table[i], rows[row, :3])
         # n^k / k! with the signs of the derivatives of cosine and sine.
-        rows[j, 3], rows[j, 4] = 1.0, n
+        rows[row, 3], rows[row, 4] = 1.0, n
         for k in range(2, ORDER + 1):
-            rows[j, 3 + k] = -n * n * rows[j, 1 + k] / (k * (k - 1.0))
-        j += 1
+            rows[row, 3 + k] = -n * n * rows[row, 1 + k] / (k * (k - 1.0))
+        row += 1
     return mean
 
 
 @kernel
 def tables(law):
-    """Return what steps need of a `Law`: (constants, harmonics).
+    """Return (constants, harmonics) of a `Law` for the Taylor steps.
 
-    Shapes (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4): a row of zeros
-    ends the harmonics.
+    The shapes are (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4), whose rows
+    end with zeros.
     """
     most = max(law.stiffness.shape[0], law.far_stiffness.shape[0], law.force.shape[0])
     constants = np.empty((3, law.pieces.shape[0], COLUMNS))
     harmonics = np.zeros((4, most + 1, ORDER + 4))
     load = _fill_harmonics(law.force, harmonics[EXCITATION])
     for contact in (INVERSE, BACKLASH, NORMAL):
-        # In the backlash the stiffness is but recorded.
+        # In the backlash the stiffness is recorded, but exerts no force.
         far = contact == INVERSE
         waves = law.far_stiffness if far else law.stiffness
         mean = _fill_harmonics(waves, harmonics[contact + 1])
@@ -116,31 +118,31 @@ def tables(law):
             row[LEVEL], row[SLOPE] = pieces[piece, 0] + mean, pieces[piece, 1]
             row[START], row[GROUND], row[LOAD] = law.breaks[piece], law.ground, load
             row[UPPER], row[LOWER], row[TUNING] = law.upper, law.lower, law.tuning
-            row[REACH] = law.tolerance ** (1.0 / ORDER)
+            row[STEP_SCALE] = law.tolerance ** (1.0 / ORDER)
     return constants, harmonics
 
 
 @inlined
-def _add_harmonics(harmonics, which, phase, series, row):
-    """Add the Taylor coefficients at `phase` of harmonics to a row of `series`."""
+def _add_harmonics(harmonics, group, phase, series, row):
+    """Add the Taylor coefficients at `phase` of a group of harmonics to a row of `series`."""
     for j in range(harmonics.shape[1]):
-        n = harmonics[which, j, 0]
+        n = harmonics[group, j, 0]
         if n == 0.0:
             break
         cosine, sine = cos_sin(n * phase)
-        even = harmonics[which, j, 1] * cosine + harmonics[which, j, 2] * sine
-        odd = harmonics[which, j, 2] * cosine - harmonics[which, j, 1] * sine
+        even = harmonics[group, j, 1] * cosine + harmonics[group, j, 2] * sine
+        odd = harmonics[group, j, 2] * cosine - harmonics[group, j, 1] * sine
         for k in range(0, ORDER, 2):
-            series[row, k] += harmonics[which, j, 3 + k] * even
-            series[row, k + 1] += harmonics[which, j, 4 + k] * odd
-        series[row, ORDER] += harmonics[which, j, 3 + ORDER] * even
+            series[row, k] += harmonics[group, j, 3 + k] * even
+            series[row, k + 1] += harmonics[group, j, 4 + k] * odd
+        series[row, ORDER] += harmonics[group, j, 3 + ORDER] * even
 
 
 @inlined
-def _powers(series, a, square, k):
-    """Return the k-th coefficients of square and cube of a series a, less 2 a_0 and 3 a_0^2 a_k.
+def _square_and_cube_terms(series, a, square, k):
+    """Return the k-th coefficients of a^2 and a^3 without the terms 2 a_0 a_k and 3 a_0^2 a_k.
 
-    Rows a and `square`, the latter filled below k.
+    `a` and `square` are rows of `series`; the latter, a^2, is filled below k.
     """
     first = series[a, 0]
     if k == 0:
@@ -151,7 +153,7 @@ def _powers(series, a, square, k):
         near = series[square, k // 2] * series[a, k // 2]
     half = (k + 1) // 2
     for j in range(1, half):
-        # In pairs, the newer coefficients last.
+        # Pairs of terms are summed such that the newest coefficients come last.
         i = half - j
         total += series[a, i] * series[a, k - i]
         near += series[square, i] * series[a, k - i]
@@ -162,35 +164,37 @@ def _powers(series, a, square, k):
 
 @inlined
 def _product(series, a, b, k):
-    """Return the k-th coefficient of the product of rows a and b."""
+    """Return the k-th coefficient of the Cauchy product of rows a and b of `series`.
+
+    The terms are summed such that the newest coefficients come last.
+    """
     if k == 0:
         return series[a, 0] * series[b, 0]
-    near, far = 0.0, 0.0
+    first_sum, second_sum = 0.0, 0.0
     if k % 2 == 0:
-        near = series[a, k // 2] * series[b, k // 2]
+        first_sum = series[a, k // 2] * series[b, k // 2]
     half = (k + 1) // 2
     for j in range(1, half):
         i = half - j
-        near += series[a, i] * series[b, k - i]
-        far += series[a, k - i] * series[b, i]
-    return (near + series[a, k] * series[b, 0]) + far + series[a, 0] * series[b, k]
+        first_sum += series[a, i] * series[b, k - i]
+        second_sum += series[a, k - i] * series[b, i]
+    return (first_sum + series[a, k] * series[b, 0]) + second_sum + series[a, 0] * series[b, k]
 
 
 @kernel
 def expand(constants, harmonics, piece, phase, contact, sign, x, v, series, terms):
-    """Fill the series of a motion through (x, x') at `phase`, inside piece `piece` of c(tau).
+    """Fill the Taylor series of a motion through (x, x') at `phase`, in piece `piece` of c(tau).
 
-    `constants` and `harmonics` are those of `tables`, `sign` is that of x' throughout the step;
-    `series`, shape (ROWS, ORDER + 1), is filled with `terms` coefficients of x' beyond the first,
-    ORDER or fewer.
+    `constants` and `harmonics` are those of `tables`, `sign` is the sign of x' throughout the step.
+    `series`, shape (ROWS, ORDER + 1), gets `terms` <= ORDER coefficients of x' beyond the first.
     """
     i = contact + 1
     d1, d2, d3 = constants[i, piece, D1], sign * constants[i, piece, D2], constants[i, piece, D3]
     p2, p3, ground = constants[i, piece, P2], constants[i, piece, P3], constants[i, piece, GROUND]
     slope = constants[i, piece, SLOPE]
     level = constants[i, piece, LEVEL] + slope * (phase - constants[i, piece, START])
-    touching, waving = contact != BACKLASH, harmonics[i, 0, 0] != 0.0
-    dragged, curved = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
+    touching, has_harmonics = contact != BACKLASH, harmonics[i, 0, 0] != 0.0
+    nonlinear_damping, nonlinear_stiffness = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
     for k in range(ORDER + 1):
         series[FORCE, k] = 0.0
         series[C, k] = 0.0
@@ -200,54 +204,54 @@ def expand(constants, harmonics, piece, phase, contact, sign, x, v, series, term
     _add_harmonics(harmonics, i, phase, series, C)
     u = x - constants[i, piece, LINE]
     series[X, 0], series[V, 0], series[U, 0] = x, v, u
-    # What the newest coefficients of x' and of the deflection count.
-    rate = d1 + (2.0 * d2 + 3.0 * d3 * v) * v
-    twice, bend = 2.0 * u, 1.0 + (2.0 * p2 + 3.0 * p3 * u) * u
-    push, old = 0.0, 0.0
+    # Factors of the newest coefficients of x' and of the deflection.
+    damping_factor = d1 + (2.0 * d2 + 3.0 * d3 * v) * v
+    square_factor, stiffness_factor = 2.0 * u, 1.0 + (2.0 * p2 + 3.0 * p3 * u) * u
+    force, previous = 0.0, 0.0
     for k in range(terms):
         if touching:
             g = series[U, k]
-            if curved:
-                square, cube = _powers(series, U, U_SQUARE, k)
-                series[U_SQUARE, k] = square + twice * g
-                g = bend * g + (p2 * square + p3 * cube)
+            if nonlinear_stiffness:
+                square, cube = _square_and_cube_terms(series, U, U_SQUARE, k)
+                series[U_SQUARE, k] = square + square_factor * g
+                g = stiffness_factor * g + (p2 * square + p3 * cube)
             series[G, k] = g
-            push = _product(series, C, G, k) if waving else level * g + slope * old
-            old = g
-        series[PUSH, k] = push
-        rest = series[FORCE, k] - push - ground * series[X, k]
+            force = _product(series, C, G, k) if has_harmonics else level * g + slope * previous
+            previous = g
+        series[MESH_FORCE, k] = force
+        acceleration = series[FORCE, k] - force - ground * series[X, k]
         newest = series[V, k]
-        if dragged:
-            square, cube = _powers(series, V, V_SQUARE, k)
+        if nonlinear_damping:
+            square, cube = _square_and_cube_terms(series, V, V_SQUARE, k)
             series[V_SQUARE, k] = square + 2.0 * v * newest
-            rest -= d2 * square + d3 * cube
+            acceleration -= d2 * square + d3 * cube
         series[X, k + 1] = series[U, k + 1] = newest * _INVERSE[k]
-        series[V, k + 1] = (rest - rate * newest) * _INVERSE[k]
-    # The motion does not need the last term of the mesh force, and its record is as good without.
-    series[PUSH, ORDER] = 0.0
+        series[V, k + 1] = (acceleration - damping_factor * newest) * _INVERSE[k]
+    # The last term of the mesh force is below rounding.
+    series[MESH_FORCE, ORDER] = 0.0
 
 
 @inlined
-def step_length(constants, series, most):
-    """Return the longest step whose last term stays below the tolerance, `most` if that is less.
+def step_length(constants, series, longest):
+    """Return the longest step, at most `longest`, whose last terms stay below the tolerance.
 
-    The last two terms tell how fast they fall (one may vanish by symmetry); velocities count as
-    the displacement they make in 1 / nu of phase.
+    The last two terms show how fast the terms decrease (one may vanish by symmetry). Velocities
+    count as the displacement that they cause in 1 / nu of phase.
     """
-    tuning, reach = constants[0, 0, TUNING], constants[0, 0, REACH]
-    size, ratio = max(1.0, abs(series[X, 0])), most / reach
+    tuning, scale = constants[0, 0, TUNING], constants[0, 0, STEP_SCALE]
+    size, ratio = max(1.0, abs(series[X, 0])), longest / scale
     last = max(abs(series[X, ORDER]), tuning * abs(series[V, ORDER])) / size
     if last * ratio**ORDER > 1.0:
         ratio = last ** (-1.0 / ORDER)
     last = max(abs(series[X, ORDER - 1]), tuning * abs(series[V, ORDER - 1])) / size
     if last * ratio ** (ORDER - 1) > 1.0:
         ratio = last ** (-1.0 / (ORDER - 1))
-    return min(ratio * reach, most)
+    return min(ratio * scale, longest)
 
 
 @inlined
 def state_at(series, t):
-    """Return x and x' a phase t after the start; even and odd powers apart, for shorter chains."""
+    """Return x and x' at the phase t after the start of a series, summed by even and odd powers."""
     square = t * t
     x, odd_x = series[X, ORDER], series[X, ORDER - 1]
     v, odd_v = series[V, ORDER], series[V, ORDER - 1]

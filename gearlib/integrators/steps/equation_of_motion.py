@@ -194,7 +194,7 @@ def on_branches(m, law, phases, pieces, codes, states):
 def train_rate(system, t, z):
     """Return dz/dtau of a `TrainSystem` at a phase, z of shape (2 N,); contact is that of z."""
     size = z.shape[0]
-    full, out = np.empty(system.free.shape[0]), np.empty(size)
+    full, out = np.empty(system.base_matrix.shape[0]), np.empty(size)
     for i in range(size):
         full[i] = z[i]
     set_harmonics(system.harmonics, full, t)
@@ -202,18 +202,18 @@ def train_rate(system, t, z):
     while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= place:
         segment += 1
     for r in range(size):
-        out[r] = dot(system.free[r], full)
-    for j in range(system.near.shape[0]):
+        out[r] = dot(system.base_matrix[r], full)
+    for j in range(system.drive_lines.shape[0]):
         code = BACKLASH
-        if dot(system.near[j], full) >= 0.0:
+        if dot(system.drive_lines[j], full) >= 0.0:
             code = NORMAL
-        elif dot(system.far[j], full) <= 0.0:
+        elif dot(system.coast_lines[j], full) <= 0.0:
             code = INVERSE
         effect = system.effect[code + 1, segment, j]
         for k in range(2):
-            force = dot(system.grip[j, effect, k], full)
+            force = dot(system.force_output[j, effect, k], full)
             for r in range(size):
-                out[r] += system.push[j, effect, k, r] * force
+                out[r] += system.force_input[j, effect, k, r] * force
     for r in range(size):
         out[r] /= system.tuning
     return out
@@ -224,11 +224,15 @@ def jammed(system, closing, t, z):
     """Return whether both flanks touch at once in one of the meshes in which they might."""
     if not closing.any():
         return False
-    full = np.empty(system.free.shape[0])
+    full = np.empty(system.base_matrix.shape[0])
     full[: z.shape[0]] = z
     set_harmonics(system.harmonics, full, t)
     for j in range(closing.shape[0]):
-        if closing[j] and dot(system.near[j], full) >= 0.0 and behind(system.far[j], full):
+        if (
+            closing[j]
+            and dot(system.drive_lines[j], full) >= 0.0
+            and behind(system.coast_lines[j], full)
+        ):
             return True
     return False
 

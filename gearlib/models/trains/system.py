@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.exponential import REACH
+from gearlib.engines.exponential import MAX_NORM
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models import one_mesh_system
 
@@ -106,7 +106,7 @@ def train_system(train, tuning, segments):
         low,
         segments.starts,
         segments.first_segment,
-        float(REACH / highest_rate),
+        float(MAX_NORM / highest_rate),
         frequencies,
         tuning,
         min(train.repeats, _MAX_REPEATS),

@@ -102,7 +102,7 @@ def _six_degrees(model, tuning):
     exact = _bounds(Decimal(model.pair.contact_ratio))
     exact += [(turn + k * _pi()) % (2 * _pi()) for k in range(2)]
     bounds = [min(exact, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
-    lines = decimals([system.near[0], system.far[0]])
+    lines = decimals([system.drive_lines[0], system.coast_lines[0]])
     z = decimals(model.initial(system, (0.0, 0.0)))
     # At rest on the line in all digits; the first rotation is in the distance with 1.
     z[0] -= lines[0] @ z

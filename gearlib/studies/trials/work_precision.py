@@ -27,7 +27,7 @@ from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many, stacked
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import Span
-from gearlib.engines.pair.motion import evolve, level
+from gearlib.engines.pair.motion import evolve, level_at_tuning
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.trials import problems, references
@@ -261,7 +261,7 @@ def _evolve_again(lev, u, v, t, n):
 
 def closed_form_time(repeats, count=100_000):
     """Return the shortest time of one evaluation of the closed form of contact, seconds."""
-    lev = level(1.0, 0.06, 0.9)
+    lev = level_at_tuning(1.0, 0.06, 0.9)
     _evolve_again(lev, 1.0, 0.0, 1.0, 1)
     return (
         min(timeit(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count), number=1, repeat=repeats))
