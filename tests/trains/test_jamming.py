@@ -162,8 +162,8 @@ def test_backlashes_that_provably_stay_open_are_not_looked_at():
     assert not may_close(near, near, 1)
     # A coordinate between them: whether they do, the run has to tell.
     assert may_close(near, far * [0.5, 1.0, 0.0, 0.0], 1)
-    assert not two_gears(0.499e-6, -0.499e-6).propagator(0.5).grid.closing.any()
-    assert two_gears(0.501e-6, -0.501e-6).propagator(0.5).grid.closing.all()
+    assert not two_gears(0.499e-6, -0.499e-6).propagator(0.5).grid.may_jam.any()
+    assert two_gears(0.501e-6, -0.501e-6).propagator(0.5).grid.may_jam.all()
 
 
 def six(moving, backlash=1.2e-6, drive=0.8e-6, coast=-0.8e-6):
