@@ -68,9 +68,10 @@ def proven_period(propagator, z, period, max_events, first=0):
 
 
 def _distance_bound(matrix, step):
-    """Return the bound D of the module's docstring, infinite if the map hardly contracts.
+    """Return D = sum |c_k| / (1 - |lambda_k|), infinite if the map hardly contracts.
 
-    `matrix` is M, `step` is d.
+    `matrix`, M, has the Floquet multipliers lambda_k; c_k are the components of `step` along its
+    eigenvectors.
     """
     norm = np.linalg.norm(matrix)
     if norm < 0.5:

@@ -398,13 +398,13 @@ def _chirped(system, twice, size):
     these components.
     """
     h = system.harmonics.size
-    wide = size + 2 + 4 * h
-    places = [size + 1 + 4 * j for j in range(h)]
+    size_after = size + 2 + 4 * h
+    first_columns = [size + 1 + 4 * j for j in range(h)]
 
     def moved(array, other):
-        result = np.zeros((*array.shape[:-1], wide))
+        result = np.zeros((*array.shape[:-1], size_after))
         result[..., :size], result[..., -1] = array[..., :size], array[..., size]
-        for j, (i, w) in enumerate(zip(places, system.harmonics, strict=True)):
+        for j, (i, w) in enumerate(zip(first_columns, system.harmonics, strict=True)):
             cosine, sine = (size + 1 + 2 * j + k for k in range(2))
             rate = other - array
             result[..., i] = array[..., cosine] - rate[..., cosine]
@@ -414,8 +414,8 @@ def _chirped(system, twice, size):
 
     names = "drive_lines", "coast_lines", "force_input", "force_output"
     lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
-    matrix = np.zeros((wide, wide))
+    matrix = np.zeros((size_after, size_after))
     matrix[:size] = moved(system.base_matrix[:size], twice.base_matrix[:size])
-    for i in places:
+    for i in first_columns:
         matrix[i, i + 2] = matrix[i + 1, i + 3] = 1.0
     return system._replace(base_matrix=matrix, harmonics=np.empty(0), **lines)

@@ -191,8 +191,9 @@ def _falls_from_rest(b, zeros, noise):
 def find_first_events(tables, combination, grid, work, end):
     """Find the first crossing of a flank line by each mesh on a piece up to the share `end`.
 
-    Fills event_share, contact_after and share_rounding of `Work`. Returns the smallest share, 2 if
-    there is no crossing, -1 if rounding hides whether there is one.
+    `combination` is a row of the tables or SERIES. Fills event_share, contact_after and
+    share_rounding of `Work`. Returns the smallest share, 2 if there is no crossing, -1 if rounding
+    hides whether there is one.
     """
     first_share, curve, b = 2.0, work.curve, work.search[0]
     for j in range(work.contact.shape[0]):

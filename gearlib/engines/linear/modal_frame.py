@@ -83,24 +83,29 @@ class Frame:
     """Coordinates in which bases are computed: linear modes of a train, then free rotations.
 
     The modes are those with all meshes at their mean stiffness, scaled by their frequencies. They
-    separate springs of very different stiffness, so that slow modes stay accurate beside shafts
-    a million times as stiff as a mesh.
+    separate springs of very different stiffness, so that slow modes stay accurate beside shafts a
+    million times as stiff as a mesh. `from_frame` and `to_frame`, shape (2 N, 2 N), transform
+    states; `base_matrix` is the matrix of the motion while all meshes are in their backlash.
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):
-        """Take r frequencies by theta, modes, (n, r), rigid motions, (n, k), and the mass."""
+        """Set the coordinates of r modes, (n, r), with frequencies by theta, and k rigid motions.
+
+        The rigid motions have the shape (n, k). The mass matrix, (n, n), gives the transformation
+        from coordinates of the train to those of the frame.
+        """
         (n, r), k, omega = shapes.shape, rigid.shape[1], frequencies
         self.elastic = e = 2 * r
         self._known: dict[bytes, Basis] = {}
         #: Tables between two runs, see `propagator.Propagator`.
         self.spare: list[tuple] = []
-        self.out, self.into, self.free = np.zeros((3, 2 * n, 2 * n))
-        self.out[:n, :r], self.out[n:, r:e] = shapes / omega, shapes
-        self.out[:n, e : e + k], self.out[n:, e + k :] = rigid, rigid
+        self.from_frame, self.to_frame, self.base_matrix = np.zeros((3, 2 * n, 2 * n))
+        self.from_frame[:n, :r], self.from_frame[n:, r:e] = shapes / omega, shapes
+        self.from_frame[:n, e : e + k], self.from_frame[n:, e + k :] = rigid, rigid
         momenta, rigid_momenta = shapes.T @ mass, rigid.T @ mass
-        self.into[:r, :n], self.into[r:e, n:] = omega[:, None] * momenta, momenta
-        self.into[e : e + k, :n], self.into[e + k :, n:] = rigid_momenta, rigid_momenta
-        self.free[:r, r:e], self.free[e : e + k, e + k :] = np.diag(omega), np.eye(k)
+        self.to_frame[:r, :n], self.to_frame[r:e, n:] = omega[:, None] * momenta, momenta
+        self.to_frame[e : e + k, :n], self.to_frame[e + k :, n:] = rigid_momenta, rigid_momenta
+        self.base_matrix[:r, r:e], self.base_matrix[e : e + k, e + k :] = np.diag(omega), np.eye(k)
 
     def __getstate__(self):
         # Tables and bases are large, and another process computes its own.
@@ -110,13 +115,13 @@ class Frame:
     def of_mesh(cls, model, system):
         """Return the frame of a model with one mesh."""
         frame = cls(*model.linear(system))
-        size, e = len(frame.out), frame.elastic
+        size, e = len(frame.from_frame), frame.elastic
         r = e // 2
         rows = np.r_[r:e, e + size // 2 - r : size]
         known = [*range(e), *rows[r:]]
-        whole = frame.into @ system.base_matrix[:size, :size] @ frame.out
+        whole = frame.to_frame @ system.base_matrix[:size, :size] @ frame.from_frame
         # The angles of free rotations cause no forces.
-        frame.free[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
+        frame.base_matrix[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
         return frame
 
     @classmethod
@@ -132,24 +137,24 @@ class Frame:
         # The linear modes contain the mean mesh stiffness, which is taken off here.
         beta = train.structure.lines @ shapes
         mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / unit
-        frame.free[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
+        frame.base_matrix[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
         both = np.hstack([shapes, rigid])
         rows = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
         places = np.concatenate([np.arange(r), e + np.arange(k)])
         scales = np.concatenate([1.0 / w, np.ones(k)])
-        frame.free[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
+        frame.base_matrix[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
         speeds = parts.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
-        frame.free[np.ix_(rows, rows)] += both.T @ speeds @ both
+        frame.base_matrix[np.ix_(rows, rows)] += both.T @ speeds @ both
         return frame
 
     def matrix(self, system, effects):
         """Return the matrix of the meshes' effects in the coordinates of the frame, (2 N, 2 N)."""
-        matrix, size = self.free.copy(), len(self.free)
+        matrix, size = self.base_matrix.copy(), len(self.base_matrix)
         for j, effect in enumerate(effects):
             if effect:
-                force_output = system.force_output[j, effect, :, :size] @ self.out
+                force_output = system.force_output[j, effect, :, :size] @ self.from_frame
                 force_output[:, self.elastic : self.elastic + (size - self.elastic) // 2] = 0.0
-                matrix += (self.into @ system.force_input[j, effect, :, :size].T) @ force_output
+                matrix += (self.to_frame @ system.force_input[j, effect, :, :size].T) @ force_output
         return matrix
 
     def basis_of(self, system, effects):
@@ -167,18 +172,18 @@ class Frame:
 
     def _new_basis(self, system, effects, whole):
         """Return the `Basis` of a combination of effects with the matrix `whole`, (n, n)."""
-        n, moving, mode_count = len(whole), len(self.out), self.elastic // 2
+        n, moving, mode_count = len(whole), len(self.from_frame), self.elastic // 2
         matrix, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
         matrix[:moving, :moving] = self.matrix(system, effects)
-        matrix[:moving, moving:] = self.into @ whole[:moving, moving:]
+        matrix[:moving, moving:] = self.to_frame @ whole[:moving, moving:]
         matrix[moving:, moving:] = whole[moving:, moving:]
         # The constant and the harmonics are scaled by the deflections that they cause.
-        frequencies = self.free[range(mode_count), range(mode_count, 2 * mode_count)]
+        frequencies = self.base_matrix[range(mode_count), range(mode_count, 2 * mode_count)]
         forces = matrix[mode_count : 2 * mode_count, moving:] / frequencies[:, None]
-        deflection = np.abs(self.out[: moving // 2, :mode_count] @ forces).max(initial=0.0)
+        deflection = np.abs(self.from_frame[: moving // 2, :mode_count] @ forces).max(initial=0.0)
         scale = np.ones(n)
         scale[moving:] /= np.abs(forces).max(initial=1.0)
-        out[:moving, :moving], into[:moving, :moving] = self.out, self.into
+        out[:moving, :moving], into[:moving, :moving] = self.from_frame, self.to_frame
         out, into, matrix = out * scale, into / scale[:, None], matrix * scale / scale[:, None]
         rates, pairs, p, inverse = _separate_modes(matrix)
         fast, constant = pairs + rates.size, n - 1 - 2 * system.harmonics.size

@@ -19,6 +19,7 @@ class Propagator(Train):
     create_frame = Frame.of_mesh
 
     def __init__(self, model, tuning, other=None):
+        """Build the system at a tuning; take over the tables of another propagator, if given."""
         super().__init__(model, tuning, other)
         self.pieces = 0
         # Kernels count displacements from the drive-side flank line.

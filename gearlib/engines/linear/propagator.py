@@ -57,6 +57,7 @@ class Propagator(Base):
     chunk_size = 1
 
     def __init__(self, model, tuning, other=None):
+        """Build the system at a tuning; take over the tables of another propagator, if given."""
         super().__init__(model, tuning)
         self.long = model.repeats > _PERIODS_AT_A_TIME and hasattr(model, "segments_of")
         #: The system; it has only the first segments of a long run-out, see `whole`.

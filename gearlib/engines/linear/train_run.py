@@ -11,9 +11,9 @@ from gearlib.engines.linear.grid import EVENT_ROWS, FIRST_EVENT_ROW, KNOWN_PERIO
 from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
 from gearlib.engines.linear.train_system import (
     ZERO_TOLERANCE,
-    behind,
     dot,
     image,
+    is_behind,
     matrix_of,
     set_harmonics,
 )
@@ -109,7 +109,7 @@ def start_run(system, grid, work):
     )
     for j in range(system.drive_lines.shape[0]):
         touches = work.contact[j] == NORMAL or work.start_line[j] == 1
-        if grid.may_jam[j] and touches and behind(system.coast_lines[j], work.state[:n]):
+        if grid.may_jam[j] and touches and is_behind(system.coast_lines[j], work.state[:n]):
             return JAMMED
     return OK
 

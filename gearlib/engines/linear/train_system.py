@@ -121,14 +121,14 @@ def may_close(near, far, constant_index):
 
 
 @uncounted
-def behind(far, z):
+def is_behind(coast_line, z):
     """Return whether the state z lies behind the coast-side flank line by more than rounding.
 
-    A mesh that touches on the drive side as well is then jammed. `far` and z have the shape (n,) or
-    longer.
+    A mesh that also touches on the drive side is then jammed. `coast_line` is a functional; it and
+    z have the shape (n,) or longer.
     """
     value, size = 0.0, 0.0
-    for r in range(far.shape[0]):
-        value += far[r] * z[r]
-        size += abs(far[r] * z[r])
+    for r in range(coast_line.shape[0]):
+        value += coast_line[r] * z[r]
+        size += abs(coast_line[r] * z[r])
     return value < -_MAX_OVERLAP * size

@@ -123,11 +123,11 @@ def next_event(mesh, level, contact, x, v, horizon):
     does not change.
     """
     if contact == BACKLASH:
-        t, side = landing(mesh.drag, mesh.pull, mesh.gap, x, v)
+        t, side = landing(mesh.drag, mesh.load, mesh.gap, x, v)
         if t > horizon:
-            x, v = fly(mesh.drag, mesh.pull, x, v, horizon)
+            x, v = fly(mesh.drag, mesh.load, x, v, horizon)
             return horizon, contact, x, v
-        _, v = fly(mesh.drag, mesh.pull, x, v, t)
+        _, v = fly(mesh.drag, mesh.load, x, v, t)
         if side == NORMAL:
             return t, NORMAL, 0.0, max(v, 0.0)
         return t, INVERSE, -mesh.gap, min(v, 0.0)

@@ -109,7 +109,7 @@ class Mesh(NamedTuple):
     half_high: float  #: phase length of half the C_max segment
     whole_low: float  #: phase length of the C_min segment
     drag: float  #: b = beta_m / nu
-    pull: float  #: f = 1 / nu^2
+    load: float  #: f = 1 / nu^2
     gap: float  #: backlash in static deflections
     tuning: float  #: nu
 

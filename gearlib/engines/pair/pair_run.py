@@ -52,9 +52,9 @@ def outcome(x, v, count, limit):
 
 @inlined
 def whole_period(mesh, work, n, contact, x, v, limit, arcs):
-    """Go through mesh period n and keep all its arcs.
+    """Go through mesh period n and keep all its arcs, in a table enlarged as needed.
 
-    Returns (contact, x, v, number of arcs, arc table), the table enlarged as needed.
+    Returns (contact, x, v, number of arcs, arc table); arguments as in `whole_periods.advance`.
     """
     memory, start = work.memory, (contact, x, v)
     flight = memory[0], memory[1], memory[2], memory[3]
@@ -128,7 +128,7 @@ def run(mesh, x, v, periods, record_periods, samples, events, limit, summary):
 
 @kernel
 def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, summary):
-    """Run one mesh as `run` does, with the storage `work` that the caller has prepared."""
+    """Run one mesh as `run` does, with storage `work` that `set_mesh` has prepared."""
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
     contact = contact_of(mesh.gap, x, v)

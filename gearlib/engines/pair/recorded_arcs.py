@@ -53,12 +53,12 @@ def add_arcs(mesh, arcs, count, summary):
         if contact == BACKLASH:
             summary[TIME_BACKLASH] += duration
             if v < 0.0 and not (has_next and end_v < 0.0):
-                t = lowest_time(mesh.drag, mesh.pull, v)
+                t = lowest_time(mesh.drag, mesh.load, v)
                 if t < duration:
-                    lowest, _ = fly(mesh.drag, mesh.pull, x, v, t)
+                    lowest, _ = fly(mesh.drag, mesh.load, x, v, t)
                     _add_displacement(mesh, level, contact, lowest, summary)
             if not has_next:
-                end, _ = fly(mesh.drag, mesh.pull, x, v, duration)
+                end, _ = fly(mesh.drag, mesh.load, x, v, duration)
             # Rounding must not move the landing beyond the line.
             end = min(max(end, -mesh.gap), 0.0)
             _add_displacement(mesh, level, contact, end, summary)
@@ -122,8 +122,8 @@ def in_arc(mesh, arc, t):
     level = mesh.high if arc[LEVEL] == 1.0 else mesh.low
     x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
     if contact == BACKLASH:
-        x, v = fly(mesh.drag, mesh.pull, x, v, t)
-        return x, v, mesh.pull - 2.0 * mesh.drag * v, 0.0
+        x, v = fly(mesh.drag, mesh.load, x, v, t)
+        return x, v, mesh.load - 2.0 * mesh.drag * v, 0.0
     shift = level.equilibrium if contact == NORMAL else level.equilibrium - mesh.gap
     u, v = evolve(level, x - shift, v, t)
     return (

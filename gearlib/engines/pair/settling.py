@@ -113,11 +113,11 @@ def all_arcs_off_grazing(mesh, arcs, count, share):
             is_clear = _is_off_grazing(0.0, x, speed, distance, share)
             is_clear = is_clear and _is_off_grazing(-mesh.gap, x, speed, distance, share)
             if v < 0.0:
-                t = lowest_time(mesh.drag, mesh.pull, v)
+                t = lowest_time(mesh.drag, mesh.load, v)
                 if t < duration:
-                    lowest, _ = fly(mesh.drag, mesh.pull, x, v, t)
+                    lowest, _ = fly(mesh.drag, mesh.load, x, v, t)
                     is_clear = is_clear and lowest + mesh.gap > distance
-            x, v = fly(mesh.drag, mesh.pull, x, v, duration)
+            x, v = fly(mesh.drag, mesh.load, x, v, duration)
             is_clear = is_clear and _is_off_grazing(-mesh.gap, x, mesh.tuning * v, distance, share)
         else:
             line = 0.0 if contact == NORMAL else -mesh.gap

@@ -106,14 +106,15 @@ def _write(arcs, count, start, duration, contact, level, x, v):
 
 @kernel
 def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
-    """Go through mesh periods n, n + 1 ... from tau = 2 pi n; return (contact, x, v, count).
+    """Go through mesh periods n, n + 1 ... of a `Mesh` from (x, v) at tau = 2 pi n.
 
-    `work` has been prepared for the mesh and carries a flight from one call to the next. `arcs`,
-    shape (k, 6), gets the arcs of the last period, k may be 0; `count` is their number, more than
-    `limit` if more than `limit` were needed. The state may be out of range, see `within_range`.
+    Returns (contact, x, v, count): contact code and state at the end, which may be out of range,
+    see `within_range`, and the number of arcs of the last period, more than `limit` if more were
+    needed. `work` has been prepared for the mesh and carries a flight from one call to the next.
+    `arcs`, shape (k, 6), gets the arcs of the last period; k may be 0.
     """
     levels, tables, memory, states = work
-    escape_square = 2.0 * mesh.pull * mesh.gap * MARGIN
+    escape_square = 2.0 * mesh.load * mesh.gap * MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
     flight_remaining, duration = memory[REMAINING], memory[DURATION]
@@ -135,7 +136,7 @@ def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
             t, landed = 0.0, False
             if contact == _FLYING:
                 if arcs.shape[0] > 0 and flight_remaining > 0.0:
-                    x, v = fly(mesh.drag, mesh.pull, 0.0, start_speed, duration - flight_remaining)
+                    x, v = fly(mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining)
                     count = _write(
                         arcs, count, start, min(flight_remaining, length), BACKLASH, i, x, v
                     )
@@ -230,7 +231,7 @@ def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
                         break
                     u, landed = -equilibrium, True
                     continue
-                duration, landing_speed = return_flight(mesh.drag, mesh.pull, speed)
+                duration, landing_speed = return_flight(mesh.drag, mesh.load, speed)
                 t += loss_time
                 count = _write(
                     arcs, count, start + t, min(duration, length - t), BACKLASH, i, 0.0, speed
@@ -246,7 +247,7 @@ def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
                 break
         if contact == _FLYING:
             if flight_remaining > 0.0:
-                x, v = fly(mesh.drag, mesh.pull, 0.0, start_speed, duration - flight_remaining)
+                x, v = fly(mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining)
             else:
                 contact, x, v = NORMAL, 0.0, landing_speed
         if count > limit:

@@ -153,10 +153,11 @@ def _map_step(row, t, drag, unit, h, matrix):
 def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
     """Return (share of a step, number of the pair) of the first touch or loss of contact.
 
-    The step has the length h and the set s. The share is 2 if there is no event and -1 if rounding
+    The step, of length h, starts at x, t after the start of the segment, with the set s of pairs in
+    contact and the Taylor series `series`. The share is 2 if there is no event and -1 if rounding
     hides whether there is one; the number after the last pair is the coast side. `overlap` and
     `inside` are those of the segment, `line` is the pair on whose line the step starts, -1 for
-    none; `closing`: whether events of the side without contact matter.
+    none. If `closing`, touches on the side without contact count as well.
     """
     coast, k = overlap.shape[0], overlap.shape[1]
     first_share, first_pair = 2.0, -1

@@ -16,7 +16,7 @@ import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.linear.train_system import behind, dot, set_harmonics
+from gearlib.engines.linear.train_system import dot, is_behind, set_harmonics
 
 #: Phases this close to a switch of stiffness count as the switch: far above the rounding of a
 #: phase, far below any step.
@@ -231,7 +231,7 @@ def jammed(system, closing, t, z):
         if (
             closing[j]
             and dot(system.drive_lines[j], full) >= 0.0
-            and behind(system.coast_lines[j], full)
+            and is_behind(system.coast_lines[j], full)
         ):
             return True
     return False
