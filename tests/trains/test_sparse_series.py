@@ -76,7 +76,7 @@ def test_random_trains_go_by_the_series_as_by_their_modes(seed, monkeypatch):
     # Friction, deviations, run-out, narrow and infinite backlashes; few of them have many meshes.
     train, tuning, state = random_problem(np.random.default_rng(seed))
     modes = motion(train, tuning, state, 0)
-    monkeypatch.setattr(sparse_series, "_MANY", 0)
+    monkeypatch.setattr(sparse_series, "_MIN_SERIES_COMPONENTS", 0)
     series = motion(train, tuning, state, 10**9)
     assert series[5] == 0
     assert_same(series, modes)

@@ -166,7 +166,7 @@ def test_segments_of_a_stretch_are_those_of_the_whole(first, count):
 def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
     train, found = with_run_out(), []
     for stretch in (10**6, 4):
-        monkeypatch.setattr(linear_propagator, "_STRETCH", stretch)
+        monkeypatch.setattr(linear_propagator, "_PERIODS_AT_A_TIME", stretch)
         run = simulate(train, 0.9, periods=13, record_periods=5)
         orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first=30)
         found.append((run, orbit))
