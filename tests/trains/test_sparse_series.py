@@ -35,9 +35,9 @@ def motion(train, tuning, state, price, periods=2):
     spans = periods, periods
     done = propagator.run_system(z, raw, events, 10**5, summary, spans, maps)
     assert done[3] == 0
-    used = (propagator.large or propagator.spare).pop()[1]
+    tables = (propagator.large or propagator.spare).pop()[1]
     propagator.spare.clear()
-    return z, raw, done[1][: done[2]], summary, maps, int(used.known[0])
+    return z, raw, done[1][: done[2]], summary, maps, int(tables.used[0])
 
 
 def assert_same(one, other):
