@@ -104,5 +104,5 @@ def test_a_lasting_contact_is_proven_and_no_polynomial_asked(monkeypatch):
     # Far above the resonance both meshes only tremble.
     run = gearlib.simulate(train, 3.1, periods=30, initial_state="static")
     # The first is that of the run, which is then followed on.
-    assert (run.contact == 1).all() and kept[0].clear.all()
+    assert (run.contact == 1).all() and kept[0].stays_off.all()
     assert all((one.contact == 1).all() for one in kept)
