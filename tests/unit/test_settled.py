@@ -34,7 +34,7 @@ def run(m, x, v, periods):
 def damped_case(rng):
     ratios, tuning, x, v = bouncing_case(rng)
     ratios[4:6] = 10 ** rng.uniform(-2.5, -0.5, 2)
-    return mesh(ratios, tuning), x, v
+    return mesh_at_tuning(ratios, tuning), x, v
 
 
 def test_settled_runs_end_where_propagating_them_does():
@@ -58,7 +58,7 @@ def test_settled_runs_end_where_propagating_them_does():
 def test_the_ghost_of_a_fold_is_not_an_orbit(past):
     # Beyond the fold a run creeps past where the orbit was, by 1e-10 and less a period, for as many
     # as 1e6 periods, and then goes elsewhere.
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), FOLD + past)
+    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), FOLD + past)
     creeping = 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
         x, v, repeat, _ = run(m, *AT_FOLD, periods)
@@ -70,7 +70,7 @@ def test_the_ghost_of_a_fold_is_not_an_orbit(past):
 
 
 def test_a_billion_settled_periods():
-    m = mesh(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
+    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
     assert run(m, 0.0, 0.0, 10**9)[2:] == (1, True)
     end, before = run(m, 0.0, 0.0, 10**9)[:2], whole_periods(m, 0.0, 0.0, 10**4)[1:3]
     np.testing.assert_allclose(end, before, rtol=0, atol=1e-14)
@@ -116,7 +116,7 @@ def own_gears(damping):
 
 def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):
     """Return the period of the motion after many periods, none of which is left out."""
-    m = mesh(ratios(pair), nu)
+    m = mesh_at_tuning(ratios(pair), nu)
     _, x, v, _ = whole_periods(m, *state, periods)
     strobes = [(x, v)]
     for _ in range(2 * orbit.MAX_PERIOD):
