@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.engines import orbit
-from gearlib.engines.pair.motion import contact_of, mesh
+from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.pair_run import skip
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
