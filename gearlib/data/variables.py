@@ -336,6 +336,15 @@ DESCRIPTIONS = {
     "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
 }
 
+#: Variable of a run -> the scalar of its dataset that leads to SI units.
+SI_SCALES = {
+    "displacement": "static_deflection",
+    "velocity": "velocity_scale",
+    "acceleration": "acceleration_scale",
+    "dynamic_force": "force_scale",
+    "stiffness": "stiffness_scale",
+}
+
 #: The same of quantities of a design with tolerances, see `gearlib.uncertainty.design_quantities`.
 QUANTITIES = {
     "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),

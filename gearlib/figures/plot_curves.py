@@ -7,18 +7,11 @@ from itertools import product
 import xarray as xr
 from matplotlib.axes import Axes
 
+from gearlib.data.variables import SI_SCALES
 from gearlib.figures import panels, style
 
 #: Dimensions of which each value is a curve.
 CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
-#: Variable -> the scalar of its dataset that leads to SI units.
-SI_SCALES = {
-    "displacement": "static_deflection",
-    "velocity": "velocity_scale",
-    "acceleration": "acceleration_scale",
-    "dynamic_force": "force_scale",
-    "stiffness": "stiffness_scale",
-}
 #: Directions of a sweep: their names, and the dashes and markers of those that carry their state.
 DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}

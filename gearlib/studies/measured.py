@@ -8,6 +8,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from gearlib.analysis.order_maps import order_map
+from gearlib.data.variables import SI_SCALES
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_up import run_up
 from gearlib.runs.simulation import simulate
@@ -28,13 +29,6 @@ SWEEP_SCALES = {
 }
 #: Observables of which the first that a set has tells its jumps and peaks.
 _HEIGHTS = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
-#: Observable of a time course -> its scale to SI among the variables of a run.
-_COURSE_SCALES = {
-    "displacement": "static_deflection",
-    "velocity": "velocity_scale",
-    "acceleration": "acceleration_scale",
-    "dynamic_force": "force_scale",
-}
 #: Way of the speed in a measured set -> direction of the sweep.
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
 #: Parts of a run-up whose extremes are taken at most, and least samples of each.
@@ -176,7 +170,7 @@ def _models(pairs):
 
 
 def _observables(rig):
-    return [name for name in _COURSE_SCALES if name in rig]
+    return [name for name in SI_SCALES if name in rig]
 
 
 def _units(rig):
@@ -193,7 +187,7 @@ def _parts(rig, steady):
 def _computed_course(motion, name, run):
     """Return the harmonics of a run, and its course from the peak of the first of them."""
     periods, samples = int(run["record_periods"]), int(run["samples_per_period"])
-    values = float(motion[_COURSE_SCALES[name]]) * motion[name].values[: periods * samples]
+    values = float(motion[SI_SCALES[name]]) * motion[name].values[: periods * samples]
     wave = np.fft.rfft(values)[periods::periods][:_HARMONICS] / (0.5 * values.size)
     phase = np.linspace(0.0, math.tau, samples, endpoint=False)
     drawn = np.linspace(0.0, math.tau, _PHASES)
