@@ -431,11 +431,3 @@ def _time_course_of(orbit):
     run = simulate(orbit.pair, orbit.tuning, initial_state=tuple(orbit.state), **counts)
     # Rounding may grow along an unstable orbit, so that the run does not find its period.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))
-
-
-def _course_of(one):
-    """Return the time course of an orbit over one of its periods."""
-    counts = {"periods": one.period, "record_periods": one.period}
-    run = simulate(one.pair, one.tuning, initial_state=tuple(one.state), **counts)
-    # Of an unstable one rounding may grow: what was shot is the orbit.
-    return run.assign(period=one.period)

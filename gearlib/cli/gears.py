@@ -130,6 +130,8 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
         raise click.UsageError("\n".join(repeated))
     if not isinstance(mapping, dict):
         config.load(mapping)
+    if unknown := config.unknown_sections(mapping):
+        raise click.UsageError("\n".join(unknown))
     cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
     if (case or "") not in cases:
         raise click.UsageError(f"--case {case or 'is missing'}: it must be one of {[*cases]}")

@@ -406,7 +406,10 @@ def test_only_what_a_command_needs_is_asked_for(run, request, tmp_path):
     assert done.exit_code == 0, done.output
     done = run("explore", "--config", config, "--teeth", "1")
     assert done.exit_code == 2 and "scenes" in done.output
+    wrong = yaml.safe_dump(CONFIG | {"resonanse": {"start": 0.6}}, sort_keys=False)
+    (tmp_path / "wrong.yaml").write_text(wrong, encoding="utf-8")
     for arguments, fault in (
+        (["--config", "wrong.yaml"], "did you mean resonance"),
         (["--config", config, "--case", "a"], "--case a: it must be one of"),
         (["--case", "a"], "--case and --damping need a configuration"),
     ):
