@@ -99,7 +99,7 @@ def _together(parts, attrs, title):
         regular = dataset[name].where(dataset.label != GRAZING)
         dataset[name] = regular.assign_attrs(dataset[name].attrs)
     dataset.attrs = attrs | {"title": title}
-    return describe(dataset)
+    return dataset
 
 
 def loci(pair, branches, start, stop, lowest, highest):
@@ -130,4 +130,5 @@ def loci(pair, branches, start, stop, lowest, highest):
                 )
             )
     title = "Loci of special points over tuning and damping"
-    return _together(parts, branches.attrs, title).assign(own_damping=own_damping)
+    together = _together(parts, branches.attrs, title)
+    return describe(together.assign(own_damping=own_damping))
