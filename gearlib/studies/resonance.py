@@ -111,7 +111,7 @@ def loci(pair, branches, start, stop, lowest, highest):
     model = GearPair(**pair)
     own_damping, labels = value_of(model, 1.0, "damping"), branches.label.values
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
-    nothing = branches.isel(point=slice(0))[names].reset_coords(drop=True)
+    nothing = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
     parts = [nothing.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
     special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(special):
