@@ -2,7 +2,7 @@
 
 from typing import Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from gearlib import checks
 from gearlib.config import experiments as e
@@ -88,6 +88,16 @@ class Config(Section):
     mesh_stiffness: MeshStiffness = SECTION
     harris_map: HarrisMap = SECTION
     tolerances: Tolerances = SECTION
+
+    @field_validator("targets", mode="before")
+    @classmethod
+    def _refuse_comparison(cls, targets):
+        if isinstance(targets, list) and "compare" in targets:
+            raise ValueError(
+                f"targets[{targets.index('compare')}] = 'compare' is not allowed: it must be left "
+                "out, and called by its name, snakemake -j2 compare"
+            )
+        return targets
 
     @model_validator(mode="after")
     def _check(self):

@@ -121,6 +121,7 @@ EXPERIMENTS = {
             "work_precision_table": 1,
         },
         {"draw_work_precision": 1, "draw_work_precision_time": 1},
+        simulates=True,
         # So is that of its damped problems.
         with_k1={
             "work_precision_references": 1,

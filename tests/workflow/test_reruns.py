@@ -164,7 +164,10 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
         ("gearlib/figures/style.py", drawn()),
         ("workflow/scripts/draw.py", drawn()),
         ("gearlib/figures/time_courses_figure.py", drawn("scenes")),
-        ("gearlib/figures/poincare_figure.py", drawn("poincare")),
+        (
+            "gearlib/figures/global_picture_figure.py",
+            drawn("basins", "bifurcation", "poincare"),
+        ),
         ("gearlib/figures/work_precision_figure.py", drawn("work_precision")),
         (
             "gearlib/studies/trials/work_precision.py",
@@ -176,7 +179,7 @@ def test_a_change_of_the_configuration_reruns_what_is_its(project, name):
         ),
         ("gearlib/studies/trials/high_precision.py", jobs("work_precision")),
         ("gearlib/studies/claims/scene_claims.py", jobs("claims")),
-        ("gearlib/figures/phase_planes_figure.py", {"draw_phase_planes": 1}),
+        ("gearlib/figures/phase_planes_figure.py", drawn("phase_planes", "scenes")),
         ("gearlib/config/experiments.py", {}),
     ],
 )
