@@ -17,6 +17,7 @@ from gearlib import (
     simulate,
     sweep,
 )
+from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
@@ -251,11 +252,14 @@ def test_one_case_alone_is_its_own_basins():
 def test_a_diagram_and_its_exponents_are_stopped_by_either(monkeypatch):
     settings = {"settle": 5, "strobes": 2, "exponent_periods": 20, "starts": 0, "samples": 4}
     settings |= {"displacement": BOX, "velocity": BOX, "periods": 50}
-    for name, codes in (("bifurcation_diagram", [0, 1, 0]), ("lyapunov_exponents", [2, 3, 0])):
-        call = getattr(studies, name)
+    for module, name, codes in (
+        (studies, "bifurcation_diagram", [0, 1, 0]),
+        (lyapunov, "lyapunov_exponents", [2, 3, 0]),
+    ):
+        call = getattr(module, name)
         stop = lambda *a, call=call, codes=codes, **k: call(*a, **k).assign(  # noqa: E731
             status=("tuning", codes)
         )
-        monkeypatch.setattr(studies, name, stop)
+        monkeypatch.setattr(module, name, stop)
     found, _ = studies.bifurcation(BOTH.as_dict(), [0.7, 0.8, 0.9], [0.9], settings)
     assert found.status.values.tolist() == [[2, 1, 0]] * 2
