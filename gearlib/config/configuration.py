@@ -29,6 +29,8 @@ FOLDERS = {
     *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
     *("measured", "tolerances"),
 }
+#: Largest number of samples of all phase planes, and of runs of all resonance sweeps.
+MAX_SAMPLES, MAX_RUNS = 40_000_000, 10_000_000
 _ProjectName = t.text("a text of up to 40 letters, digits, _, -", pattern="^[A-Za-z0-9_-]{0,40}$")
 _Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
 
@@ -113,11 +115,33 @@ class Config(Section):
         allowed = f"an integer from 1 to run.samples_per_period / 8 = {most}"
         harmonics = self.phase_lag.harmonics
         checks.require(harmonics <= most, "phase_lag.harmonics", harmonics, allowed)
+        self._check_sizes()
         measured_description.sets(self.measured)
         # What a train cannot be in matters to the workflow only, not to commands.
         if self.gears and (refused := self.refused()):
             raise ValueError("\n".join(refused))
         return self
+
+    def _check_sizes(self):
+        """Refuse more jobs, runs or samples than anyone asks for on purpose."""
+        dampings, resonance, run = len(self.dampings), self.resonance, self.run
+        range_of_tunings = resonance.stop - resonance.start
+        runs = dampings * len(resonance.directions) * range_of_tunings / resonance.step
+        allowed = f"larger: {runs:,.0f} runs in all are more than {MAX_RUNS:,}"
+        checks.require(runs <= MAX_RUNS, "resonance.step", resonance.step, allowed)
+        windows = dampings * range_of_tunings / resonance.window
+        allowed = f"larger: {windows:,.0f} jobs are more than {t.MAX_JOBS:,}"
+        checks.require(windows <= t.MAX_JOBS, "resonance.window", resonance.window, allowed)
+        planes = dampings * len(self.phase_planes.tunings)
+        if planes > t.MAX_JOBS:
+            raise ValueError(
+                f"phase_planes.tunings has {planes // dampings:,} entries: there must be from 1 to "
+                f"{t.MAX_JOBS // dampings:,} to stay within {t.MAX_JOBS:,} jobs"
+            )
+        samples = planes * self.record_periods * run.samples_per_period
+        allowed = f"smaller: {samples:,} samples of all phase planes are more than {MAX_SAMPLES:,}"
+        fits = samples <= MAX_SAMPLES
+        checks.require(fits, "run.samples_per_period", run.samples_per_period, allowed)
 
     def refused(self):
         """Return a sentence for each reason why targets cannot be about these gears."""

@@ -100,6 +100,9 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
 
     @model_validator(mode="after")
     def _check(self):
+        shard = -(-self.samples // t.MAX_JOBS)
+        allowed = f"an integer >= {shard} to stay within {t.MAX_JOBS:,} jobs"
+        checks.require(self.shard >= shard, ".shard", self.shard, allowed)
         t.check_different(".parameters", self.parameters, "parameter")
         names = [tolerance.parameter for tolerance in self.parameters]
         both = f"{', '.join(known_parameters())}, all of the gear pair or all of the drawing"

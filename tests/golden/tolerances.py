@@ -37,12 +37,6 @@ TABLE = {
     ("loci.nc", "multiplier_*"): Tolerance(
         1e-6, 1e-6, "where two multipliers meet they part with the square root of rounding"
     ),
-    ("jump.nc", "height_*"): Tolerance(
-        1e-9,
-        1e-9,
-        "beside a jump a pair 4(5) with relative tolerance 1e-3 does not settle in every variation",
-        stray=0.2,
-    ),
     ("models/fig8_*", "value"): Tolerance(
         1e-4,
         1e-9,
