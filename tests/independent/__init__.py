@@ -10,6 +10,6 @@ module              responsibility
 ``systems``         the systems of described models of one and six degrees of freedom
 ``trains``          those of gear trains
 ``differences``     derivatives of motions, orbits and folds in 34 to 50 digits
-``certificates``    what the orbit in 50 digits confirms of a certificate
+``certificates``    certificates against orbits in 50 digits
 ==================  ==========================================================================
 """

@@ -23,8 +23,8 @@ from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift
 from gearlib.studies.claims.data import Data, NoData
 from gearlib.studies.claims.scene_claims import contact_ratios, jump_words, phase_shift
+from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
-from tests.proofs.checker import faults
 from tests.tables import read_back
 
 DAMPINGS = {
@@ -82,14 +82,14 @@ def jumps():
     return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
-def branches(dampings=DAMPINGS):
+def branches(dampings):
     """Return the branches of periodic orbits."""
     pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
     return {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
 
 
-def proofs(branches, dampings=DAMPINGS):
+def proofs(branches, dampings):
     """Return the certificates."""
     pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
     pairs = {name: pair.as_dict() for name, pair in pairs.items()}
@@ -105,8 +105,9 @@ def paper():
 @pytest.fixture(scope="module")
 def known():
     """Branches of periodic orbits, and what is proven of them."""
-    found = branches()
-    return found, proofs(found)
+    dampings = {name: DAMPINGS[name] for name in ("k1", "k1m")}
+    found = branches(dampings)
+    return found, proofs(found, dampings)
 
 
 def verdicts(table):
@@ -248,8 +249,7 @@ def test_special_points_are_those_that_were_proven(known):
         chosen = (branch.label == label) & (branch.period == 1)
         return sorted(float(f"{nu:.10g}") for nu in branch.tuning.values[chosen])
 
-    for name in ("none", "k1m"):
-        assert at(name, GRAZING)[-2:] == [0.7903261462, 1.128379318]
+    assert at("k1m", GRAZING)[-2:] == [0.7903261462, 1.128379318]
     assert at("k1", GRAZING)[-2:] == [0.802051993, 1.11372635]
     assert at("k1", FOLD)[-2:] == [0.8081903379, 0.8160450454]
 
@@ -263,7 +263,7 @@ def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
         assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
     for row in rows:
         if row["claim"] == "range":
-            pieces = row["pieces"][-2:]
+            pieces = row["pieces"][-1:]
             assert faults(row | {"start": pieces[0]["start"], "pieces": pieces}) == []
     # Of the reducer in tests/proofs: its 48 components take minutes.
     *_, reducer = [row for row in rows if row["claim"] == "train"]
@@ -271,9 +271,9 @@ def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
     real, imaginary = (list(map(float, part)) for part in reducer["multipliers"][0])
     assert real[1] < -1.0 and imaginary == [0.0, 0.0]
     checked = [row for row in rows if row["claim"] == "orbit"]
-    assert len(checked) > 80
-    for row in checked[::6]:
-        assert faults(row, 1e-3) == [], row
+    assert len(checked) > 40
+    for row in checked[::20]:
+        assert faults(row) == [], row
 
 
 def test_the_thickness_of_a_line_is_a_touch():
