@@ -7,7 +7,7 @@ import tempfile
 
 import pytest
 
-from gearlib.engines.cache import _temporary_folder, cache_folder
+from gearlib.engines.cache import cache_folder
 
 #: Says whether the warm-up met kernels, and how many were compiled after it.
 COUNTED = """
@@ -100,14 +100,3 @@ def test_where_nothing_can_be_written_a_temporary_folder_is_taken(tmp_path, monk
     folder = cache_folder()
     assert os.path.dirname(folder) == str(tmp_path / f"gearlib-{os.getuid()}")
     assert os.path.isdir(folder)
-
-
-def test_a_temporary_folder_of_somebody_else_is_not_used(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    own = _temporary_folder()
-    assert os.path.dirname(own) == str(tmp_path) and own == _temporary_folder()
-    owner = os.getuid()
-    (tmp_path / f"gearlib-{owner + 1}").mkdir()
-    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
-    other = _temporary_folder()
-    assert not os.listdir(other) and other not in (own, str(tmp_path / f"gearlib-{owner + 1}"))

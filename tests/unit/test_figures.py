@@ -14,7 +14,6 @@ from gearlib.config.experiments import PEERS
 from gearlib.figures import (
     failures_figure,
     jump_figure,
-    models_figure,
     nonlinear_damping_figure,
     phase_planes_figure,
     resonance_figure,
@@ -42,11 +41,6 @@ def jumps(*kinds, **changes):
 def powers(*names):
     return [golden.read(f"nonlinear_damping/{place}_{name}.nc")
             for place in ("material", "oil") for name in names]  # fmt: skip
-
-
-def comparisons():
-    names = ("fig6_two_tunings", "fig7_damping")
-    return [golden.read(f"models/{name}.nc") for name in names], [*names]
 
 
 def errors_of_methods():
@@ -104,73 +98,6 @@ def test_a_run_without_a_result_says_so():
     assert words_of(phase_planes_figure.draw(data).axes[0]).endswith("no result")
 
 
-def test_panels_hold_sweeps_that_go_beyond_those_from_rest():
-    data = curves()
-    low, high = resonance_figure.draw(data).axes[0].get_ylim()
-    up = {"direction": "up", "damping": "k1"}
-    # Without damping sweeps may grow without bound: they are cut off.
-    for period, height, least in ((1, 1.5 * high, 1.5 * high), (0, 1e84, 0.0)):
-        data.period.loc[up], data.displacement_max.loc[up] = period, height
-        main, panel, *_ = resonance_figure.draw(data).axes
-        assert main.get_ylim() == (low, high)
-        assert least < panel.get_ylim()[1] < high + (high - low)
-
-
-@pytest.mark.parametrize("directions", [("cold",), ("up",), ("cold", "up", "down")])
-@pytest.mark.parametrize("count", [1, 3, 4])
-def test_a_panel_for_each_damping_below_the_characteristics(count, directions):
-    data = curves().isel(damping=slice(count)).sel(direction=[*directions])
-    main, *panels = resonance_figure.draw(data).axes
-    assert len(panels) == count * (len(directions) > 1)
-    assert {panel.get_xlabel() for panel in panels[-2:]} <= {main.get_xlabel()}
-    beside = {"branches": [golden.read("branches/k1.nc")], "labels": [golden.read("labels/k1.nc")]}
-    again, panel, *_ = resonance_figure.draw(data, **beside, tongues=golden.read("tongues.nc")).axes
-    assert len(again.get_children()) == len(main.get_children())
-    # The strip has a bar for each label, the branches two lines at least.
-    assert len(panel.containers[0]) == beside["labels"][0].tuning.size
-    assert len(panel.lines) >= 2 + (len(panels[0].lines) if panels else 0)
-
-
-def test_marked_tunings_of_the_jump():
-    data = jumps("backlash")
-    top, *panels = jump_figure.draw(data).axes
-    assert len(panels) == 1 and len(jump_figure.draw(jumps()).axes) == 1
-    assert "dashed" not in top.get_title() and not panels[0].patches
-    scan, panel = jump_figure.draw(data, [0.82, 0.81]).axes
-    assert scan.get_title().endswith("(dashed: 0.8200 and 0.8100)")
-    (band,) = panel.patches
-    ends = [band.get_y(), band.get_y() + band.get_height()]
-    assert ends == pytest.approx([0.81, 0.82] - data.jump.values[0])
-
-
-def test_variations_without_a_jump_are_named_above_the_panel():
-    data = jumps("damping", "backlash")
-    data = xr.concat([data, data.isel(variation=[1]).assign(value=("variation", [2.0]))],
-                     "variation", data_vars="minimal")  # fmt: skip
-    for name in ("jump", "shift", "shift_low", "shift_high"):
-        data[name][-1] = np.nan
-    _, damping, backlash = jump_figure.draw(data).axes
-    assert (
-        words_of(damping) == "no jump in the scan where factor on the damping = 2"
-        and words_of(backlash) == ""
-    )
-    # No line leads from a value to another: the jump in between is not known.
-    long = [line for line in damping.lines if len(line.get_xdata()) > 2]
-    assert all(line.get_linestyle() == "None" for line in long)
-    data["jump"] = data.jump * np.nan
-    scan, *panels = jump_figure.draw(data).axes
-    assert "does not jump" in scan.get_title() and "paper" not in scan.get_title()
-    assert "0.5, 2" in words_of(panels[0])
-
-
-def test_characteristics_of_all_places_are_within_common_limits():
-    data = powers("linear")
-    # A column that is drawn later must not cut the curves of an earlier one.
-    data[0].displacement_max[:] = 9.0
-    above, beside, *_ = nonlinear_damping_figure.draw(data).axes
-    assert above.get_ylim() == beside.get_ylim() and above.get_ylim()[1] > 9.0
-
-
 def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
     phase = np.arange(24) * math.tau / 8
     x = np.cos(phase / 2)  # of period 2, recorded for three
@@ -183,17 +110,6 @@ def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
     assert np.hypot(*(np.diff(values) for values in found)).max() < 0.4
     for other in (run.assign(displacement=("phase", x * phase), period=1), run.assign(period=0)):
         assert phase_planes_figure.closed_orbit(other)[0].size == 24
-
-
-def test_words_on_bars_stay_in_the_panel():
-    data, names = comparisons()
-    data[0].change[:] = np.resize([1e-9, 5.0, np.nan, 1e4], data[0].change.shape)
-    figure = models_figure.draw(data, names)
-    figure.draw_without_rendering()
-    frame = figure.axes[0].get_window_extent()
-    for text in figure.axes[0].texts:
-        box = text.get_window_extent()
-        assert frame.x0 <= box.x0 and box.x1 <= frame.x1
 
 
 @pytest.mark.parametrize(
@@ -232,34 +148,6 @@ def test_same_data_same_bytes(suffix, tmp_path):
 def test_unknown_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="must end in"):
         style.save(phase_planes_figure.draw(planes()), tmp_path / "figure.tiff")
-
-
-def test_own_gears_have_forces_and_the_limits_of_their_curves():
-    data = curves(dynamic_force_max=1.0 + curves().displacement_max).isel(damping=[0])
-    cold = data.sel(direction="cold")
-    main, forces = resonance_figure.draw(data, forces=True).axes[:2]
-    plain = resonance_figure.draw(data).axes[0]
-    # Its far flank lies below the lowest point, and is in view in the paper's picture only.
-    assert plain.get_ylim()[0] < -float(data.backlash_ratio) < main.get_ylim()[0]
-    assert main.get_ylim()[0] < cold.displacement_min.min() < 0.8 * main.get_ylim()[0]
-    assert "inverse mesh" in words_of(plain) and "inverse mesh" not in words_of(main)
-    assert main.get_xlim() == forces.get_xlim()
-    highest = np.nanmax(np.concatenate([line.get_ydata() for line in forces.lines]))
-    np.testing.assert_allclose(highest, cold.dynamic_force_max.max())
-    assert [scale.get_ylabel() for scale in forces.child_axes] == ["mesh force (kN)"]
-
-
-def test_motions_that_have_settled_decide_on_the_limits_of_own_gears():
-    data = curves().sel(damping=["k1", "conservative"])
-    data.period.loc[{"damping": "k1"}], data.period.loc[{"damping": "conservative"}] = 1, 0
-    for name, sign in (("displacement_max", 1.0), ("displacement_min", -1.0)):
-        data[name].loc[{"damping": "k1"}] = 3.0 * sign
-        data[name].loc[{"damping": "k1", "direction": "down"}] = 9.0 * sign
-        data[name].loc[{"damping": "conservative"}] = 100.0 * sign
-    data["dynamic_force_max"] = abs(data.displacement_max)
-    main, force, *panels = resonance_figure.draw(data.assign(force_scale=1e3), forces=True).axes
-    assert main.get_ylim() == pytest.approx((-3.3, 3.3)) and force.get_ylim()[1] < 4.0
-    assert all(panel.get_ylim() == pytest.approx((-9.9, 9.9)) for panel in panels)
 
 
 def test_cases_lie_over_each_other_in_micrometres():

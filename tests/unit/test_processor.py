@@ -38,21 +38,6 @@ def test_processors_below_the_level_are_left_alone(lacking):
     assert processor.settings({}, V3 - {lacking}) == {}
 
 
-def test_other_processors_are_left_alone(monkeypatch, tmp_path):
-    assert processor.settings({}, {"fp", "asimd", "sve"}) == {}
-    monkeypatch.setattr("platform.machine", lambda: "aarch64")
-    assert processor.features() == set()
-    assert processor.settings({}) == {}
-    # Where Linux does not say.
-    monkeypatch.setattr("platform.machine", lambda: "x86_64")
-    monkeypatch.setattr(processor, "Path", lambda path: tmp_path / "nothing")
-    assert processor.settings({}) == {}
-
-
-def test_they_can_be_switched_off():
-    assert processor.settings({processor.SWITCH: "native"}, V3) == {}
-
-
 @needs_settings
 def test_this_process_has_them():
     assert {name: os.environ.get(name) for name in processor.settings()} == processor.settings()
@@ -60,12 +45,3 @@ def test_this_process_has_them():
     # Of a test process nobody sets what is read at its start; jobs have it.
     del found["glibc"]
     assert code_taken.others([{"rule": "tests", "processor": found}]) == []
-
-
-@needs_settings
-def test_a_shell_can_take_them_over():
-    printed = python(
-        "import runpy; runpy.run_module('gearlib.processor', run_name='__main__')",
-        environment={**os.environ},
-    )
-    assert dict(one.split("=", 1) for one in printed.split()) == processor.settings()

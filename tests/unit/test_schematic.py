@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 import gearlib
 from gearlib import plot
-from gearlib.figures import schematic, trains_figure
+from gearlib.figures import schematic
 from tests.golden import data as golden
 from tests.trains import random_trains
 
@@ -118,22 +118,6 @@ def test_the_carrier_turns_as_willis_has_it():
     assert len(arms[0]) == 4
 
 
-def test_places_that_do_not_agree_are_said():
-    train = TRAINS["planetary"]
-    bodies = [
-        one if one.name != "carrier" else gearlib.Body(
-            name="carrier", inertia=one.inertia, base_radius=1.01 * one.base_radius,
-            mass=one.mass, torque=1.01 * one.torque, support_stiffness=one.support_stiffness,
-            torsional_stiffness=one.torsional_stiffness,
-        ) for one in train.bodies
-    ]  # fmt: skip
-    layout = train.replace(bodies=bodies).layout()
-    pins = train.by_name["carrier"].base_radius
-    # A planet lies off by 1 % of the radius, and two of them by both ways around the loop.
-    assert 0.01 * pins * (1 - 1e-9) <= float(layout.misfit) <= 0.02 * pins
-    assert "positions given differ by" in " ".join(schematic.description(layout, []))
-
-
 def test_meshes_show_their_contact():
     train = TRAINS["planetary"]
     axes = drawn(train, contact=[1, 0, 1, 1, -1, 1])
@@ -159,40 +143,7 @@ def test_meshes_show_their_contact():
         plot.schematic(TRAINS["idler"], run=run)
 
 
-def test_beside_the_curves_of_a_command():
-    train = gearlib.planetary(stiffness_ratio=(0.4, 0.4))
-    run = gearlib.simulate(train, 0.9, periods=60)
-    axes = schematic.beside(plot.time_course(run), train, run)
-    curves = {line.get_label(): line.get_color() for line in axes.get_legend().get_lines()}
-    marks = dots(axes.figure.axes[-1])
-    assert [line.get_color() for line in marks] == [curves[name] for name in train.mesh_names]
-    apart = [line.get_markerfacecolor() == "white" for line in marks]
-    assert apart == (run.contact.values[0] == 0).tolist() and any(apart)
-    still = train.static(2.0)
-    axes = schematic.beside(plot.values(still, "mesh_force"), train, still, {})
-    assert {line.get_color() for line in dots(axes.figure.axes[-1])} == {schematic.NO_CURVE}
-    broken = run.assign(status=((), 1, {"message": "it jammed"}))
-    axes = schematic.beside(plot.time_course(run), train, broken)
-    assert "white" not in {line.get_markerfacecolor() for line in dots(axes.figure.axes[-1])}
-
-
 def own(name, train):
     """Return golden data of a figure with the layout of a train."""
     data, layout = golden.read(f"{name}.nc"), train.layout()
     return data.drop_vars({*layout.variables} & {*data.variables} - {"mesh"}).merge(layout)
-
-
-def test_a_mesh_has_the_colour_of_its_curve():
-    figure = trains_figure.draw_sweep(own("train_sweep", TRAINS["reducer"]))
-    curves, train = figure.axes[1], figure.axes[0]
-    assert len(dots(train)) == 6
-    (legend,) = figure.legends
-    words = [text.get_text() for text in legend.get_texts()[:6]]
-    colours = [handle.get_color() for handle in legend.legend_handles[:6]]
-    entries = dict(zip(words, colours, strict=True))
-    names = dict(zip(TRAINS["reducer"].mesh_names, dots(train), strict=True))
-    assert {name: line.get_color() for name, line in names.items()} == entries
-    assert {line.get_color() for line in curves.lines} == {*entries.values()}
-    assert {text.get_text(): text.get_color() for text in train.texts} == entries
-    without = golden.read("train_sweep.nc").drop_vars("pitch_radius", errors="ignore")
-    assert len(trains_figure.draw_sweep(without).axes) == len(figure.axes) - 1
