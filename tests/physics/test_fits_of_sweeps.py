@@ -1,7 +1,5 @@
 """Fits to slow sweeps of synthetic rigs: statistics over speed, jumps, onset of contact loss."""
 
-import os
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -48,16 +46,6 @@ def test_exact_curves_of_unknown_noise_give_the_truth():
     for name, one in found.params.items():
         # The orbits of data and model settle to some 1e-9 of each other.
         assert one.value == pytest.approx(getattr(TRUTH, name), rel=1e-7), name
-
-
-@pytest.mark.skipif("GEARLIB_RIGS" not in os.environ, reason="GEARLIB_RIGS: 10 s")
-def test_a_resonance_curve_tells_three_parameters():
-    guess = TRUTH.replace(material_damping=4200.0, reduced_mass=3.1, load=3200.0)
-    found = gearlib.fit(guess, resonance(TRUTH, 1), FREE)
-    assert 0.5 < found.redchi < 1.6 and not found.unknown
-    for name, one in found.params.items():
-        assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
-        assert one.stderr < 0.01 * one.value
 
 
 def test_load_is_a_scale_that_an_unknown_gain_hides():

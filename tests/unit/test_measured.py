@@ -286,7 +286,8 @@ OTHERS = {key: CHANNELS[key] for key in ("x", "F")}
 
 @pytest.mark.parametrize("binary", [0, 1])
 def test_a_universal_file_is_read(tmp_path, binary):
-    pyuff = pytest.importorskip("pyuff")
+    import pyuff
+
     file = pyuff.UFF(str(tmp_path / "rig.uff"))
     for name, values in SIGNALS.items():
         one = pyuff.prepare_58(
