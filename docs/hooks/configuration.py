@@ -24,7 +24,7 @@ brackets are free: letters, digits, `+`, `_`, `-`.
 Editors with YAML support complete the keys; they read `build/config.schema.json`, which `make`
 writes. [The same schema]({SCHEMA}) comes from `gearlib schema`.
 Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
-stand beside those below: [`cases`](../how_to/cases.md), a mapping of names (`{CASE_NAME}`) to keys
+stand beside those below: [`cases`](../how_to/workflow.md#several-cases), a mapping of names (`{CASE_NAME}`) to keys
 that differ.
 """
 

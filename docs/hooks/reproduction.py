@@ -12,6 +12,7 @@ takes over the tables and the figures (smaller than the originals).
 
 import contextlib
 import csv
+import re
 import sys
 from pathlib import Path
 
@@ -26,7 +27,8 @@ CLAIMS = "claims.csv"
 #: Tables of the numbers in the reasons.
 TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
 BRANCHES, LABELS = "branches.csv", "labels.csv"
-PAGE, MARK = "reproduction.md", "<!-- claims -->"
+#: Place of the table on the page; plain files have a sentence there.
+PAGE, MARK = "reproduction.md", re.compile("<!-- claims -->.*?<!-- end -->", re.S)
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
 PICTURES = (
     "reducer",
@@ -47,7 +49,9 @@ _WIDTH, _COLOURS = 1000, 64
 
 def on_page_markdown(markdown, page, **_):
     """Put the table into the page."""
-    return markdown.replace(MARK, table()) if page.file.src_uri == PAGE else markdown
+    if page.file.src_uri != PAGE:
+        return markdown
+    return MARK.sub(lambda _: table(), markdown)
 
 
 def claims(folder=FOLDER):

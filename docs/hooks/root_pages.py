@@ -1,5 +1,9 @@
-"""CONTRIBUTING.md and CHANGELOG.md, which lie in the root of the project, as pages of the site."""
+"""CONTRIBUTING.md and CHANGELOG.md, which lie in the root of the project, as pages of the site.
 
+Pages link to these files and to the notebook so that the links work in plain files too.
+"""
+
+import re
 from pathlib import Path
 
 from mkdocs.structure.files import File
@@ -14,3 +18,12 @@ def on_files(files, config):
         text = (root / source).read_text(encoding="utf-8").replace("](docs/", "](")
         files.append(File.generated(config, page, content=text))
     return files
+
+
+def on_page_markdown(markdown, page, **_):
+    """Return a page with links to the pages that the site makes of these files."""
+    up = "../" * page.file.src_uri.count("/")
+    markdown = re.sub(r"\]\((?:\.\./)*CONTRIBUTING\.md", f"]({up}contributing.md", markdown)
+    if page.file.src_uri != "from_a_drawing.md":
+        markdown = markdown.replace("](from_a_drawing.ipynb)", "](from_a_drawing.md)")
+    return markdown

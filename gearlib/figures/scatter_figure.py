@@ -48,7 +48,7 @@ def bands(scattered):
             above.plot(x, middle, **line)
         below.plot(x, scattered.contact_loss_probability.sel(direction=name), **line)
         handles.append(style.entry(_DIRECTIONS[name], look.colour, look.line))
-    label = "all but a twentieth at either end"
+    label = "5 to 95 %"
     above.legend(handles=[*handles, Patch(color="black", alpha=_BAND_OPACITY, lw=0, label=label)])
     if "two_motions_probability" in scattered:
         two = scattered.two_motions_probability

@@ -250,7 +250,7 @@ def test_the_jump_lags_behind_the_fold_by_two_thirds_of_a_power():
         np.abs(branch.tuning.values[k - 2 : k] - float(branch.tuning[k])),
     )
     # Of dy/dn = a (nu - fold) + b y^2 next to the fold: (1 - mu)^2 = 4 a b |nu - fold|, up to terms
-    # of the order of y, the root of the distance. See docs/theory/run_ups.md.
+    # of the order of y, the root of the distance. See docs/theory/propagation.md.
     multiplier = branch.multiplier_real.values[k - 2 : k].max(axis=1)
     product = np.polyfit(np.sqrt(away), (1.0 - multiplier) ** 2 / (4.0 * away), 1)[1]
     lags, rates = [], np.array([1e-9, 1e-8, 1e-7, 1e-6])
