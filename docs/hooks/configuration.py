@@ -12,20 +12,19 @@ from gearlib.config.validation import allowed, resolve
 PAGE, SCHEMA = "reference/configuration.md", "config.schema.json"
 _HEAD = f"""# Configuration
 
-Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Only
-`gear_pair`, or `gears` in its place, and `dampings` must be given. All keys of `gear_pair` must be
-there, and so must those of each entry of a list or of `scenes`, but for `change` and `options`, and
-a material and a backlash damping in each of `dampings`; what else is left out has its default.
-Defaults with a dimension are made from the gears, as the text says; where they need damping and the
-gears have none, it is 5 % of the critical one. There are no other keys: a wrong key or value is
-refused before the first job, in a sentence that names key, value and allowed range. Names in angle
+Every key of `config.yaml`, written from the typed model that checks it (`gearlib/config`). Required
+are `gear_pair` or `gears`, and `dampings`; all keys of `gear_pair`; in entries of lists and of
+`scenes` all keys but `change` and `options`; in each of `dampings` a material and a backlash
+damping. All other keys have defaults. Defaults with a dimension follow from the gears; where they
+need damping and the gears have none, it is 5 % of the critical one. A wrong key or value is refused
+before the first job, in a sentence that names key, value and allowed range. Names in angle
 brackets are free: letters, digits, `+`, `_`, `-`.
 
 Editors with YAML support complete the keys; they read `build/config.schema.json`, which `make`
 writes. [The same schema]({SCHEMA}) comes from `gearlib schema`.
 Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
-stand beside those below: [`cases`](../how_to/workflow.md#several-cases), a mapping of names (`{CASE_NAME}`) to keys
-that differ.
+stand beside those below: [`cases`](../how_to/workflow.md#several-cases), a mapping of names
+(`{CASE_NAME}`) to keys that differ.
 """
 
 
