@@ -130,7 +130,9 @@ def compute(pair, tunings, settings, run):
         rows.append((kind, value, [jump.tuning - base.tuning], jump.switches))
     rest = run.get("initial_state", (0.0, 0.0))
     starts = (
-        [*map(tuple, many_starts.starts(pair, rest, settings))] if settings["tolerances"] else []
+        [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
+        if settings["tolerances"]
+        else []
     )
     exact = [(start, jump_of(pair, tunings, initial_state=start).tuning) for start in starts]
     reach = (_STEPS_BESIDE + 0.5) * float(tunings[1] - tunings[0])

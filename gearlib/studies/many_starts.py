@@ -1,17 +1,21 @@
-"""Motions from many seeded starts: where they end, and whether rounding decides that.
+"""Find where motions from many random initial states end, and whether they settle on one orbit.
 
-Long after its start a chaotic motion depends on the last digit of it. What is said of a motion is
-therefore said of a stable periodic orbit, found to rounding by Newton's method from where a run
-ends, or of many starts: medians, ranges and shares.
+The late motion of a chaotic model depends on the last digit of its initial state. Results therefore
+refer to stable periodic orbits, refined by Newton's method from the end of a run, or to medians,
+ranges and shares over many initial states. `settings` are those of a section of the configuration:
+starts (number of initial states), first_starts (if these settle on one orbit, the others are not
+run), seed, spread (largest displacement in static deflections), periods and record_periods.
 """
 
 import os
 import warnings
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data import status, summary
@@ -21,41 +25,43 @@ from gearlib.runs.sweeping import DIRECTIONS
 
 #: Flags of `settled`.
 SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Variables that say how the starts share motions, and settings of the starts.
+#: Variables that say how the motions from all starts are distributed over orbits.
 SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
-#: Displacement, static deflections, that is larger than rounding and below any measurement.
-_TINY = 1e-9
-#: Distance, static deflections, below which a motion that comes nearer to an orbit ends on it.
-_NEAR = 0.3
-#: Searches without an orbit after which no other is begun at a tuning.
-_MAX_FAILURES = 3
+#: Change of a state, static deflections: above rounding errors and below any measurement.
+_TINY_DISPLACEMENT = 1e-9
+#: A motion that approaches an orbit to this distance, static deflections, ends on it.
+_CAPTURE_DISTANCE = 0.3
+#: Limit on unsuccessful searches for an orbit at one tuning.
+_MAX_FAILED_SEARCHES = 3
 
 
-def starts(model, state, settings):
-    """Return the state of a model with seeded displacements added, shape (starts, size).
+def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
+    """Return a state with random displacements added to it, shape (starts, size of the state).
 
-    `settings` hold starts, seed, and spread, the largest displacement in static deflections.
+    `state` may be the name of a start, "static" or "rest". `settings` have the keys starts, seed
+    and spread, the largest displacement in static deflections.
     """
     state = np.asarray(model.start_state(state) if isinstance(state, str) else state, float)
-    half = state.size // 2
+    coordinates = state.size // 2
     states = np.tile(state, (settings["starts"], 1))
-    # Of bodies: natural modes of equal frequency have no shapes of their own.
-    random = np.random.default_rng(settings["seed"]).uniform(-1.0, 1.0, (len(states), half))
-    states[:, :half] += settings["spread"] * random
+    # Coordinates are displaced, because natural modes of equal frequency have no unique shapes.
+    generator = np.random.default_rng(settings["seed"])
+    displacements = generator.uniform(-1.0, 1.0, (len(states), coordinates))
+    states[:, :coordinates] += settings["spread"] * displacements
     return states
 
 
-def beside(state):
-    """Return a state next to another, by more than rounding and less than any measurement."""
-    return state + _TINY * np.cos(1.0 + np.arange(len(state)) ** 2.0)
+def neighbouring_state(state: np.ndarray) -> np.ndarray:
+    """Return a state changed by more than rounding errors and less than any measurement error."""
+    return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
-def over_starts(dataset, names):
-    """Return name, name_low and name_high -> median and range over the starts that could go on."""
+def ranges_over_starts(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
+    """Return the median of variables over the starts, and their range as name_low, name_high."""
     ranges = {}
     with warnings.catch_warnings():
-        # The median of nothing is NaN, which needs no warning.
+        # The median of no values is NaN.
         warnings.simplefilter("ignore", RuntimeWarning)
         for name in names:
             ranges[name] = dataset[name].median("start", skipna=True)
@@ -64,153 +70,179 @@ def over_starts(dataset, names):
     return ranges
 
 
-class Ends(NamedTuple):
-    """Ends of the motions from some starts, each over the first axis."""
+class FinalMotion(NamedTuple):
+    """The motion on which a run from one start ends, or arrays of several of them."""
 
-    tables: np.ndarray  #: summaries as in `Model.empty_record`, of orbits where there is one
-    orbits: np.ndarray  #: number of the stable orbit in the order found, -1: none
-    periods: np.ndarray  #: in mesh periods, 0: none
-    states: np.ndarray  #: at the end, at a multiple of the common period
-    codes: np.ndarray  #: `gearlib.data.status`
+    summary: np.ndarray  #: extrema and times as in `Model.empty_record`
+    orbit: int | np.ndarray  #: number of the stable orbit in the order of discovery, -1: none
+    period: int | np.ndarray  #: mesh periods of the orbit, 0: none
+    state: np.ndarray  #: state at the end of a multiple of the common period
+    status: int | np.ndarray  #: code of `gearlib.data.status`
 
     @property
-    def settled(self):
+    def settled(self) -> bool:
         """Whether all motions end on one orbit."""
-        return bool((self.orbits == 0).all())
+        return bool(np.all(self.orbit == 0))
 
 
-class _Search:
+class _Orbit(NamedTuple):
+    period: int  #: mesh periods
+    states: list[np.ndarray]  #: at the start of each common period of the meshes
+    summary: np.ndarray
+
+
+class _OrbitSearch:
     """Search for the stable orbits of a model at one tuning on which motions end."""
 
-    def __init__(self, model, tuning, settings):
+    def __init__(self, model: Any, tuning: float, settings: dict) -> None:
         self.model, self.tuning = model, tuning
         self.propagator = model.propagator(tuning)
-        self.recorded, self.near = settings["record_periods"], 2.0 * settings["spread"]
-        #: Mesh periods of either half of a run; at their ends all orbits are in one phase.
-        twice = 2 * model.repeats
-        self.half = -(-max(settings["periods"], 2 * self.recorded) // (2 * twice)) * twice
-        #: Period, states at its cycles, and summary of each orbit.
-        self.orbits: list = []
-        self.failures = 0
+        self.record_periods = settings["record_periods"]
+        self.start_distance = 2.0 * settings["spread"]
+        # A run has two halves, at the ends of which all orbits have the same phase.
+        multiple = 2 * model.repeats
+        periods = max(settings["periods"], 2 * self.record_periods)
+        self.half_periods = -(-periods // (2 * multiple)) * multiple
+        self.orbits: list[_Orbit] = []
+        self.failed_searches = 0
         try:
             reduce, lift = model.reduction()
             self.without_rotation = lift @ reduce
         except ValueError:
-            # The free rotation is damped: it comes to rest as all other motions.
+            # A damped free rotation comes to rest as all other motions do.
             self.without_rotation = np.eye(model.size)
 
-    def run(self, state, periods, recorded):
-        return self.propagator.run(state, Span(periods, recorded, MAX_EVENTS), keep_events=False)
+    def run(self, state: np.ndarray, periods: int, record_periods: int) -> Any:
+        """Return the run of the propagator from a state over mesh periods."""
+        span = Span(periods, record_periods, MAX_EVENTS)
+        return self.propagator.run(state, span, keep_events=False)
 
-    def end(self, start):
-        """Return (summary, orbit, period, state, status) of the motion from a start."""
-        middle = end = self.run(np.array(start, float), self.half, 1)
+    def final_motion(self, start: np.ndarray) -> FinalMotion:
+        """Return the motion on which the run from a start ends."""
+        middle = end = self.run(np.array(start, float), self.half_periods, 1)
         if middle.status == status.OK:
-            end = self.run(middle.state, self.half, self.recorded)
+            end = self.run(middle.state, self.half_periods, self.record_periods)
         if end.status != status.OK:
-            return np.full_like(end.summary, np.nan), -1, 0, np.full(len(start), np.nan), end.status
-        number = self.nearest(middle.state, end.state)
-        steady = end.period or self.distance(middle.state, end.state) < _NEAR
-        if number < 0 and steady and self.failures < _MAX_FAILURES:
-            number = self.find(middle.state, end)
-            self.failures += number < 0
+            missing = np.full_like(end.summary, np.nan)
+            return FinalMotion(missing, -1, 0, np.full(len(start), np.nan), end.status)
+        number = self.approached_orbit(middle.state, end.state)
+        steady = end.period or self.distance(middle.state, end.state) < _CAPTURE_DISTANCE
+        if number < 0 and steady and self.failed_searches < _MAX_FAILED_SEARCHES:
+            number = self.find_orbit(middle.state, end)
+            self.failed_searches += number < 0
         if number < 0:
-            return end.summary, -1, 0, end.state, end.status
-        period, states, table = self.orbits[number]
-        return table, number, period, states[0], end.status
+            return FinalMotion(end.summary, -1, 0, end.state, end.status)
+        orbit = self.orbits[number]
+        return FinalMotion(orbit.summary, number, orbit.period, orbit.states[0], end.status)
 
-    def distance(self, state, other):
+    def distance(self, state: np.ndarray, other: np.ndarray) -> float:
+        """Return the largest difference of two states, without free rotation."""
         return np.abs(self.without_rotation @ (state - other)).max()
 
-    def nearest(self, middle, end):
-        """Return the number of the orbit that a motion comes nearer to, -1 if there is none."""
-        for number, (_, states, _) in enumerate(self.orbits):
-            now, before = (min(self.distance(z, state) for state in states) for z in (end, middle))
-            if now < _NEAR and (now < before or now < self.near):
+    def approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
+        """Return the number of the orbit that a motion approaches, -1 if there is none.
+
+        `middle` and `end` are the states after the first and the second half of the run.
+        """
+        for number, orbit in enumerate(self.orbits):
+            at_end = min(self.distance(end, state) for state in orbit.states)
+            at_middle = min(self.distance(middle, state) for state in orbit.states)
+            approaches = at_end < at_middle or at_end < self.start_distance
+            if at_end < _CAPTURE_DISTANCE and approaches:
                 return number
         return -1
 
-    def find(self, middle, end):
-        """Return the number of a new orbit on which a motion ends, -1 if there is none."""
-        cycle = self.model.repeats
-        repeated = end.period and end.period % cycle == 0
-        for period in [end.period] if repeated else [cycle, 2 * cycle]:
+    def find_orbit(self, middle: np.ndarray, end: Any) -> int:
+        """Return the number of a new stable orbit on which a run ends, -1 if there is none.
+
+        `middle` is the state after the first half of the run, `end` the second half.
+        """
+        common_period = self.model.repeats
+        repeats = end.period and end.period % common_period == 0
+        for period in [end.period] if repeats else [common_period, 2 * common_period]:
             try:
                 orbit = periodic_orbit(self.model, self.tuning, guess=end.state, period=period)
                 stable, state, period = orbit.stable, orbit.state, orbit.period
             except NoOrbit:
                 continue
             except ValueError:
-                # Newton's method refuses a damped free rotation: only the run tells.
-                stable, state = bool(repeated), end.state
+                # Newton's method refuses a damped free rotation, so that the run has to decide.
+                stable, state = bool(repeats), end.state
             if not stable:
                 continue
             states = [state]
-            while len(states) < period // cycle:
-                states.append(self.run(states[-1], cycle, 1).state)
-            table = self.run(state, self.recorded, self.recorded).summary
-            self.orbits.append((period, states, table))
-            if self.nearest(middle, end.state) == len(self.orbits) - 1:
+            while len(states) < period // common_period:
+                states.append(self.run(states[-1], common_period, 1).state)
+            record = self.run(state, self.record_periods, self.record_periods)
+            self.orbits.append(_Orbit(period, states, record.summary))
+            if self.approached_orbit(middle, end.state) == len(self.orbits) - 1:
                 return len(self.orbits) - 1
             self.orbits.pop()
         return -1
 
 
-def ends(model, tuning, states, settings):
-    """Return the `Ends` of the motions from some states, shape (k, size), at one tuning.
+def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict) -> FinalMotion:
+    """Return the motions on which runs from several states, shape (starts, size), end.
 
-    Where the first_starts of `settings` end on one orbit, the others are taken to end there too.
+    If the runs from the first_starts of `settings` end on one orbit, the other starts count as
+    ending there too.
     """
-    search, first = _Search(model, tuning, settings), settings["first_starts"]
-    rows = [search.end(state) for state in states[:first]]
-    if all(number == 0 for _, number, *_ in rows):
-        rows += rows[:1] * len(states[first:])
+    search, first_starts = _OrbitSearch(model, tuning, settings), settings["first_starts"]
+    motions = [search.final_motion(state) for state in states[:first_starts]]
+    if all(motion.orbit == 0 for motion in motions):
+        motions += motions[:1] * len(states[first_starts:])
     else:
-        rows += [search.end(state) for state in states[first:]]
+        motions += [search.final_motion(state) for state in states[first_starts:]]
     if len(search.orbits) > 1:
-        # A motion whose end a tiny change of its start decides ends on no orbit.
+        # If a tiny change of the start leads to another orbit, the end is undecided.
         for i, state in enumerate(states):
-            table, number, _, end, code = rows[i]
-            if search.end(beside(state))[1] != number:
-                rows[i] = table, -1, 0, end, code
-    return Ends(*map(np.array, zip(*rows, strict=True)))
+            if search.final_motion(neighbouring_state(state)).orbit != motions[i].orbit:
+                motions[i] = motions[i]._replace(orbit=-1, period=0)
+    return FinalMotion(*(np.array(column) for column in zip(*motions, strict=True)))
 
 
-def from_equilibrium(model, tunings, settings):
-    """Return the `Ends` of the motions from all starts beside static equilibrium, by tuning."""
-    states = starts(model, "static", settings)
+def motions_from_equilibrium(
+    model: Any, tunings: Sequence[float], settings: dict
+) -> list[FinalMotion]:
+    """Return the final motions of all starts around static equilibrium, for each tuning."""
+    states = seeded_states(model, "static", settings)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda nu: ends(model, float(nu), states, settings), tunings))
+        return list(pool.map(lambda nu: final_motions(model, float(nu), states, settings), tunings))
 
 
-def carried(model, tunings, settings, direction):
-    """Return the `Ends` of one start that carries its motion up or down, by tuning.
+def warm_started_motions(
+    model: Any, tunings: Sequence[float], settings: dict, direction: str
+) -> list[FinalMotion]:
+    """Return the final motion of a single start that is swept "up" or "down", for each tuning.
 
-    A run begins beside the end of the one before, by the displacements of the first start; behind a
-    motion that did not settle it begins beside static equilibrium.
+    Each run starts close to the end of the previous run. After a motion that has not settled it
+    starts close to static equilibrium.
     """
-    first = starts(model, "static", settings | {"starts": 1})
-    displacement = first - model.start_state("static")
-    order, begin = np.argsort(tunings), first
-    motion_ends = [None] * len(order)
+    start = seeded_states(model, "static", settings | {"starts": 1})
+    displacement = start - model.start_state("static")
+    order, states = np.argsort(tunings), start
+    motions: list[Any] = [None] * len(order)
     for i in order if direction == "up" else order[::-1]:
-        motion_ends[i] = ends(model, float(tunings[i]), begin, settings)
-        begin = motion_ends[i].states + displacement if motion_ends[i].settled else first
-    return motion_ends
+        motions[i] = final_motions(model, float(tunings[i]), states, settings)
+        states = motions[i].state + displacement if motions[i].settled else start
+    return motions
 
 
-def summarise(model, motion_ends, settings, names):
-    """Return summaries over start, tuning and mesh, and the `SHARES` of the starts over tuning.
+def summarise(
+    model: Any, motions: Sequence[FinalMotion], settings: dict, names: Sequence[str]
+) -> xr.Dataset:
+    """Return variables of motions over start, tuning and mesh, and the `SHARES` over tuning.
 
-    `motion_ends` are the `Ends` at each tuning, `names` summaries of `gearlib.sweep`.
+    `motions` are the final motions at each tuning, `names` are variables of `gearlib.sweep`.
     """
-    columns = (np.stack(column, axis=1) for column in zip(*motion_ends, strict=True))
+    columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
     tables, orbits, periods, states, codes = columns
-    facts = np.stack([periods, codes], axis=-1)
-    dims, recorded = ("start", "tuning"), settings["record_periods"]
-    variables = summary.variables(model, dims, tables, states, facts, recorded)
+    periods_and_codes = np.stack([periods, codes], axis=-1)
+    variables = summary.variables(
+        model, ("start", "tuning"), tables, states, periods_and_codes, settings["record_periods"]
+    )
     counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
-    settled = np.array([end.settled for end in motion_ends])
+    settled = np.array([motion.settled for motion in motions])
     shares = {
         "settled": settled.astype(np.int8),
         "settled_share": (orbits >= 0).mean(axis=0),
@@ -226,25 +258,26 @@ def summarise(model, motion_ends, settings, names):
     return dataset
 
 
-def over_directions(model, tunings, settings, names):
-    """Return medians, ranges and shares of the motions over direction, tuning and mesh.
+def sweep_with_seeded_starts(
+    model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
+) -> tuple[xr.Dataset, list[xr.Dataset]]:
+    """Return a sweep with medians, ranges and shares over the starts, and all its single motions.
 
-    Cold motions begin at all starts, those up and down carry the first one and are NaN where it
-    does not settle. Return also the summaries of the single starts for each direction.
+    The sweep has the dimensions direction, tuning and mesh; the single motions are a dataset from
+    `summarise` for each direction. The direction "cold" has all starts; "up" and "down" have a
+    single warm-started motion, NaN where it does not settle.
     """
-    single_starts, parts = [], []
+    single_motions, directions = [], []
     for direction in DIRECTIONS:
-        cold = direction == "cold"
-        motion_ends = (
-            from_equilibrium(model, tunings, settings)
-            if cold
-            else carried(model, tunings, settings, direction)
-        )
-        single = summarise(model, motion_ends, settings, (*names, "fraction_inverse"))
-        ranges = over_starts(single, names)
-        if not cold:
+        if direction == "cold":
+            motions = motions_from_equilibrium(model, tunings, settings)
+        else:
+            motions = warm_started_motions(model, tunings, settings, direction)
+        single = summarise(model, motions, settings, (*names, "fraction_inverse"))
+        ranges = ranges_over_starts(single, names)
+        if direction != "cold":
             ranges = {name: values.where(single.settled == 1) for name, values in ranges.items()}
-        single_starts.append(single)
-        parts.append(single[SHARES].assign(ranges))
-    directions = xr.DataArray(list(DIRECTIONS), dims="direction", name="direction")
-    return xr.concat(parts, directions, combine_attrs="override"), single_starts
+        single_motions.append(single)
+        directions.append(single[SHARES].assign(ranges))
+    axis = xr.DataArray(list(DIRECTIONS), dims="direction", name="direction")
+    return xr.concat(directions, axis, combine_attrs="override"), single_motions

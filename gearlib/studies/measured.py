@@ -1,7 +1,8 @@
-"""Measured sets beside a model: sweeps, time courses and mesh orders, and how far they agree."""
+"""Compare measured data with a model: sweeps, time histories and mesh orders of run-ups."""
 
 import math
 import warnings
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -15,7 +16,7 @@ from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
 from gearlib.uncertainty.measured import read_measured
 
-#: Observable of a sweep -> its scale to SI among the variables of the characteristics.
+#: Observable of a sweep -> variable of the characteristics that scales it to SI units.
 SWEEP_SCALES = {
     "displacement_max": "static_deflection",
     "displacement_min": "static_deflection",
@@ -27,443 +28,533 @@ SWEEP_SCALES = {
     "fraction_inverse": None,
     "bounces": None,
 }
-#: Observables of which the first that a set has tells its jumps and peaks.
-_HEIGHTS = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
-#: Way of the speed in a measured set -> direction of the sweep.
+#: Jumps and peaks are read from the first of these observables that was measured.
+_JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
+#: Direction code in a measured file -> direction of the computed sweep.
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
-#: Parts of a run-up whose extremes are taken at most, and least samples of each.
-_MAX_PARTS, _MIN_PART_SAMPLES = 400, 20
-#: Harmonics of a time course, points drawn of it, and phases of that of the model.
-_HARMONICS, _POINTS, _PHASES = 5, 600, 256
-#: Share of the largest singular value below which samples do not tell harmonics apart.
+#: The envelope of a run-up has at most so many intervals with at least so many samples.
+_MAX_INTERVALS, _MIN_INTERVAL_SAMPLES = 400, 20
+#: Harmonics of a time history; points for drawing the measured and the computed history.
+_HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
+#: Relative singular value below which the samples do not determine all harmonics.
 _MIN_SINGULAR_VALUE = 1e-7
-#: Mesh orders of a run-up, most blocks of whole revolutions, and samples in a mesh period.
-_ORDERS, _MAX_BLOCKS, _SAMPLES = np.arange(1, 4), 300, 128
-#: Most straight lines of the course of a measured speed.
-_MAX_LINES = 200
-#: A jump is a step of at least this share of the range, and so many times the other steps.
-_JUMP_SHARE, _JUMP_RATIO = 0.15, 2.0
-#: Value and standard deviation of what is not known.
+#: Multiples of the mesh order, limit on blocks of revolutions, samples per mesh period.
+_MESH_ORDERS, _MAX_BLOCKS, _SAMPLES_PER_PERIOD = np.arange(1, 4), 300, 128
+#: Limit on the straight lines that approximate a measured speed profile.
+_MAX_SPEED_SEGMENTS = 200
+#: A jump has at least this share of the range, and is so many times larger than other steps.
+_MIN_JUMP_SHARE, _MIN_JUMP_RATIO = 0.15, 2.0
+#: An unknown value and its standard deviation.
 _UNKNOWN = (math.nan, math.nan)
 
+#: A value and its standard deviation.
+Estimate = tuple[float, float]
+#: Quantity, its unit, the required calibration, the measured and the computed estimate.
+Comparison = tuple[str, str, str, Estimate, Estimate]
 
-def curve(path, resonance):
-    """Return a measured set as a curve over speed and tuning, in the scales of a model.
 
-    Speeds and scales are those of `resonance`, gathered characteristics. A run-up gives the
-    extremes of its parts. ``fitted_gain`` and ``fitted_offset`` of an observable turn its values
-    into those of the damping that suits best: (value - offset) / gain.
+def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
+    """Return a measured set as a curve over speed and tuning, in the scales of the model.
+
+    `path` is the YAML file of the set, `resonance` the gathered characteristics of the model. A
+    run-up is replaced by its envelope. ``fitted_gain`` and ``fitted_offset`` of an observable turn
+    its values into computed values, (value - offset) / gain, with the damping that fits best.
     """
-    rig, resonance = read_measured(path), _with_heights(resonance)
-    measured = rig if set(SWEEP_SCALES) & set(rig.data_vars) else _envelope(rig)
-    rate = float(resonance.tuning[-1] / resonance.speed[-1])
-    data = rig[[name for name in rig.data_vars if not rig[name].dims]].reset_coords(drop=True)
-    names = [name for name in SWEEP_SCALES if name in measured]
-    if "speed" in measured.coords and names:
-        speed = measured.speed
-        direction = measured.coords.get("direction", xr.zeros_like(speed, np.int8))
-        coords = {"speed": speed, "tuning": rate * speed, "direction": direction}
-        data = data.assign_coords({name: ("sample", x.values) for name, x in coords.items()})
-        for name in names:
-            attrs, scale = measured[name].attrs, SWEEP_SCALES[name]
-            has_unit = scale and attrs.get("units") not in ("1", "count")
-            factor = 1.0 / float(resonance[scale]) if has_unit else 1.0
+    measurement, resonance = read_measured(path), _with_orbit_height(resonance)
+    sweep = (
+        measurement if set(SWEEP_SCALES) & set(measurement.data_vars) else _envelope(measurement)
+    )
+    tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
+    scalars = [name for name in measurement.data_vars if not measurement[name].dims]
+    dataset = measurement[scalars].reset_coords(drop=True)
+    observables = [name for name in SWEEP_SCALES if name in sweep]
+    if "speed" in sweep.coords and observables:
+        speed = sweep.speed
+        direction = sweep.coords.get("direction", xr.zeros_like(speed, np.int8))
+        coords = {"speed": speed, "tuning": tuning_rate * speed, "direction": direction}
+        dataset = dataset.assign_coords(
+            {name: ("sample", values.values) for name, values in coords.items()}
+        )
+        for name in observables:
+            attrs, scale = sweep[name].attrs, SWEEP_SCALES[name]
+            has_dimension = scale and attrs.get("units") not in ("1", "count")
+            factor = 1.0 / float(resonance[scale]) if has_dimension else 1.0
             attrs |= {"units": "1", "noise_std": factor * attrs.get("noise_std", 0.0)}
-            data[name] = "sample", factor * measured[name].values, attrs
-            data[name].attrs |= _fitted_sensor(data, name, resonance)
-    return data.assign_attrs(rig.attrs | {"tuning_rate": rate})
+            dataset[name] = "sample", factor * sweep[name].values, attrs
+            dataset[name].attrs |= _fitted_sensor(dataset, name, resonance)
+    return dataset.assign_attrs(measurement.attrs | {"tuning_rate": tuning_rate})
 
 
-def _envelope(rig):
-    """Return the extremes of displacement and force over the speed of a run-up."""
-    if not {"time", "speed"} <= set(rig.coords) or np.ptp(rig.speed.values) == 0.0:
+def _envelope(measurement: xr.Dataset) -> xr.Dataset:
+    """Return the extrema of displacement and force in short intervals of a run-up over speed.
+
+    The dataset is empty if the measurement has no time and speed, or a constant speed.
+    """
+    if not {"time", "speed"} <= set(measurement.coords):
         return xr.Dataset()
-    speed = rig.speed.values
-    count = max(1, min(_MAX_PARTS, speed.size // _MIN_PART_SAMPLES))
+    speed = measurement.speed.values
+    if np.ptp(speed) == 0.0:
+        return xr.Dataset()
+    count = max(1, min(_MAX_INTERVALS, speed.size // _MIN_INTERVAL_SAMPLES))
     starts = np.arange(count) * speed.size // count
     ends = np.append(starts[1:], speed.size) - 1
     direction = np.sign(speed[ends] - speed[starts]).astype(np.int8)
-    if "direction" in rig.coords:
-        direction = rig.direction.values[starts]
-    mean = np.add.reduceat(speed, starts) / (ends - starts + 1)
-    data = xr.Dataset(coords={"speed": ("sample", mean), "direction": ("sample", direction)})
+    if "direction" in measurement.coords:
+        direction = measurement.direction.values[starts]
+    mean_speed = np.add.reduceat(speed, starts) / (ends - starts + 1)
+    envelope = xr.Dataset(
+        coords={"speed": ("sample", mean_speed), "direction": ("sample", direction)}
+    )
     for name in ("displacement", "dynamic_force"):
-        if name in rig:
-            for end, extreme in (("max", np.fmax), ("min", np.fmin)):
-                values = extreme.reduceat(rig[name].values, starts)
-                data[f"{name}_{end}"] = "sample", values, rig[name].attrs
-    return data
+        if name in measurement:
+            values, attrs = measurement[name].values, measurement[name].attrs
+            envelope[f"{name}_max"] = "sample", np.fmax.reduceat(values, starts), attrs
+            envelope[f"{name}_min"] = "sample", np.fmin.reduceat(values, starts), attrs
+    return envelope
 
 
-def _fitted_sensor(data, name, resonance):
-    """Return the unknown gain and offset of a sensor by the damping that suits best."""
-    values = data[name].values
-    unknown = [bool(data[name].attrs.get(f"unknown_{key}")) for key in ("gain", "offset")]
+def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
+    """Return fitted_gain and fitted_offset of a sensor, from the damping that fits best.
+
+    A gain or an offset that the measured set does not mark as unknown stays 1 or 0.
+    """
+    values, attrs = measured[observable].values, measured[observable].attrs
+    fit_gain, fit_offset = bool(attrs.get("unknown_gain")), bool(attrs.get("unknown_offset"))
     fits = [(math.inf, 1.0, 0.0)]
-    for damping in resonance.damping.values if any(unknown) else ():
-        model = _computed(data, resonance.sel(damping=damping), name)
-        gain, offset = _line(values, model, *unknown)
+    for damping in resonance.damping.values if fit_gain or fit_offset else ():
+        computed = _values_at_samples(measured, resonance.sel(damping=damping), observable)
+        gain, offset = _line_fit(computed, values, fit_gain, fit_offset)
         if gain > 0.0:
-            fits.append((np.nanmean((gain * model + offset - values) ** 2), gain, offset))
+            mean_square = np.nanmean((gain * computed + offset - values) ** 2)
+            fits.append((mean_square, gain, offset))
     _, gain, offset = min(fits)
     return {"fitted_gain": float(gain), "fitted_offset": float(offset)}
 
 
-def _line(values, model, gain=True, offset=True):
-    """Return gain and offset of the line through values over a model, NaN of fewer than four."""
-    known = np.isfinite(values) & np.isfinite(model)
-    values, model = values[known], model[known]
-    if values.size < 4:
+def _line_fit(
+    computed: np.ndarray, measured: np.ndarray, fit_gain: bool = True, fit_offset: bool = True
+) -> tuple[float, float]:
+    """Return gain and offset of the least-squares line measured = gain * computed + offset.
+
+    A gain that is not fitted is 1, an offset 0. Both are NaN for fewer than four finite samples.
+    """
+    finite = np.isfinite(measured) & np.isfinite(computed)
+    measured, computed = measured[finite], computed[finite]
+    if measured.size < 4:
         return _UNKNOWN
-    columns = np.stack([model] * gain + [np.ones(model.size)] * offset, axis=1)
-    best = np.linalg.lstsq(columns, values if gain else values - model, rcond=None)[0]
-    return best[0] if gain else 1.0, best[-1] if offset else 0.0
+    columns = [computed] * fit_gain + [np.ones(computed.size)] * fit_offset
+    target = measured if fit_gain else measured - computed
+    coefficients = np.linalg.lstsq(np.stack(columns, axis=1), target, rcond=None)[0]
+    return coefficients[0] if fit_gain else 1.0, coefficients[-1] if fit_offset else 0.0
 
 
-def _computed(measured, computed, name):
-    """Return an observable of the characteristics of one damping at the samples of a curve."""
+def _values_at_samples(
+    measured: xr.Dataset, characteristics: xr.Dataset, observable: str
+) -> np.ndarray:
+    """Return a computed observable at the speeds and directions of the measured samples.
+
+    `characteristics` belong to one damping. Values are NaN outside the computed speeds.
+    """
     values = np.full(measured.sizes["sample"], np.nan)
-    for way, direction in _DIRECTIONS.items():
-        if direction in computed.direction.values:
-            samples = measured.direction.values == way
-            sweep = computed.sel(direction=direction)
+    for code, direction in _DIRECTIONS.items():
+        if direction in characteristics.direction.values:
+            samples = measured.direction.values == code
+            sweep = characteristics.sel(direction=direction)
             speeds = measured.speed.values[samples]
-            values[samples] = np.interp(speeds, sweep.speed, sweep[name], np.nan, np.nan)
+            values[samples] = np.interp(speeds, sweep.speed, sweep[observable], np.nan, np.nan)
     return values
 
 
-def _with_heights(resonance):
-    """Return characteristics with the heights of their orbits."""
+def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
+    """Return characteristics with the additional variable orbit_height."""
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def courses(path, pairs, run):
-    """Return harmonics and courses of a measured set beside those of settled motions from rest.
+def courses(path: str, pairs: Mapping[str, dict], run: dict) -> xr.Dataset:
+    """Return the harmonics of measured time histories and of the settled motions of a model.
 
-    `pairs` has the parameters of the model by damping, `run` the arguments of `simulate`. Over
-    course (a condition with its speed), observable, harmonic of the mesh period, and damping. The
-    shape_phase (deg) of the harmonic k is its phase less k times that of the first, which no
-    unknown phase of the shaft changes.
+    `path` is the YAML file of the measured set, `pairs` maps the name of a damping to arguments of
+    `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are course (a condition
+    with constant speed), observable, harmonic of the mesh period and damping. The shape_phase
+    (degrees) of harmonic k is its phase minus k times the phase of the first harmonic: an unknown
+    phase of the shaft does not change it.
     """
-    rig, models = read_measured(path), _models(pairs)
-    parts = []
-    for part in _parts(rig, steady=True):
-        speed = float(part.speed[0])
+    measurement = read_measured(path)
+    models = [GearPair(**parameters) for parameters in pairs.values()]
+    names = [name for name in SI_SCALES if name in measurement]
+    conditions = []
+    for condition in _conditions(measurement, constant_speed=True):
+        speed = float(condition.speed[0])
         if speed > 0.0:
             motions = [simulate(model, speed=speed, **run) for model in models]
-            rate = math.pi / 30.0 * speed * models[0].teeth
+            mesh_frequency = math.pi / 30.0 * speed * models[0].teeth
             observables = [
-                xr.concat([_computed_course(motion, name, run) for motion in motions], "damping")
-                .merge(_measured_course(part, name, rate))
+                xr.concat([_computed_history(motion, name, run) for motion in motions], "damping")
+                .merge(_measured_history(condition, name, mesh_frequency))
                 .assign_coords(observable=name)
-                for name in _observables(rig)
+                for name in names
             ]
-            parts.append(xr.concat(observables, "observable").assign_coords(speed=speed))
-    data = xr.concat(parts, "course").assign_coords(damping=[*pairs])
-    data = data.assign_coords(harmonic=np.arange(1, _HARMONICS + 1))
-    data["speed"].attrs["units"] = "min-1"
-    return data.assign_attrs(rig.attrs | {"course_units": _units(rig)})
+            conditions.append(xr.concat(observables, "observable").assign_coords(speed=speed))
+    dataset = xr.concat(conditions, "course").assign_coords(damping=[*pairs])
+    dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
+    return _with_units(dataset, measurement, names)
 
 
-def _models(pairs):
-    return [GearPair(**parameters) for parameters in pairs.values()]
+def _with_units(dataset: xr.Dataset, measurement: xr.Dataset, observables: list[str]) -> xr.Dataset:
+    """Return a dataset with the attributes of the measurement and the units of its observables."""
+    dataset["speed"].attrs["units"] = "min-1"
+    units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
+    return dataset.assign_attrs(measurement.attrs | {"course_units": units})
 
 
-def _observables(rig):
-    return [name for name in SI_SCALES if name in rig]
+def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
+    """Return the samples of each measured condition with constant, or with changing, speed."""
+    names = np.zeros(measurement.sizes["sample"])
+    if "condition" in measurement.coords:
+        names = measurement.condition.values
+    conditions = [measurement.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
+    return [data for data in conditions if (np.ptp(data.speed.values) == 0.0) == constant_speed]
 
 
-def _units(rig):
-    return ", ".join(f"{name} in {rig[name].attrs['units']}" for name in _observables(rig))
+def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
+    """Return the harmonics of a simulated observable in SI units, and one mesh period for drawing.
 
-
-def _parts(rig, steady):
-    """Return the conditions of a set whose speed is constant, or those in which it changes."""
-    names = rig.condition.values if "condition" in rig.coords else np.zeros(rig.sizes["sample"])
-    parts = [rig.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
-    return [part for part in parts if (np.ptp(part.speed.values) == 0.0) == steady]
-
-
-def _computed_course(motion, name, run):
-    """Return the harmonics of a run, and its course from the peak of the first of them."""
+    `motion` is a result of `gearlib.simulate` with the arguments `run`. The drawn period starts at
+    the peak of the first harmonic.
+    """
     periods, samples = int(run["record_periods"]), int(run["samples_per_period"])
-    values = float(motion[SI_SCALES[name]]) * motion[name].values[: periods * samples]
-    wave = np.fft.rfft(values)[periods::periods][:_HARMONICS] / (0.5 * values.size)
-    phase = np.linspace(0.0, math.tau, samples, endpoint=False)
-    drawn = np.linspace(0.0, math.tau, _PHASES)
-    shifted = np.interp(drawn - np.angle(wave[0]), phase, values[:samples], period=math.tau)
-    data = {
-        "computed_amplitude": ("harmonic", np.abs(wave)),
-        "computed_shape_phase": ("harmonic", _shape_phases(wave)),
-        "computed": ("phase", shifted),
+    scale = float(motion[SI_SCALES[observable]])
+    values = scale * motion[observable].values[: periods * samples]
+    harmonics = np.fft.rfft(values)[periods::periods][:_HARMONIC_COUNT] / (0.5 * values.size)
+    phases = np.linspace(0.0, math.tau, samples, endpoint=False)
+    drawn_phases = np.linspace(0.0, math.tau, _COMPUTED_POINTS)
+    shifted_phases = drawn_phases - np.angle(harmonics[0])
+    drawn_values = np.interp(shifted_phases, phases, values[:samples], period=math.tau)
+    variables = {
+        "computed_amplitude": ("harmonic", np.abs(harmonics)),
+        "computed_shape_phase": ("harmonic", _shape_phases(harmonics)),
+        "computed": ("phase", drawn_values),
     }
-    return xr.Dataset(data, {"phase": drawn})
+    return xr.Dataset(variables, {"phase": drawn_phases})
 
 
-def _shape_phases(wave):
-    """Return the phase of each harmonic less so many times that of the first, degrees."""
-    number = np.arange(1, wave.size + 1)
-    return np.degrees(np.angle(wave * np.exp(-1j * number * np.angle(wave[0]))))
+def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
+    """Return the phase of each harmonic k minus k times that of the first, in degrees.
+
+    `harmonics` are complex amplitudes, starting with the first harmonic.
+    """
+    number = np.arange(1, harmonics.size + 1)
+    return np.degrees(np.angle(harmonics * np.exp(-1j * number * np.angle(harmonics[0]))))
 
 
-def _measured_course(part, name, rate):
-    """Return the harmonics of a measured course and points of it, NaN if it has too few samples."""
-    finite = np.isfinite(part[name].values)
-    time, values = part.time.values[finite], part[name].values[finite]
-    number = np.arange(1, _HARMONICS + 1)
-    wave, deviation = np.full(_HARMONICS, complex(np.nan)), math.nan
-    drawn = np.linspace(0, time.size - 1, _POINTS).astype(int)
-    if values.size > 2 * _HARMONICS + 1:
-        turned = np.exp(1j * np.outer(rate * (time - time[0]), number))
-        basis = np.hstack([np.ones((time.size, 1)), turned.real, turned.imag])
-        best, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
+def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
+    """Return the harmonics of a measured time history with their deviations, and its points.
+
+    `mesh_frequency` is in rad/s. Harmonics are fitted by least squares. All values are NaN if the
+    samples are too few to determine them.
+    """
+    finite = np.isfinite(condition[observable].values)
+    time, values = condition.time.values[finite], condition[observable].values[finite]
+    number = np.arange(1, _HARMONIC_COUNT + 1)
+    harmonics, deviation = np.full(_HARMONIC_COUNT, complex(np.nan)), math.nan
+    drawn = np.linspace(0, time.size - 1, _MEASURED_POINTS).astype(int)
+    if values.size > 2 * _HARMONIC_COUNT + 1:
+        waves = np.exp(1j * np.outer(mesh_frequency * (time - time[0]), number))
+        basis = np.hstack([np.ones((time.size, 1)), waves.real, waves.imag])
+        fit, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
         if rank == basis.shape[1]:
-            # The conjugate of the coefficient of exp, so that phases are those of cosines.
-            wave = best[1 : _HARMONICS + 1] - 1j * best[_HARMONICS + 1 :]
-            noise = part[name].attrs.get("noise_std") or np.std(values - basis @ best)
+            # The sign of the imaginary part makes the phases those of cosines.
+            harmonics = fit[1 : _HARMONIC_COUNT + 1] - 1j * fit[_HARMONIC_COUNT + 1 :]
+            noise = condition[observable].attrs.get("noise_std") or np.std(values - basis @ fit)
             deviation = noise * math.sqrt(2.0 / time.size)
-    angle = deviation / np.abs(wave)
-    points = np.where(np.isfinite(deviation), values[drawn], np.nan)
-    phases = rate * (time[drawn] - time[0]) + np.angle(wave[0])
+    phase_deviation = deviation / np.abs(harmonics)
+    shape_deviation = np.degrees(np.hypot(phase_deviation, number * phase_deviation[0]))
+    point_phases = mesh_frequency * (time[drawn] - time[0]) + np.angle(harmonics[0])
     return xr.Dataset(
         {
-            "amplitude": ("harmonic", np.abs(wave)),
-            "amplitude_std": ("harmonic", np.full(_HARMONICS, deviation)),
-            "shape_phase": ("harmonic", _shape_phases(wave)),
-            "shape_phase_std": ("harmonic", np.degrees(np.hypot(angle, number * angle[0]))),
-            "point_phase": ("number", np.mod(phases, math.tau)),
-            "point": ("number", points),
+            "amplitude": ("harmonic", np.abs(harmonics)),
+            "amplitude_std": ("harmonic", np.full(_HARMONIC_COUNT, deviation)),
+            "shape_phase": ("harmonic", _shape_phases(harmonics)),
+            "shape_phase_std": ("harmonic", shape_deviation),
+            "point_phase": ("number", np.mod(point_phases, math.tau)),
+            "point": ("number", np.where(np.isfinite(deviation), values[drawn], np.nan)),
         }
     )
 
 
-def orders(path, pairs):
-    """Return the mesh orders z, 2 z, 3 z of the run-ups of a measured set and of a model.
+def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
+    """Return the first three mesh orders of measured run-ups and of run-ups of a model.
 
-    `pairs` has the parameters of the model by damping. Over track (a condition with changing
-    speed), observable, order (multiples of the mesh order) and block of whole revolutions: speed,
-    amplitude (rms, SI), and over damping computed_amplitude of a run-up from rest with the measured
-    course of speed.
+    `path` is the YAML file of the measured set, `pairs` maps the name of a damping to arguments of
+    `GearPair`. The dimensions are track (a condition with changing speed), observable, order (a
+    multiple of the mesh order) and block of whole revolutions. Amplitudes are rms values in SI
+    units; computed_amplitude also depends on damping and belongs to a run-up from rest with the
+    measured speed profile.
     """
-    rig, models = read_measured(path), _models(pairs)
-    names, teeth, tracks = _observables(rig), models[0].teeth, []
-    for part in _parts(rig, steady=False):
-        speed = part.speed.values
-        turned = cumulative_trapezoid(speed / 60.0, part.time.values, initial=0.0)
-        size = max(1, int(turned[-1] / _MAX_BLOCKS))
-        edges = np.arange(int(turned[-1] / size) + 1) * size
-        measured = [_mesh_orders(turned, part[name], edges, teeth) for name in names]
-        dims = ("observable", "order", "block")
+    measurement = read_measured(path)
+    models = [GearPair(**parameters) for parameters in pairs.values()]
+    names = [name for name in SI_SCALES if name in measurement]
+    teeth, dims, tracks = models[0].teeth, ("observable", "order", "block"), []
+    for condition in _conditions(measurement, constant_speed=False):
+        speed = condition.speed.values
+        revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
+        block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
+        edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
+        measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
+        block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
         track = xr.Dataset(
-            {
-                "speed": ("block", np.interp(0.5 * (edges[1:] + edges[:-1]), turned, speed)),
-                "amplitude": (dims, np.array(measured)),
-            },
+            {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
             {"block": np.arange(edges.size - 1)},
         )
+        options = {"resolution": 1.0 / block_size, "orders": teeth * _MESH_ORDERS}
         computed = []
         for model in models:
-            run = run_up(model, speed=_lines(part), samples_per_period=_SAMPLES)
-            options = {"resolution": 1.0 / size, "orders": teeth * _ORDERS}
+            profile = _speed_profile(condition)
+            run = run_up(model, speed=profile, samples_per_period=_SAMPLES_PER_PERIOD)
             maps = [order_map(run, variable=name, **options).amplitude.values.T for name in names]
             blocks = np.arange(maps[0].shape[-1])
             computed.append(xr.DataArray(np.array(maps), {"block": blocks}, dims))
-        together = xr.concat(computed, "damping", join="outer")
-        tracks.append(track.assign(computed_amplitude=together.reindex_like(track)))
-    data = xr.concat(tracks, "track", join="outer")
-    data = data.assign_coords(observable=names, damping=[*pairs], order=_ORDERS)
-    data = data.transpose(..., "order", "block")
-    data["speed"].attrs["units"] = "min-1"
-    return data.assign_attrs(rig.attrs | {"course_units": _units(rig)})
+        amplitudes = xr.concat(computed, "damping", join="outer")
+        tracks.append(track.assign(computed_amplitude=amplitudes.reindex_like(track)))
+    dataset = xr.concat(tracks, "track", join="outer")
+    dataset = dataset.assign_coords(observable=names, damping=[*pairs], order=_MESH_ORDERS)
+    return _with_units(dataset.transpose(..., "order", "block"), measurement, names)
 
 
-def _mesh_orders(turned, course, edges, teeth):
-    """Return the rms of the mesh orders, shape (orders, blocks), NaN in blocks with gaps."""
-    finite = np.isfinite(course.values)
-    turned, values = turned[finite], course.values[finite]
-    complete = complete_blocks(turned, edges, teeth)
+def _mesh_orders(
+    history: xr.DataArray, revolutions: np.ndarray, edges: np.ndarray, teeth: int
+) -> np.ndarray:
+    """Return the rms of the mesh orders of a measured time history, shape (orders, blocks).
+
+    `revolutions` are the shaft revolutions at each sample, `edges` those between blocks. Blocks
+    with missing samples are NaN.
+    """
+    finite = np.isfinite(history.values)
+    revolutions, values = revolutions[finite], history.values[finite]
+    complete = complete_blocks(revolutions, edges, teeth)
     if missing := int((~complete).sum()):
-        words = f"{missing} of {complete.size} blocks of revolutions are left out of {course.name}"
-        warnings.warn(f"{words}: they have gaps", stacklevel=2)
-    waves = values * np.exp(-2j * np.pi * teeth * _ORDERS[:, None] * turned)
-    sums = cumulative_trapezoid(waves, turned, initial=0.0)
-    at_edges = np.array([np.interp(edges, turned, row) for row in sums])
+        warnings.warn(
+            f"{missing} of {complete.size} blocks of revolutions are left out of {history.name}: "
+            "they have gaps",
+            stacklevel=2,
+        )
+    waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
+    integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
+    at_edges = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
     amplitude = math.sqrt(2.0) * np.abs(np.diff(at_edges)) / np.diff(edges)
     return np.where(complete, amplitude, np.nan)
 
 
-def _lines(part):
-    """Return a measured course of speed as few straight lines, rows of s and min-1.
+def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
+    """Return a measured speed profile as straight lines between points (time in s, speed in rpm).
 
-    They go through means of samples: the noise of a sensor would make accelerations.
+    The points are means over samples, because sensor noise would become acceleration.
     """
-    time, speed = part.time.values - part.time.values[0], part.speed.values
-    groups = np.array_split(np.arange(time.size), min(_MAX_LINES, time.size // 2))
-    rows = [(float(time[group].mean()), float(speed[group].mean())) for group in groups]
-    return [(0.0, rows[0][1]), *rows, (float(time[-1]), rows[-1][1])]
+    time = condition.time.values - condition.time.values[0]
+    speed = condition.speed.values
+    groups = np.array_split(np.arange(time.size), min(_MAX_SPEED_SEGMENTS, time.size // 2))
+    points = [(float(time[group].mean()), float(speed[group].mean())) for group in groups]
+    return [(0.0, points[0][1]), *points, (float(time[-1]), points[-1][1])]
 
 
-def rows(curves, resonance, courses=(), orders=()):
-    """Yield the table of measured and computed numbers, first those that need no calibration.
+def rows(
+    curves: Sequence[xr.Dataset],
+    resonance: xr.Dataset,
+    courses: Sequence[xr.Dataset] = (),
+    orders: Sequence[xr.Dataset] = (),
+) -> Iterator[list]:
+    """Yield the rows of a table that compares measured and computed quantities.
 
-    A head, then a row for each quantity, damping and measured set; `curves`, `courses` and `orders`
-    are datasets of the functions of these names, `resonance` the gathered characteristics.
+    `curves`, `courses` and `orders` are datasets from the functions of these names, one for each
+    measured set; `resonance` are the gathered characteristics. The first row names the columns, the
+    others belong to a measured set, a damping and a quantity.
     """
-    head = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
-    yield [*head, "computed", "difference", "deviations"]
-    resonance = _with_heights(resonance)
-    for data in (*curves, *courses, *orders):
+    header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
+    yield [*header, "computed", "difference", "deviations"]
+    resonance = _with_orbit_height(resonance)
+    for dataset in (*curves, *courses, *orders):
         for damping in resonance.damping.values:
-            if "track" in data.dims:
-                scores = _scores_of_orders(data.sel(damping=damping))
-            elif "course" in data.dims:
-                scores = _scores_of_courses(data.sel(damping=damping))
+            if "track" in dataset.dims:
+                comparisons = _compare_orders(dataset.sel(damping=damping))
+            elif "course" in dataset.dims:
+                comparisons = _compare_courses(dataset.sel(damping=damping))
             else:
-                scores = _scores_of_curve(data, resonance.sel(damping=damping))
-            for score in scores:
-                yield _row(data.attrs["title"], str(damping), *score)
+                comparisons = _compare_curve(dataset, resonance.sel(damping=damping))
+            for comparison in comparisons:
+                yield _row(dataset.attrs["title"], str(damping), comparison)
 
 
-def _row(title, damping, quantity, unit, calibration, measured, computed):
-    """Return a row of the table; measured and computed are values with standard deviations."""
-    (value, deviation), (model, resolution) = measured, computed
-    difference = model - value
-    total = math.hypot(deviation, resolution if math.isfinite(resolution) else 0.0)
-    ratio = difference / total if deviation > 0 else math.nan
-    numbers = [value, deviation, model, difference, ratio]
+def _row(title: str, damping: str, comparison: Comparison) -> list:
+    """Return the row of the table for one quantity of a measured set and one damping."""
+    quantity, unit, calibration, measured, computed = comparison
+    difference = computed[0] - measured[0]
+    total_deviation = math.hypot(measured[1], computed[1] if math.isfinite(computed[1]) else 0.0)
+    ratio = difference / total_deviation if measured[1] > 0 else math.nan
+    numbers = [*measured, computed[0], difference, ratio]
     cells = [float(f"{number:.6g}") if math.isfinite(number) else "" for number in numbers]
     return [title, quantity + unit, calibration, damping, *cells]
 
 
-def _scores_of_curve(curve, computed):
-    """Yield (quantity, unit, calibration, measured, computed) of a curve and one damping."""
-    name = next((name for name in _HEIGHTS if name in curve), None)
-    jumps = {}
-    for way, direction in ((1, "up"), (-1, "down")):
-        measured = _speed(curve, f"jump_{direction}")
-        if name and "direction" in curve.coords and not math.isfinite(measured[0]):
-            sweep = curve.isel(sample=curve.direction.values == way)
-            measured = jump(sweep.speed.values, sweep[name].values)
-        if math.isfinite(measured[0]):
-            model = _UNKNOWN
-            if direction in computed.direction.values:
-                sweep = computed.sel(direction=direction)
-                model = jump(sweep.speed.values, sweep[name or "orbit_height"].values)
-            jumps[direction] = measured, model
+def _compare_curve(measured: xr.Dataset, characteristics: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of a measured curve with the characteristics of one damping."""
+    observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
+    jumps = _compare_jumps(measured, characteristics, observable)
     if len(jumps) == 2:
         ratios = map(_ratio, jumps["down"], jumps["up"])
         yield "jump down over jump up", "", "none", *ratios
-    if name and "direction" in curve.coords:
-        values, model = curve[name].values, _computed(curve, computed, name)
-        sign = -1.0 if name == "displacement_min" else 1.0
-        noise = curve[name].attrs["noise_std"] or math.nan
-        peaks = [_peak_ratio(sign * values, curve, noise), _peak_ratio(sign * model, curve, 0.0)]
-        if math.isfinite(peaks[0][0]):
-            yield f"highest {name} down over up", "", "none", *peaks
-    for observable in filter(curve.__contains__, SWEEP_SCALES):
-        yield from _misfits(curve, computed, observable)
-    for direction, pair in jumps.items():
-        yield f"jump {direction}", " min-1", "speed", *pair
-    onset = _speed(curve, "onset_of_contact_loss")
+    if observable and "direction" in measured.coords:
+        computed = _values_at_samples(measured, characteristics, observable)
+        sign = -1.0 if observable == "displacement_min" else 1.0
+        noise = measured[observable].attrs["noise_std"] or math.nan
+        directions = measured.direction.values
+        measured_ratio = _peak_ratio(sign * measured[observable].values, directions, noise)
+        if math.isfinite(measured_ratio[0]):
+            computed_ratio = _peak_ratio(sign * computed, directions, 0.0)
+            yield f"highest {observable} down over up", "", "none", measured_ratio, computed_ratio
+    for name in SWEEP_SCALES:
+        if name in measured:
+            yield from _misfits(measured, characteristics, name)
+    for direction, estimates in jumps.items():
+        yield f"jump {direction}", " min-1", "speed", *estimates
+    onset = _measured_speed(measured, "onset_of_contact_loss")
     if math.isfinite(onset[0]):
-        yield "onset of contact loss", " min-1", "speed", onset, _onset(computed)
+        yield "onset of contact loss", " min-1", "speed", onset, _computed_onset(characteristics)
 
 
-def _speed(curve, name):
-    """Return a measured speed and its standard deviation, NaN where they are not known."""
-    if name not in curve:
+def _compare_jumps(
+    measured: xr.Dataset, characteristics: xr.Dataset, observable: str | None
+) -> dict[str, tuple[Estimate, Estimate]]:
+    """Return direction -> measured and computed jump speed, for directions with a measured jump.
+
+    A jump that the measured set does not state is searched for in the values of `observable`.
+    """
+    jumps = {}
+    for code, direction in ((1, "up"), (-1, "down")):
+        speed = _measured_speed(measured, f"jump_{direction}")
+        if observable and "direction" in measured.coords and not math.isfinite(speed[0]):
+            sweep = measured.isel(sample=measured.direction.values == code)
+            speed = jump(sweep.speed.values, sweep[observable].values)
+        if math.isfinite(speed[0]):
+            computed = _UNKNOWN
+            if direction in characteristics.direction.values:
+                sweep = characteristics.sel(direction=direction)
+                computed = jump(sweep.speed.values, sweep[observable or "orbit_height"].values)
+            jumps[direction] = speed, computed
+    return jumps
+
+
+def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
+    """Return a speed that a measured set states, and its standard deviation; NaN if unknown."""
+    if name not in measured:
         return _UNKNOWN
-    return float(curve[name]), curve[name].attrs.get("noise_std", 0.0) or math.nan
+    return float(measured[name]), measured[name].attrs.get("noise_std", 0.0) or math.nan
 
 
-def jump(speed, heights):
+def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     """Return the speed at which a curve jumps and its standard deviation, NaN without a jump."""
-    finite = np.isfinite(heights)
-    order = np.argsort(speed[finite], kind="stable")
-    speed, heights = speed[finite][order], heights[finite][order]
-    if speed.size < 4:
+    finite = np.isfinite(values)
+    order = np.argsort(speeds[finite], kind="stable")
+    speeds, values = speeds[finite][order], values[finite][order]
+    if speeds.size < 4:
         return _UNKNOWN
-    steps = np.abs(np.diff(heights))
+    steps = np.abs(np.diff(values))
     i = int(steps.argmax())
-    others = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
-    if steps[i] <= max(_JUMP_SHARE * np.ptp(heights), _JUMP_RATIO * others.max(initial=0.0)):
+    other_steps = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
+    limit = max(_MIN_JUMP_SHARE * np.ptp(values), _MIN_JUMP_RATIO * other_steps.max(initial=0.0))
+    if steps[i] <= limit:
         return _UNKNOWN
-    return speed[i : i + 2].mean(), max(speed[i + 1] - speed[i], 1e-300) / math.sqrt(12.0)
+    # The jump is uniformly distributed between two samples.
+    return speeds[i : i + 2].mean(), max(speeds[i + 1] - speeds[i], 1e-300) / math.sqrt(12.0)
 
 
-def _ratio(numerator, denominator):
-    """Return the ratio of two numbers with standard deviations."""
+def _ratio(numerator: Estimate, denominator: Estimate) -> Estimate:
+    """Return the ratio of two values with its standard deviation."""
     ratio = numerator[0] / denominator[0]
-    shares = (deviation / value for value, deviation in (numerator, denominator))
-    return ratio, abs(ratio) * math.hypot(*shares)
+    relative = (numerator[1] / numerator[0], denominator[1] / denominator[0])
+    return ratio, abs(ratio) * math.hypot(*relative)
 
 
-def _peak_ratio(values, curve, deviation):
-    """Return the ratio of the highest values down and up, over the median of both sweeps."""
-    sweeps = [values[curve.direction.values == way] for way in (-1, 1)]
-    if not all(np.isfinite(sweep).any() for sweep in sweeps):
+def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) -> Estimate:
+    """Return the peak of the downward sweep over that of the upward one, NaN if one is missing.
+
+    `directions` are 1 (up) or -1 (down), `deviation` is the standard deviation of the values. Both
+    peaks are measured from the median of both sweeps.
+    """
+    down, up = values[directions == -1], values[directions == 1]
+    if not (np.isfinite(down).any() and np.isfinite(up).any()):
         return _UNKNOWN
-    zero = np.nanmedian(np.concatenate(sweeps))
-    return _ratio(*((float(np.nanmax(sweep)) - zero, deviation) for sweep in sweeps))
+    zero = np.nanmedian(np.concatenate([down, up]))
+    peaks = [(float(np.nanmax(sweep)) - zero, deviation) for sweep in (down, up)]
+    return _ratio(*peaks)
 
 
-def _misfits(curve, computed, name):
-    """Yield the rms distance of a curve from the model over its range, by calibration."""
-    values, model = curve[name].values, _computed(curve, computed, name)
-    gain, offset = _line(values, model)
+def _misfits(
+    measured: xr.Dataset, characteristics: xr.Dataset, observable: str
+) -> Iterator[Comparison]:
+    """Yield the rms difference of a measured curve from the model, relative to its range.
+
+    The first comparison fits gain and offset of the sensor, the second uses its calibration.
+    """
+    values = measured[observable].values
+    computed = _values_at_samples(measured, characteristics, observable)
+    gain, offset = _line_fit(computed, values)
     if not math.isfinite(gain):
         return
-    attrs, span = curve[name].attrs, float(np.nanmax(values) - np.nanmin(values))
-    fits = [("free gain and offset", "none", gain * model + offset)]
+    attrs, value_range = measured[observable].attrs, float(np.nanmax(values) - np.nanmin(values))
+    fits = [("free gain and offset", "none", gain * computed + offset)]
     if not attrs.get("unknown_gain") and not attrs.get("unknown_offset"):
-        fits.append(("as calibrated", "sensor", model))
-    for words, calibration, fitted in fits:
-        rms = float(np.sqrt(np.nanmean((values - fitted) ** 2))) / span
-        measured = math.nan, attrs["noise_std"] / span or math.nan
-        quantity = f"misfit of {name} over its range, {words}"
-        yield quantity, "", calibration, measured, (rms, math.nan)
+        fits.append(("as calibrated", "sensor", computed))
+    for description, calibration, fitted in fits:
+        rms = float(np.sqrt(np.nanmean((values - fitted) ** 2))) / value_range
+        noise = math.nan, attrs["noise_std"] / value_range or math.nan
+        quantity = f"misfit of {observable} over its range, {description}"
+        yield quantity, "", calibration, noise, (rms, math.nan)
 
 
-def _onset(computed):
-    """Return the lowest speed at which the sweep up begins to lose contact, and its resolution."""
-    if "up" not in computed.direction.values:
+def _computed_onset(characteristics: xr.Dataset) -> Estimate:
+    """Return the lowest speed at which contact is lost in the upward sweep, and its deviation."""
+    if "up" not in characteristics.direction.values:
         return _UNKNOWN
-    sweep = computed.sel(direction="up").sortby("speed")
-    lost = sweep.fraction_normal.values < 1.0 - 1e-9
-    begins = np.flatnonzero(lost[1:] & ~lost[:-1])
-    if not begins.size:
+    sweep = characteristics.sel(direction="up").sortby("speed")
+    loses_contact = sweep.fraction_normal.values < 1.0 - 1e-9
+    onsets = np.flatnonzero(loses_contact[1:] & ~loses_contact[:-1])
+    if not onsets.size:
         return _UNKNOWN
-    low, high = sweep.speed.values[begins[0] : begins[0] + 2]
-    return 0.5 * (low + high), (high - low) / math.sqrt(12.0)
+    lower, upper = sweep.speed.values[onsets[0] : onsets[0] + 2]
+    return 0.5 * (lower + upper), (upper - lower) / math.sqrt(12.0)
 
 
-def _scores_of_orders(tracks):
-    """Yield (quantity, unit, calibration, measured, computed) of run-ups and one damping."""
+def _compare_orders(tracks: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of the mesh orders of run-ups, see `orders`, for one damping."""
     for i, j in np.ndindex(tracks.sizes["track"], tracks.sizes["observable"]):
         track = tracks.isel(track=i, observable=j)
-        name, both = str(track.observable.values), (track.amplitude, track.computed_amplitude)
-        peaks = [values.max("block").values for values in both]
+        amplitudes = (track.amplitude.values, track.computed_amplitude.values)
+        name = str(track.observable.values)
         for k in range(1, track.sizes["order"]):
-            ratios = [(float(largest[k] / largest[0]), math.nan) for largest in peaks]
+            ratios = [
+                (float(np.nanmax(values[k]) / np.nanmax(values[0])), math.nan)
+                for values in amplitudes
+            ]
             yield f"largest order {k + 1}z of {name} over order z", "", "none", *ratios
-        speeds = [float(track.speed[int(np.nanargmax(values.values[0]))]) for values in both]
-        yield f"largest order z of {name}", " min-1", "speed", *((n, math.nan) for n in speeds)
+        speeds = [float(track.speed[int(np.nanargmax(values[0]))]) for values in amplitudes]
+        estimates = [(speed, math.nan) for speed in speeds]
+        yield f"largest order z of {name}", " min-1", "speed", *estimates
 
 
-def _scores_of_courses(courses):
-    """Yield (quantity, unit, calibration, measured, computed) of time courses and one damping."""
+def _compare_courses(courses: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of the harmonics of time histories, see `courses`, for one damping."""
     for i, j in np.ndindex(courses.sizes["course"], courses.sizes["observable"]):
         course = courses.isel(course=i, observable=j)
         if not math.isfinite(float(course.amplitude[0])):
             continue
         where = f"of {course.observable.values} at {float(course.speed):.4g} min-1"
         measured = [*zip(course.amplitude.values, course.amplitude_std.values, strict=True)]
-        model = [(value, 0.0) for value in course.computed_amplitude.values]
+        computed = [(amplitude, 0.0) for amplitude in course.computed_amplitude.values]
         for k in range(1, course.sizes["harmonic"]):
-            ratios = (_ratio(amplitudes[k], amplitudes[0]) for amplitudes in (measured, model))
+            ratios = _ratio(measured[k], measured[0]), _ratio(computed[k], computed[0])
             yield f"harmonic {k + 1} over the first {where}", "", "none", *ratios
-            lag = float(course.shape_phase[k]), float(course.shape_phase_std[k])
-            near = float(course.computed_shape_phase[k])
-            near += 360.0 * round((lag[0] - near) / 360.0)
-            quantity = f"phase of harmonic {k + 1} less {k + 1} times that of the first {where}"
-            yield quantity, " deg", "none", lag, (near, math.nan)
+            phase = float(course.shape_phase[k]), float(course.shape_phase_std[k])
+            computed_phase = float(course.computed_shape_phase[k])
+            computed_phase += 360.0 * round((phase[0] - computed_phase) / 360.0)
+            quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {where}"
+            yield quantity, " deg", "none", phase, (computed_phase, math.nan)

@@ -61,7 +61,7 @@ def runs(model, tuning, run, settings):
     """Return the run from the start asked for, and the runs that stand for the motion.
 
     They are that run itself where rounding does not decide it, else those from seeded starts. `run`
-    has arguments of `gearlib.simulate`, `settings` those of `many_starts.starts`.
+    has arguments of `gearlib.simulate`, `settings` those of `many_starts.seeded_states`.
     """
     run = {"initial_state": (0.0, 0.0)} | run
 
@@ -71,11 +71,11 @@ def runs(model, tuning, run, settings):
 
     state = np.asarray(run["initial_state"], float)
     first = from_state(state, until_settled=True)
-    near = from_state(many_starts.beside(state), samples_per_period=1)
+    near = from_state(many_starts.neighbouring_state(state), samples_per_period=1)
     extrema = (*_DISPLACEMENTS, *_FORCES)
     if max(abs(float(first[name] - near[name])) for name in extrema) < _ROUNDING_CHANGE:
         return first, [first]
-    starts = many_starts.starts(model, state, settings)
+    starts = many_starts.seeded_states(model, state, settings)
     return first, [from_state(start, samples_per_period=1) for start in starts]
 
 
@@ -141,7 +141,7 @@ def compare(cases, question, six_degrees, harmonics, run, starts):
             "cost": (("start", "model"), costs.mean(axis=2)),
         }
     )
-    data = many_starts.over_starts(every, [*every]) | {
+    data = many_starts.ranges_over_starts(every, [*every]) | {
         "free_of_rounding": (("model", "case"), alone.astype(np.int8), _FLAGS),
         "change_free_of_rounding": ("model", free.astype(np.int8), _FLAGS),
         "chosen": (carrying or candidates[-1:])[0],

@@ -59,7 +59,7 @@ def reducer(pair, tunings, settings):
     stage = np.array([1 if name.startswith("first") else 2 for name in names], np.int32)
     parts = []
     for train in trains.values():
-        part, every = many_starts.over_directions(train, tunings, settings, _SUMMARIES)
+        part, every = many_starts.sweep_with_seeded_starts(train, tunings, settings, _SUMMARIES)
         lost = [lost_share(one.fraction_normal.values) > 0.0 for one in every]
         struck = [one.fraction_inverse.values > ROUNDING for one in every]
         over = ("direction", "tuning", "branch")
@@ -122,7 +122,7 @@ def reducer_rows(characteristics):
 def over_speed(train, tunings, settings):
     """Return all meshes of a train over tuning; `train` holds the arguments of `described`."""
     model, tunings = described(**train), np.asarray(tunings, float)
-    dataset, _ = many_starts.over_directions(model, tunings, settings, _SUMMARIES)
+    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _SUMMARIES)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
     title = "All meshes of a gear train over speed"

@@ -17,20 +17,22 @@ TRAIN = trains.reducer_of(PAIR, CONFIG.reducer.model_dump())
 
 
 def test_starts_are_seeded_of_the_size_asked_for_and_no_two_alike():
-    one, again = (many_starts.starts(TRAIN, "static", SETTINGS) for _ in range(2))
+    one, again = (many_starts.seeded_states(TRAIN, "static", SETTINGS) for _ in range(2))
     assert (one == again).all() and one.shape == (5, TRAIN.size)
     away = one - TRAIN.start_state("static")
     half = TRAIN.size // 2
     assert not away[:, half:].any() and 0.01 < np.abs(away[:, :half]).max() <= 0.02
-    assert (many_starts.starts(TRAIN, "static", SETTINGS | {"seed": 4}) != one)[:, :half].all()
+    assert (many_starts.seeded_states(TRAIN, "static", SETTINGS | {"seed": 4}) != one)[
+        :, :half
+    ].all()
     # The first ones do not depend on how many there are.
-    assert (many_starts.starts(TRAIN, "static", SETTINGS | {"starts": 2}) == one[:2]).all()
+    assert (many_starts.seeded_states(TRAIN, "static", SETTINGS | {"starts": 2}) == one[:2]).all()
 
 
 def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
-    (found,) = many_starts.from_equilibrium(TRAIN, [1.2], SETTINGS)
-    assert found.settled and (found.periods == TRAIN.repeats).all()
-    orbit = periodic_orbit(TRAIN, 1.2, guess=found.states[0], period=TRAIN.repeats)
+    (found,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], SETTINGS)
+    assert found.settled and (found.period == TRAIN.repeats).all()
+    orbit = periodic_orbit(TRAIN, 1.2, guess=found.state[0], period=TRAIN.repeats)
     exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
     every = many_starts.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
     for start in range(5):
@@ -41,12 +43,12 @@ def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
 
 def test_motions_that_part_are_told_by_their_range():
     # Where branches that move alike are unstable.
-    (found,) = many_starts.from_equilibrium(TRAIN, [1.6], SETTINGS)
+    (found,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], SETTINGS)
     every = many_starts.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
     assert not found.settled and int(every.settled[0]) == 0 and int(every.period[0]) == 0
-    assert (found.orbits < 0).any() and not found.periods[found.orbits < 0].any()
+    assert (found.orbit < 0).any() and not found.period[found.orbit < 0].any()
     low, high = (
-        many_starts.over_starts(every, ["dynamic_factor"])[f"dynamic_factor_{end}"].values
+        many_starts.ranges_over_starts(every, ["dynamic_factor"])[f"dynamic_factor_{end}"].values
         for end in ("low", "high")
     )
     assert (high > 1.1 * low).all()
@@ -59,24 +61,28 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
     assert float(keeps.fraction_normal) == 1.0 > float(loses.fraction_normal)
     low, high = keeps.final_state.values, loses.final_state.values
     states = np.array([low, high, low, low])
-    found = many_starts.ends(PAIR, 0.81, states, SETTINGS | {"first_starts": 4})
+    found = many_starts.final_motions(PAIR, 0.81, states, SETTINGS | {"first_starts": 4})
     every = many_starts.summarise(PAIR, [found], SETTINGS, ["displacement_max"])
-    assert found.orbits.tolist() == [0, 1, 0, 0]
+    assert found.orbit.tolist() == [0, 1, 0, 0]
     assert float(every.largest_share[0]) == 0.75 and int(every.motion_count[0]) == 2
     assert float(every.settled_share[0]) == 1.0 and int(every.settled[0]) == 0
     # On the boundary of the basins, to rounding, the start alone decides: that counts as neither.
     for _ in range(60):
         middle = 0.5 * (low + high)
-        leads = many_starts.ends(PAIR, 0.81, [keeps.final_state.values, middle], SETTINGS).orbits[1]
+        leads = many_starts.final_motions(
+            PAIR, 0.81, [keeps.final_state.values, middle], SETTINGS
+        ).orbit[1]
         low, high = (middle, high) if leads == 0 else (low, middle)
-    at_it = many_starts.ends(PAIR, 0.81, [*states[:2], low], SETTINGS | {"first_starts": 3})
-    assert at_it.orbits.tolist() == [0, 1, -1] and at_it.periods[2] == 0
+    at_it = many_starts.final_motions(
+        PAIR, 0.81, [*states[:2], low], SETTINGS | {"first_starts": 3}
+    )
+    assert at_it.orbit.tolist() == [0, 1, -1] and at_it.period[2] == 0
 
 
 def test_a_start_beside_a_stable_orbit_settles_on_it_though_the_distance_swings():
     orbit = periodic_orbit(PAIR, 0.9)
     short = SETTINGS | {"periods": 2, "record_periods": 1, "starts": 4, "first_starts": 4}
-    begin = many_starts.starts(PAIR, orbit.state, short)
+    begin = many_starts.seeded_states(PAIR, orbit.state, short)
     # In the middle and at the end of the run.
     half, end = (
         np.abs(simulate(PAIR, 0.9, periods=n, initial_state=tuple(z)).final_state - orbit.state)
@@ -84,21 +90,21 @@ def test_a_start_beside_a_stable_orbit_settles_on_it_though_the_distance_swings(
         for z in begin[:1]
     )
     assert orbit.stable and end.max() > half.max()
-    assert not many_starts.ends(PAIR, 0.9, begin, short).orbits.any()
+    assert not many_starts.final_motions(PAIR, 0.9, begin, short).orbit.any()
 
 
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle(direction):
     tunings = [1.56, 1.6, 1.2] if direction == "down" else [1.2, 1.6, 1.84]
-    found = many_starts.carried(TRAIN, tunings, SETTINGS, direction)
-    alone = many_starts.carried(TRAIN, tunings[-1:], SETTINGS, direction)
+    found = many_starts.warm_started_motions(TRAIN, tunings, SETTINGS, direction)
+    alone = many_starts.warm_started_motions(TRAIN, tunings[-1:], SETTINGS, direction)
     last = -1 if direction == "up" else tunings.index(1.2)
     assert not found[1].settled and found[last].settled
-    np.testing.assert_allclose(found[last].tables, alone[0].tables, rtol=1e-9)
+    np.testing.assert_allclose(found[last].summary, alone[0].summary, rtol=1e-9)
 
 
 def test_a_start_that_could_not_go_on_does_not_hide_the_others():
     values = [[1.0, np.nan], [np.nan, np.nan], [3.0, np.nan], [4.0, np.nan]]
-    found = many_starts.over_starts(xr.Dataset({"x": (("start", "model"), values)}), ["x"])
+    found = many_starts.ranges_over_starts(xr.Dataset({"x": (("start", "model"), values)}), ["x"])
     assert [float(found[f"x{end}"][0]) for end in ("", "_low", "_high")] == [3.0, 1.0, 4.0]
     assert all(np.isnan(found[f"x{end}"][1]) for end in ("", "_low", "_high"))
