@@ -16,7 +16,7 @@ from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
 from gearlib.analysis.orbits.followed_parameters import set_parameter_name, varied
 from gearlib.data import status
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines.growth import carry
 from gearlib.integrators import choose
@@ -242,7 +242,7 @@ def lyapunov_exponents(
     if isinstance(states, str):
         pair.check_state(states)
         states = cases[0][0].start_state(states)
-    starts, sizes = floats(states), {2, len(pair.components)}
+    starts, sizes = float_array(states), {2, len(pair.components)}
     if starts.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
         raise ValueError(
             f"states = {states!r} is not allowed: it must be "

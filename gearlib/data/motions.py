@@ -10,7 +10,7 @@ LINE = 0.01
 MAX_GROWTH = 1e3
 
 
-def floats(numbers):
+def float_array(numbers):
     """Return an array of float of the same shape; of shape (0,) where it cannot be one."""
     try:
         return np.asarray(numbers, float)
@@ -18,7 +18,7 @@ def floats(numbers):
         return np.empty(0)
 
 
-def stretches(condition):
+def true_intervals(condition):
     """Return the (first, last) index of every stretch in which `condition`, shape (n,), holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(condition, np.int8), [0]])))
     return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]

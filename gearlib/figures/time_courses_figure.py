@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.motions import stretches
+from gearlib.data.motions import true_intervals
 from gearlib.figures import panels, style
 from gearlib.figures.phase_planes_figure import draw_plane
 
@@ -72,5 +72,5 @@ def shade_contact(axes, periods, contact):
 def _shade_times(axes, periods, mask, colour, lowest=0.0):
     """Shade the intervals of time in which a mask holds, from a share of the height upwards."""
     step, look = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
-    for first, last in stretches(mask):
+    for first, last in true_intervals(mask):
         axes.axvspan(periods[first], periods[last] + step, lowest, 1.0, **look)

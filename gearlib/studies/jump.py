@@ -1,12 +1,14 @@
-"""Where the motion from rest jumps between two orbits over the tuning, and what moves the jump.
+"""Find where the motion from rest jumps between two orbits over tuning, and what moves the jump.
 
-The jump is the largest change of the orbit's height between neighbouring tunings of a scan, then
-bisected. A continuous curve ends with two equal heights and has no jump. Bisection ends where
-rounding decides to which side a motion goes. Under step control rounding shows at every tuning: by
-such a method the jump is found from many seeded starts, each beside the exact jump from it.
+The jump is the largest change of orbit height between neighbouring tunings of a scan, refined by
+bisection. A continuous curve ends in two equal heights and has no jump. Bisection stops where
+rounding errors decide on which side a motion ends. Step-controlled methods have rounding errors of
+visible size at every tuning; their jumps are found from many initial states, each relative to the
+exact jump from the same state.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,81 +25,90 @@ from gearlib.studies import many_starts
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import embedded_pair  # noqa: F401
 
-#: Difference of heights, static deflections, below which orbits count as one.
+#: Orbit heights that differ by less, in static deflections, count as equal.
 SAME_HEIGHT = 0.1
-#: Steps of the scan to both sides of the exact jump in which that by another method is sought.
-_STEPS_BESIDE = 4
+#: Other methods search for their jump within so many tuning steps of the exact jump.
+_SEARCH_STEPS = 4
 
 
 class Jump(NamedTuple):
     """A jump of the orbit from rest between two tunings."""
 
     tuning: float  #: middle of the last interval; NaN: there is no jump
-    below: float  #: height of the orbit below, static deflections, where it jumps in the scan
-    above: float  #: and above
+    below: float  #: height of the orbit below the jump in the scan, static deflections
+    above: float  #: height of the orbit above the jump
     switches: int  #: changes of height in the scan at least half as large as the largest
-    interval: float  #: width of the last interval; wider than asked where rounding decides
+    interval: float  #: width of the last interval; above the resolution where rounding decides
 
 
-def find(pair, tunings, resolution, direction="cold", **run):
-    """Return the largest `Jump` of the motions from one start within a scan of rising tunings.
+def find(
+    model: Any, tunings: Sequence[float], resolution: float, direction: str = "cold", **run: Any
+) -> Jump:
+    """Return the largest jump of orbit height within a scan of increasing tunings.
 
-    `resolution` is the width to which it is bisected, `run` holds arguments of `gearlib.sweep`.
-    Motions that are carried up or down reach the jump from one side, and so does the bisection.
+    `resolution` is the width to which the interval of the jump is bisected, `run` has arguments of
+    `gearlib.sweep`. Motions swept "up" or "down" approach the jump from one side.
     """
     tunings = np.asarray(tunings, float)
     start, exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
-    scan = sweep(pair, tunings, direction=direction, **run)
+    scan = sweep(model, tunings, direction=direction, **run)
     heights = orbit_heights(scan)
 
-    def lost(places):
-        return exact * rounding_decides(pair, places, start, run["periods"])
+    def undecided(places: Sequence[float]) -> np.ndarray:
+        return exact * rounding_decides(model, places, start, run["periods"])
 
     steps, large = height_steps(heights)
     while direction == "cold" and large.any():
         i = int(np.argmax(steps))
-        unknown = lost(tunings[i : i + 2])
+        unknown = undecided(tunings[i : i + 2])
         if not unknown.any():
             break
         heights[i : i + 2][unknown] = np.nan
         steps, large = height_steps(heights)
     i = int(np.argmax(steps))
-    (low, high), (below, above) = tunings[i : i + 2], heights[i : i + 2]
+    (lower, upper), (below, above) = tunings[i : i + 2], heights[i : i + 2]
     if direction != "cold":
         start = tuple(scan.final_state.values[i if direction == "up" else i + 1])
-    while high - low > resolution and not lost([middle := 0.5 * (low + high)]).any():
-        point = sweep(pair, [middle], **run | {"initial_state": start})
+    while upper - lower > resolution:
+        middle = 0.5 * (lower + upper)
+        if undecided([middle]).any():
+            break
+        point = sweep(model, [middle], **run | {"initial_state": start})
         height = float(orbit_heights(point)[0])
         is_below = abs(height - below) <= abs(height - above)
         if is_below:
-            low, below = middle, height
+            lower, below = middle, height
         else:
-            high, above = middle, height
+            upper, above = middle, height
         if direction == ("up" if is_below else "down"):
             start = tuple(point.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
-        return Jump(np.nan, np.nan, np.nan, 0, high - low)
-    # The nearer to the jump, the less a run has settled: heights are those of the scan.
+        return Jump(np.nan, np.nan, np.nan, 0, upper - lower)
+    # Close to the jump runs settle slowly, so that the heights are those of the scan.
     below, above, count = float(heights[i]), float(heights[i + 1]), int(large.sum())
-    return Jump(0.5 * (low + high), below, above, count, high - low)
+    return Jump(0.5 * (lower + upper), below, above, count, upper - lower)
 
 
-def orbit_heights(curve):
-    """Return the heights of the orbits of a sweep, static deflections."""
+def orbit_heights(curve: xr.Dataset) -> np.ndarray:
+    """Return the peak-to-peak displacements of a sweep, in static deflections."""
     return (curve.displacement_max - curve.displacement_min).values
 
 
-def height_steps(heights):
-    """Return the steps between neighbouring heights, and which of them count as switches.
+def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the steps between neighbouring orbit heights, and which of them count as large.
 
-    A NaN is no orbit and makes no step. A switch is at least half as large as the largest step.
+    A large step is at least half as large as the largest one. Next to NaN, no orbit, the step is 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
-def variations(pair, settings):
-    """Yield (kind, value, model, arguments of `sweep`) of every variation of an exact run."""
+def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
+    """Yield kind, value, model and arguments of `sweep` of every variation of an exact run.
+
+    `settings` have the values: numbers of stiffness harmonics, factors of damping and backlash,
+    initial displacements and velocities.
+    """
     for count in settings["harmonics"]:
         yield "harmonics", count, OneDegreePair(pair=pair, profile=Fourier(count)), {}
     for factor in settings["factors"]:
@@ -112,47 +123,31 @@ def variations(pair, settings):
         yield "velocity", velocity, pair, {"initial_state": (0.0, velocity)}
 
 
-def compute(pair, tunings, settings, run):
-    """Return the height of the motion from rest over tuning, its jump, and what moves that.
+def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
+    """Return the orbit height of the motion from rest, its jump, and the shift by each variation.
 
-    `settings` hold the values of `variations`, tolerances of a pair 4(5), the resolution, and
-    starts, seed and spread of the starts of each tolerance. NaN: no jump in the scan.
+    `pair` has arguments of `GearPair`, `run` those of `sweep`. `settings` have the values of
+    `variations`, tolerances of Runge-Kutta steps 4(5), the resolution of the jump, and starts, seed
+    and spread of the initial states for each tolerance. Without a jump in the scan values are NaN.
     """
-    pair, tunings = GearPair(**pair), np.asarray(tunings, float)
+    model, tunings = GearPair(**pair), np.asarray(tunings, float)
+    resolution = settings["resolution"]
+    reference = find(model, tunings, resolution, **run)
+    shifts_by_variation = [("base", 0.0, [0.0 * reference.tuning], reference.switches)]
+    for kind, value, varied, arguments in variations(model, settings):
+        jump = find(varied, tunings, resolution, **run | arguments)
+        shift = jump.tuning - reference.tuning
+        shifts_by_variation.append((kind, value, [shift], jump.switches))
+    if settings["tolerances"]:
+        shifts_by_variation += _tolerance_shifts(model, tunings, settings, run)
 
-    def jump_of(model, scan, **changed):
-        return find(model, scan, settings["resolution"], **run | changed)
-
-    base = jump_of(pair, tunings)
-    rows = [("base", 0.0, [0.0 * base.tuning], base.switches)]
-    for kind, value, model, changed in variations(pair, settings):
-        jump = jump_of(model, tunings, **changed)
-        rows.append((kind, value, [jump.tuning - base.tuning], jump.switches))
-    rest = run.get("initial_state", (0.0, 0.0))
-    starts = (
-        [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
-        if settings["tolerances"]
-        else []
-    )
-    exact = [(start, jump_of(pair, tunings, initial_state=start).tuning) for start in starts]
-    reach = (_STEPS_BESIDE + 0.5) * float(tunings[1] - tunings[0])
-    for rtol in settings["tolerances"]:
-        # The ratio of both is that of the defaults of ode45.
-        method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
-        jumps = [
-            jump_of(pair, tunings[~(np.abs(tunings - at) > reach)], initial_state=start, **method)
-            for start, at in exact
-        ]
-        shifts = [jump.tuning - at for jump, (_, at) in zip(jumps, exact, strict=True)]
-        rows.append(("tolerance", rtol, shifts, np.median([jump.switches for jump in jumps])))
-
-    def facts(row):
-        kind, value, shifts, switches = row
+    def summary(variation: tuple) -> dict:
+        kind, value, shifts, switches = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
         return {
             "kind": kind,
             "value": float(value),
-            "jump": base.tuning + np.median(finite),
+            "jump": reference.tuning + np.median(finite),
             "shift": np.median(finite),
             "shift_low": min(finite),
             "shift_high": max(finite),
@@ -160,10 +155,35 @@ def compute(pair, tunings, settings, run):
             "settled": np.int8(kind != "tolerance"),
         }
 
-    curve = sweep(pair, tunings, **run)
-    data = stacked({"variation": rows}, facts) | {"height": ("tuning", orbit_heights(curve))}
-    coords = {"tuning": tunings, "variation": np.arange(len(rows))}
+    curve = sweep(model, tunings, **run)
+    data = stacked({"variation": shifts_by_variation}, summary)
+    data |= {"height": ("tuning", orbit_heights(curve))}
+    coords = {"tuning": tunings, "variation": np.arange(len(shifts_by_variation))}
     attrs = curve.attrs | {"title": "Jump of the motion from rest, and what moves it"}
     dataset = describe(xr.Dataset(data, coords, attrs))
     dataset["settled"].attrs |= SETTLED_FLAGS
     return dataset
+
+
+def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
+    """Return kind, tolerance, shifts of the jump from all starts, and switches, by tolerance."""
+    resolution = settings["resolution"]
+    rest = run.get("initial_state", (0.0, 0.0))
+    states = [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
+    exact = [
+        find(pair, tunings, resolution, **run | {"initial_state": state}).tuning for state in states
+    ]
+    distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
+    variations = []
+    for rtol in settings["tolerances"]:
+        # The ratio of the tolerances is that of the defaults of ode45.
+        method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
+        jumps = []
+        for state, tuning in zip(states, exact, strict=True):
+            # A NaN tuning, no exact jump, keeps the whole scan.
+            nearby = tunings[~(np.abs(tunings - tuning) > distance)]
+            jumps.append(find(pair, nearby, resolution, **run | method | {"initial_state": state}))
+        shifts = [jump.tuning - tuning for jump, tuning in zip(jumps, exact, strict=True)]
+        switches = np.median([jump.switches for jump in jumps])
+        variations.append(("tolerance", rtol, shifts, switches))
+    return variations

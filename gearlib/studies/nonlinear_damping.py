@@ -14,7 +14,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import stretches
+from gearlib.data.motions import true_intervals
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
@@ -110,7 +110,7 @@ def _facts(damped, curve, direction, run):
     tuning = curve.tuning.values
     located = jump.find(damped, tuning, _RESOLUTION, direction, **run)
     highest = curve.displacement_max.fillna(-np.inf)
-    lost = stretches(curve.displacement_min.values < -_ROUNDING)
+    lost = true_intervals(curve.displacement_min.values < -_ROUNDING)
     widest = max(lost, key=lambda ends: ends[1] - ends[0], default=None)
     lost_from, lost_to = (np.nan, np.nan) if widest is None else tuning[list(widest)]
     return {

@@ -9,7 +9,7 @@ from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
 from gearlib.analysis.orbits.followed_parameters import set_parameter_name, varied
 from gearlib.data import status
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose
@@ -52,7 +52,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         Naming the argument, its value and the allowed range.
     """
     tuning, phase = check_tuning("tuning", tuning), _check_phase(phase)
-    rows = np.atleast_2d(floats(states))
+    rows = np.atleast_2d(float_array(states))
     if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows) or not np.isfinite(rows).all():
         raise checks.refusal(
             "states",

@@ -14,7 +14,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
@@ -167,7 +167,7 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
 
 def distinct_values(name: str, values: Any) -> np.ndarray:
     """Return a non-empty sequence of distinct finite numbers as a float array, checked."""
-    array = np.atleast_1d(floats(values))
+    array = np.atleast_1d(float_array(values))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise checks.refusal(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:

@@ -21,7 +21,7 @@ from gearlib.analysis.harmonics.equation import (
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_tuning
 
@@ -173,7 +173,7 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
                 f"{equation.period}"
             )
         return resized(guess.coefficients, equation)
-    values = floats(guess)
+    values = float_array(guess)
     if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
         raise ValueError(
             f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "

@@ -23,7 +23,7 @@ from gearlib import checks
 from gearlib.analysis.orbits.followed_parameters import with_parameter
 from gearlib.analysis.orbits.tracing import ContinuationFailed, difference_quotient
 from gearlib.data import status
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.data.status import CONTACT_FLAGS
 from gearlib.engines import orbit as columns
@@ -344,7 +344,7 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
         if code != status.OK:
             raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
         return ends[0]
-    values = floats(guess)
+    values = float_array(guess)
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         counts = "2" if n == 2 else f"2 or {n}"
         raise ValueError(f"guess = {guess!r} is not allowed: it must be {counts} finite numbers")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from gearlib import checks
-from gearlib.data.motions import floats
+from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
@@ -408,7 +408,7 @@ class GearTrain(Model):
         if isinstance(initial_state, str):
             checks.one_of("initial_state", initial_state, ("static",))
             return self._static_state.copy()
-        state = floats(initial_state)
+        state = float_array(initial_state)
         if state.shape == (2,) and not state.any():
             return np.zeros(self.size)
         if state.shape != (self.size,) or not np.all(np.isfinite(state)):

@@ -8,7 +8,7 @@ what it finds as a third item.
 
 import numpy as np
 
-from gearlib.data.motions import LINE, ending, spread, stretches
+from gearlib.data.motions import LINE, ending, spread, true_intervals
 from gearlib.studies.claims.data import READING, TOUCH
 
 #: How far the band around nu = 0.66 may reach to be "a small region": the paper gives one figure.
@@ -17,7 +17,7 @@ SMALL_REGION = 0.02
 
 def intervals(tuning, where):
     """Return the ranges of tuning in which `where` is true, in words."""
-    pairs = [(tuning[i], tuning[j]) for i, j in stretches(where)]
+    pairs = [(tuning[i], tuning[j]) for i, j in true_intervals(where)]
     return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} ... {b:.4g}" for a, b in pairs) or "none"
 
 
