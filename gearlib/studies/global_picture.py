@@ -1,6 +1,8 @@
-"""Basins of attraction, bifurcation diagrams with exponents and shares, Poincare sections."""
+"""Compute basins of attraction, bifurcation diagrams with exponents, and Poincare sections."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,8 +16,8 @@ from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED
 
-#: Values of the attractors that a case has fewer than another.
-_FILL = {
+#: Values that fill the places of attractors which a case does not have.
+_FILL_VALUES = {
     "basin": -1,
     "attractor_kind": UNDECIDED,
     "period": 0,
@@ -24,90 +26,106 @@ _FILL = {
 }
 
 
-def _over_cases(parts, cases, **options):
-    """Return datasets of cases as one, with the attributes that they share."""
+def _joined_cases(parts: Sequence[xr.Dataset], cases: Sequence[dict], **options: Any) -> xr.Dataset:
+    """Return the datasets of all cases joined along ``case``, with the attributes they share.
+
+    Each case has a title; `options` are those of `xarray.concat`.
+    """
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
     data = xr.concat(parts, titles, data_vars="all", combine_attrs="drop", **options)
     return describe(data.assign_attrs(parts[0].attrs))
 
 
-def basin_cases(cases, settings, threads=None):
-    """Return the basins of several cases, over ``case``.
+def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
+    """Return the basins of attraction of several cases, over ``case``.
 
-    A case has title, tuning and pair, arguments of `GearPair`; `settings` have displacement and
-    velocity, (lowest, highest), the count in each direction, and periods.
+    A case has title, tuning and pair (arguments of `GearPair`). `settings` have the ranges
+    displacement and velocity, each (lowest, highest), the count of initial states along each, and
+    periods, the mesh periods of a run.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
     parts = [basins(GearPair(**case["pair"]), case["tuning"], grid, **options) for case in cases]
-    data = _over_cases(parts, cases, join="outer", fill_value=_FILL)
+    data = _joined_cases(parts, cases, join="outer", fill_value=_FILL_VALUES)
     data["attractor_kind"].attrs |= KIND_FLAGS
     return data
 
 
-def bifurcation(pair, tunings, coarse, settings, threads=None):
-    """Return a diagram with its exponents over tuning, and shares of the attractors over `coarse`.
+def bifurcation(
+    pair: dict,
+    tunings: Sequence[float],
+    coarse: Sequence[float],
+    settings: dict,
+    threads: int | None = None,
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return a bifurcation diagram with Lyapunov exponents, and the shares of the attractors.
 
-    `settings` have settle, strobes, exponent_periods, starts, displacement, velocity, samples and
-    periods. Directions are up, down, and "cold 1", "cold 2", ... from random initial states.
-    ``settled`` says whether a motion is periodic and not on an orbit that rounding has chosen.
+    The diagram is over `tunings`, the shares of initial states over the `coarse` tunings. `pair`
+    has arguments of `GearPair`; `settings` have settle, strobes, exponent_periods, starts (random
+    initial states), the ranges displacement and velocity, samples and periods of the shares.
+    Directions are up, down, and "cold 1", "cold 2", ... from random states. ``settled`` is true for
+    periodic motions whose orbit does not depend on rounding.
     """
-    pair, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
+    model, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
     names = [*CARRIED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
     starts = [(0.0, 0.0)] * len(CARRIED) + _random_states(region, settings["starts"]).tolist()
     directions = [name.split()[0] for name in names]
     record = {name: settings[name] for name in ("settle", "strobes")}
-    counted = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
+    exponent = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
     diagrams, parts = [], []
     for direction, start in zip(directions, starts, strict=True):
-        options = record | {"direction": direction, "initial_state": start}
-        diagram = bifurcation_diagram(pair, tunings, **options)
-        rates = lyapunov.lyapunov_exponents(
-            pair, tunings, states=diagram.final_state.values, **counted
+        diagram = bifurcation_diagram(
+            model, tunings, direction=direction, initial_state=start, **record
         )
-        # Where the diagram could not go on, the exponents could not either.
-        stopped = diagram.status.where(diagram.status != status.OK, rates.status)
+        states = diagram.final_state.values
+        exponents = lyapunov.lyapunov_exponents(model, tunings, states=states, **exponent)
+        # Where a run of the diagram stopped early, that is why there is no exponent.
+        codes = diagram.status.where(diagram.status != status.OK, exponents.status)
         diagrams.append(diagram)
-        parts.append(diagram.assign(rates.data_vars).assign(status=stopped))
+        parts.append(diagram.assign(exponents.data_vars).assign(status=codes))
     data = xr.concat(parts, xr.IndexVariable("direction", names), combine_attrs="drop")
-    known = lyapunov.settled(pair, diagrams, directions, starts).astype(np.int8)
-    data = data.assign(settled=(("direction", "tuning"), known, {}))
-    data = describe(data.assign(speed=("tuning", pair.speed(data.tuning.values))))
+    settled = lyapunov.settled(model, diagrams, directions, starts).astype(np.int8)
+    data = data.assign(settled=(("direction", "tuning"), settled, {}))
+    data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
-    shares = basin_stability(pair, coarse, region, threads=threads, **options)
+    shares = basin_stability(model, coarse, region, threads=threads, **options)
     return data.assign_attrs(parts[0].attrs), shares
 
 
-def _random_states(region, count):
-    """Return random initial states in a region, shape (count, 2), always the same ones."""
-    low, high = np.array(region).T
-    return low + np.random.default_rng(0).random((count, 2)) * (high - low)
+def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
+    """Return seeded random states, shape (count, 2), in ranges of displacement and velocity."""
+    lowest, highest = np.array(region).T
+    return lowest + np.random.default_rng(0).random((count, 2)) * (highest - lowest)
 
 
-def sections(cases, settings):
-    """Return Poincare sections of random initial states, over ``case``.
+def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
+    """Return Poincare sections of motions from random initial states, over ``case``.
 
-    A case has title, tuning, phase (degrees), settle and pair, arguments of `GearPair`; `settings`
-    have displacement and velocity, (lowest, highest), orbits and periods. Motions that rounding
-    leads elsewhere are chaotic; undecided are those of which deviations have grown by less, but by
-    more than in regular ones, or before the record only.
+    A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair
+    (arguments of `GearPair`). `settings` have the ranges displacement and velocity, orbits (number
+    of initial states) and periods. A motion is chaotic if rounding errors change it completely and
+    deviations grow exponentially; it is undecided if only one of the two holds.
     """
     region, periods = (settings["displacement"], settings["velocity"]), settings["periods"]
     states, parts = _random_states(region, settings["orbits"]), []
     for case in cases:
-        pair, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
-        span = {"periods": periods, "settle": settle}
-        section = poincare_section(pair, tuning, states, phase=math.radians(case["phase"]), **span)
-        rates = [lyapunov.largest(pair, tuning, state=tuple(state), **span) for state in states]
-        lost = np.array(
-            [lyapunov.rounding_decides(pair, [tuning], z, settle + periods)[0] for z in states]
+        model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
+        span, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
+        section = poincare_section(model, tuning, states, phase=phase, **span)
+        exponents = [
+            lyapunov.largest(model, tuning, state=tuple(state), **span) for state in states
+        ]
+        total = settle + periods
+        unpredictable = np.array(
+            [lyapunov.rounding_decides(model, [tuning], state, total)[0] for state in states]
         )
-        grown = np.array([rate.exceeds_linear for rate in rates])
-        chaotic = np.where(lost & grown, 1, 2 * (lost | grown)).astype(np.int8)
-        exponents = [rate.value for rate in rates]
-        section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", exponents))
+        grows = np.array([exponent.exceeds_linear for exponent in exponents])
+        undecided = 2 * (unpredictable | grows)
+        chaotic = np.where(unpredictable & grows, 1, undecided).astype(np.int8)
+        values = [exponent.value for exponent in exponents]
+        section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", values))
         parts.append(section.drop_vars("strobe"))
-    data = _over_cases(parts, cases)
+    data = _joined_cases(parts, cases)
     data["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
     return data

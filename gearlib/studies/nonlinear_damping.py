@@ -1,15 +1,17 @@
-"""Linear, quadratic and cubic damping side by side: what the title of the paper announces.
+"""Compare linear, quadratic and cubic damping of equal dissipation, the subject of the paper.
 
 In a harmonic motion of amplitude A and frequency w the damping force D |v|^(n-1) v dissipates
 
     W_n = D (A w)^(n+1) / w I_n,   I_n = int_0^2pi |cos|^(n+1) = 2 sqrt(pi) G(n/2+1) / G((n+3)/2)
 
 per period: pi D w A^2 for n = 1, 8/3 D w^2 A^3 for n = 2, 3 pi/4 D w^3 A^4 for n = 3. Coefficients
-with the same W at one amplitude are equivalent there; below it the higher powers damp less, above
-it more.
+with equal W at one amplitude are equivalent there. At smaller amplitudes the higher powers
+dissipate less, at larger amplitudes more.
 """
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,7 +25,7 @@ from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import DIRECTIONS, sweep
 from gearlib.studies import jump
 
-#: Where damping acts -> (linear, quadratic, cubic coefficient); the other phases are undamped.
+#: Place of the damping -> arguments for its linear, quadratic and cubic coefficient.
 PLACES = {
     "material": ("material_damping", "quadratic_damping", "cubic_damping"),
     "oil": ("backlash_damping", "backlash_quadratic_damping", "backlash_cubic_damping"),
@@ -31,105 +33,121 @@ PLACES = {
 #: Power of the velocity -> unit of its coefficient.
 POWERS = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}
 #: Width of the tuning interval to which jumps are bisected.
-_RESOLUTION = 1e-6
-#: Penetration of the flank line, static deflections, that is rounding.
-_ROUNDING = 1e-9
+_JUMP_RESOLUTION = 1e-6
+#: Displacements this far below zero, static deflections, may be rounding errors.
+_DISPLACEMENT_TOLERANCE = 1e-9
 
 
-def dissipation(coefficient, power, amplitude, frequency):
-    """Return the work per period (N m) of D |v|^(n-1) v in a harmonic motion.
+def dissipation(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
+    """Return the work per period (N m) of the damping force D |v|^(n-1) v in a harmonic motion.
 
-    coefficient D in N s^n/m^n, power n >= 1, amplitude in m, frequency in rad/s.
+    `coefficient` is D in N s^n/m^n, `power` is n >= 1, `amplitude` is in m, `frequency` in rad/s.
     """
     integral = 2.0 * math.sqrt(math.pi) * math.gamma(power / 2.0 + 1.0)
     integral /= math.gamma((power + 3.0) / 2.0)
     return coefficient * (amplitude * frequency) ** (power + 1) / frequency * integral
 
 
-def equivalent(coefficient, power, amplitude, frequency):
-    """Return the coefficient of a power that dissipates as much as a linear one."""
+def equivalent(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
+    """Return the damping coefficient of a power that dissipates as much as a linear coefficient.
+
+    The linear `coefficient` is in N s/m, `amplitude` in m, `frequency` in rad/s.
+    """
     linear = dissipation(coefficient, 1, amplitude, frequency)
     return linear / dissipation(1.0, power, amplitude, frequency)
 
 
-def model(pair, place, power, settings):
-    """Return a model with damping at one of `PLACES` by one of `POWERS`, and its coefficient.
+def model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, float]:
+    """Return a model with damping of one power at one place, and its coefficient.
 
-    `pair` are arguments of `GearPair` without damping; `settings` hold the linear damping (N s/m),
-    the amplitude (static deflections) and tuning of the motion in which it does the same work.
+    `pair` has arguments of `GearPair` without damping, `place` is a key of `PLACES`, `power` one of
+    `POWERS`. `settings` have the linear damping (N s/m), and amplitude (static deflections) and
+    tuning of the motion in which all dampings dissipate the same work.
     """
-    undamped, n = GearPair(**pair), [*POWERS].index(power) + 1
+    undamped, exponent = GearPair(**pair), [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * undamped.static_deflection
     frequency = undamped.mesh_frequency(settings["tuning"])
-    coefficient = equivalent(settings["damping"], n, amplitude, frequency)
-    damping = {PLACES[place][n - 1]: coefficient}
-    if n == 1:
+    coefficient = equivalent(settings["damping"], exponent, amplitude, frequency)
+    damping = {PLACES[place][exponent - 1]: coefficient}
+    if exponent == 1:
         return undamped.replace(**damping), coefficient
     return OneDegreePair(pair=undamped, **damping), coefficient
 
 
-def compute(pair, place, power, tunings, settings, run, samples_per_period):
-    """Return characteristics over tuning and direction, and phase planes, of one model.
+def compute(
+    pair: dict,
+    place: str,
+    power: str,
+    tunings: Sequence[float],
+    settings: dict,
+    run: dict,
+    samples_per_period: int,
+) -> xr.Dataset:
+    """Return the sweeps of one damping in all directions, its jumps and its phase planes.
 
-    pair, place, power and settings as in `model`; settings also hold shown, the tunings of the
-    phase planes. NaN: there is no jump, no loss of contact.
+    `pair`, `place`, `power` and `settings` are arguments of `model`; `settings` also have shown,
+    the tunings of the phase planes. `run` has arguments of `gearlib.sweep`. Values without a jump
+    or without contact loss are NaN.
     """
     damped, coefficient = model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
-    def characteristic(direction):
+    def characteristic(direction: str) -> dict:
         names = ("displacement_max", "displacement_min", "period")
         values = {name: curves[direction][name].values for name in names}
-        return values | _facts(damped, curves[direction], direction, run)
+        return values | _curve_features(damped, curves[direction], direction, run)
 
-    def plane(tuning):
-        course = simulate(damped, tuning, samples_per_period=samples_per_period, **run)
-        return {name: course[name].values for name in ("displacement", "velocity", "phase")}
+    def phase_plane(tuning: float) -> dict:
+        motion = simulate(damped, tuning, samples_per_period=samples_per_period, **run)
+        return {name: motion[name].values for name in ("displacement", "velocity", "phase")}
 
     directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
-    data = stacked(directions, characteristic, "tuning") | stacked(shown, plane, "phase")
+    data = stacked(directions, characteristic, "tuning") | stacked(shown, phase_plane, "phase")
     phase = data.pop("phase")[1][0]
     curve = curves[DIRECTIONS[0]]
+    attrs = {"units": POWERS[power], "long_name": "damping coefficient"}
     data |= {
         "speed": ("tuning", curve.speed.values),
-        "coefficient": (
-            (),
-            coefficient,
-            {"units": POWERS[power], "long_name": "damping coefficient"},
-        ),
+        "coefficient": ((), coefficient, attrs),
         "backlash_ratio": damped.backlash_ratio,
     }
     coords = {"tuning": np.asarray(tunings, float), "phase": phase - phase[0]}
     coords |= {**directions, **shown, "place": place, "power": power}
-    attrs = curve.attrs | {"title": "Nonlinear damping of a gear mesh"}
-    return describe(xr.Dataset(data, coords, attrs))
+    title = "Nonlinear damping of a gear mesh"
+    return describe(xr.Dataset(data, coords, curve.attrs | {"title": title}))
 
 
-def _facts(damped, curve, direction, run):
-    """Return where a characteristic jumps, peaks and loses contact, as name -> number."""
+def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -> dict[str, float]:
+    """Return jump, peak and the widest range of contact loss of a sweep, by variable.
+
+    `damped` is the model, `curve` its sweep in this direction with the arguments `run`.
+    """
     tuning = curve.tuning.values
-    located = jump.find(damped, tuning, _RESOLUTION, direction, **run)
-    highest = curve.displacement_max.fillna(-np.inf)
-    lost = true_intervals(curve.displacement_min.values < -_ROUNDING)
-    widest = max(lost, key=lambda ends: ends[1] - ends[0], default=None)
+    located = jump.find(damped, tuning, _JUMP_RESOLUTION, direction, **run)
+    heights = curve.displacement_max.fillna(-np.inf)
+    losses = true_intervals(curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE)
+    widest = max(losses, key=lambda ends: ends[1] - ends[0], default=None)
     lost_from, lost_to = (np.nan, np.nan) if widest is None else tuning[list(widest)]
     return {
         "jump": located.tuning,
         "jump_interval": located.interval,
         "jump_size": located.above - located.below,
         "peak": float(curve.displacement_max.max()),
-        "peak_tuning": float(highest.idxmax()),
+        "peak_tuning": float(heights.idxmax()),
         "lost_from": lost_from,
         "lost_to": lost_to,
     }
 
 
-def rows(studies):
-    """Yield the table of all models: a head and a row for each of their characteristics."""
-    facts = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
-    yield ["place", "power", "coefficient", "unit", "direction", *facts]
+def rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
+    """Yield the rows of the table of all dampings: the names of the columns, then their values.
+
+    `studies` are datasets from `compute`; each of their directions has a row.
+    """
+    features = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
+    yield ["place", "power", "coefficient", "unit", "direction", *features]
     for study in studies:
         coefficient = f"{float(study.coefficient):.6g}", study.coefficient.attrs["units"]
         for direction in study.direction.values:
-            numbers = [f"{float(study[name].sel(direction=direction)):.6g}" for name in facts]
+            numbers = [f"{float(study[name].sel(direction=direction)):.6g}" for name in features]
             yield [study.place.item(), study.power.item(), *coefficient, direction, *numbers]

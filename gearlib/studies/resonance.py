@@ -1,8 +1,11 @@
-"""The resonance characteristics of Fig. 3, the branches of periodic orbits behind them, and loci.
+"""Compute resonance characteristics, the branches of periodic orbits behind them, and their loci.
 
-Orbits of one mesh period are followed from both ends of the range of tunings, those of two from the
-period doublings met on the way. Orbits that do not hang together with the ends are not found.
+Orbits of one mesh period are followed from both ends of the range of tunings, orbits of two mesh
+periods from the period doublings on these branches. Isolated branches are not found.
 """
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,59 +20,73 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep, sweep_down
 from gearlib.tunings import grid
 
-#: Difference of tuning below which a doubled orbit stands across the tuning at its doubling.
-_ACROSS = 1e-9
+#: A doubled branch that starts with a smaller change of tuning is perpendicular to the tuning axis.
+_MIN_TUNING_CHANGE = 1e-9
 
 
-def window(pair, window, step, run, damping, direction, threads, lowest=None):
-    """Return the summaries of a sweep over a window (first, last tuning), with its names.
+def window(
+    pair: dict,
+    window: tuple[float, float],
+    step: float,
+    run: dict,
+    damping: str,
+    direction: str,
+    threads: int,
+    lowest: float | None = None,
+) -> xr.Dataset:
+    """Return a sweep over a window of tunings (first, last), labelled with its damping.
 
-    A downward sweep goes on to the tuning `lowest` unless that is None, until it has jumped.
+    `pair` has arguments of `GearPair`, `run` those of `gearlib.sweep`. A downward sweep that has
+    not jumped continues below the window, down to the tuning `lowest`.
     """
     tunings, model = np.array(grid(window[0], window[1], step)), GearPair(**pair)
     if direction == "down" and lowest is not None:
-        summaries, _ = sweep_down(model, tunings, lowest, threads=threads, **run)
+        curve, _ = sweep_down(model, tunings, lowest, threads=threads, **run)
     else:
-        summaries = sweep(model, tunings, direction=direction, threads=threads, **run)
-    return describe(summaries.assign_coords(damping=damping, direction=direction))
+        curve = sweep(model, tunings, direction=direction, threads=threads, **run)
+    return describe(curve.assign_coords(damping=damping, direction=direction))
 
 
-def branches(pair, settings, damping):
-    """Return the branches of the pair with these parameters, labelled with a name."""
+def branches(pair: dict, settings: dict, damping: str) -> xr.Dataset:
+    """Return the branches of a gear pair, labelled with the name of its damping.
+
+    `pair` has arguments of `GearPair`, `settings` those of `branches_of`.
+    """
     return describe(branches_of(GearPair(**pair), **settings).assign_coords(damping=damping))
 
 
-def branches_of(model, start, stop, **settings):
-    """Return the branches of a model between two tunings, one after the other over ``point``.
+def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
+    """Return the branches of periodic orbits between two tunings, joined along ``point``.
 
-    `settings` are step, max_height and max_points of `gearlib.continue_orbit`. NoOrbit if neither
-    end has an orbit of one mesh period.
+    `settings` have step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if
+    there is no orbit of one mesh period at either tuning.
     """
-    followed = []
-    for here, there in ((start, stop), (stop, start)):
-        if not followed or float(followed[0].tuning[-1]) != here:
-            orbit = _orbit_at(model, here)
-            followed += [continue_orbit(orbit, to=there, **settings)] if orbit else []
+    followed: list[xr.Dataset] = []
+    for first, last in ((start, stop), (stop, start)):
+        if not followed or float(followed[0].tuning[-1]) != first:
+            orbit = _orbit_at(model, first)
+            if orbit is not None:
+                followed.append(continue_orbit(orbit, to=last, **settings))
     if not followed:
         raise NoOrbit(f"no orbit of one mesh period was found at tuning = {start!r} or {stop!r}")
     for branch in list(followed):
         for point in np.flatnonzero(branch.label == DOUBLING):
             try:
-                followed.append(_doubled(model, branch, int(point), start, stop, settings))
+                followed.append(_doubled_branch(model, branch, int(point), start, stop, settings))
             except NoOrbit:
                 continue
-    parts = [
+    numbered = [
         branch.assign(
             branch=("point", np.full(branch.sizes["point"], number, np.int32)),
             period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
         )
         for number, branch in enumerate(followed)
     ]
-    return _together(parts, followed[0].attrs, "Branches of periodic orbits of a gear mesh")
+    return _joined(numbered, followed[0].attrs, "Branches of periodic orbits of a gear mesh")
 
 
-def _orbit_at(model, tuning):
-    """Return an orbit near the static deflection or from rest, None if there is none."""
+def _orbit_at(model: Any, tuning: float) -> Any:
+    """Return the orbit of one mesh period near static deflection, else from rest, else None."""
     for guess in ((1.0, 0.0), None):
         try:
             return periodic_orbit(model, tuning, guess=guess)
@@ -78,21 +95,27 @@ def _orbit_at(model, tuning):
     return None
 
 
-def _doubled(model, branch, point, start, stop, settings):
-    """Return the branch of twice the period that begins at a doubling."""
+def _doubled_branch(
+    model: Any, branch: xr.Dataset, point: int, start: float, stop: float, settings: dict
+) -> xr.Dataset:
+    """Return the branch of doubled period that starts at a point of a branch.
+
+    It is followed towards the tuning `start` or `stop`, whichever it turns to.
+    """
     orbit = switch_branch(model, branch, point)
-    away = orbit.tuning - float(branch.tuning[point])
-    if abs(away) > _ACROSS:
-        return continue_orbit(orbit, to=stop if away > 0.0 else start, **settings)
+    change = orbit.tuning - float(branch.tuning[point])
+    if abs(change) > _MIN_TUNING_CHANGE:
+        return continue_orbit(orbit, to=stop if change > 0.0 else start, **settings)
     limits = (start, stop)
-    both = [continue_orbit(orbit, to=to, limits=limits, **settings) for to in limits]
-    return max(both, key=lambda branch: branch.sizes["point"])
+    directions = [continue_orbit(orbit, to=tuning, limits=limits, **settings) for tuning in limits]
+    return max(directions, key=lambda branch: branch.sizes["point"])
 
 
-def _together(parts, attrs, title):
-    """Return parts over ``point`` as one, with NaN for multipliers of grazing orbits.
+def _joined(parts: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
+    """Return datasets joined along ``point``, with NaN for the multipliers of grazing orbits.
 
-    They change like the root of the distance from the grazing: half of its digits are rounding.
+    The multipliers change like the square root of the distance from the grazing, so that half of
+    their digits are rounding errors.
     """
     dataset = xr.concat(parts, "point", data_vars="minimal", combine_attrs="override")
     for name in ("multiplier_real", "multiplier_imaginary"):
@@ -102,24 +125,30 @@ def _together(parts, attrs, title):
     return dataset
 
 
-def loci(pair, branches, start, stop, lowest, highest):
+def loci(
+    pair: dict, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
+) -> xr.Dataset:
     """Return the loci of folds, doublings and grazings of period one over tuning and damping.
 
-    `branches` are those of the pair with these parameters; the loci lie between the tunings start
-    and stop and the damping ratios lowest and highest. ``locus`` numbers their special points.
+    `branches` are those of the gear pair with the arguments `pair`. The loci lie between the
+    tunings `start` and `stop` and between the damping ratios `lowest` and `highest`. ``locus`` is
+    the number of the special point of the branches from which a locus starts.
     """
     model = GearPair(**pair)
-    own_damping, labels = value_of(model, 1.0, "damping"), branches.label.values
+    damping, labels = value_of(model, 1.0, "damping"), branches.label.values
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
-    nothing = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
-    parts = [nothing.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
+    # The first part has no points and gives the result its variables even without any locus.
+    empty = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
+    parts = [empty.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
     special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(special):
-        for to in (lowest, highest):
-            if to == own_damping:
+        for limit in (lowest, highest):
+            if limit == damping:
                 continue
             try:
-                curve = locus(model, branches, int(point), "damping", to=to, limits=(start, stop))
+                curve = locus(
+                    model, branches, int(point), "damping", to=limit, limits=(start, stop)
+                )
             except NoOrbit:
                 continue
             size = curve.sizes["point"]
@@ -129,6 +158,5 @@ def loci(pair, branches, start, stop, lowest, highest):
                     locus=("point", np.full(size, point, np.int32)),
                 )
             )
-    title = "Loci of special points over tuning and damping"
-    together = _together(parts, branches.attrs, title)
-    return describe(together.assign(own_damping=own_damping))
+    dataset = _joined(parts, branches.attrs, "Loci of special points over tuning and damping")
+    return describe(dataset.assign(own_damping=damping))
