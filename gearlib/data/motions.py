@@ -3,7 +3,7 @@
 import numpy as np
 
 #: Shares of time that are this close to each other differ by the rounding of sums.
-ROUNDING = 1e-9
+FRACTION_TOLERANCE = 1e-9
 #: Width of a line in a plot over the height of the orbit: 0.3 mm in a phase plane of 3 cm.
 LINE = 0.01
 #: A motion so many times as large as its model grows; undamped ones reach 1e8 and more.
@@ -24,10 +24,10 @@ def true_intervals(condition):
     return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def lost_share(fraction_normal):
+def contact_loss_fraction(fraction_normal):
     """Return the share of time without drive-side contact, 0 where it is rounding."""
     loss = 1.0 - fraction_normal
-    return loss * (loss > ROUNDING)
+    return loss * (loss > FRACTION_TOLERANCE)
 
 
 def without_growth(curve, extent):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.motions import lost_share
+from gearlib.data.motions import contact_loss_fraction
 from gearlib.figures import schematic, style
 
 _MODE_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
@@ -23,7 +23,7 @@ def draw(diagram):
     axes = schematic.with_train(figure, diagram, {}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
-    parted = lost_share(diagram.fraction_normal_high).max("direction") > 0.0
+    parted = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0
     step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:
         order = float(diagram.mesh_rate.sel(mesh=name))

@@ -1,17 +1,21 @@
-"""Proofs about the paper's orbits: a file of certificates that a second program can check.
+"""Prove statements about the paper's orbits, as certificates that a second program can check.
 
-For each damping: the orbits on the branches behind Fig. 3 at the tunings that the paper's
-statements name, and the ranges of tunings with an orbit that never loses contact. Of the reducer
-made of the first damped pair, whose branches move alike with contact in all six meshes: at one
-tuning this motion is stable, at another one it breaks.
+For each damping: orbits on the branches behind Fig. 3 at the tunings of the paper's statements, and
+ranges of tunings with an orbit that never loses contact. For the reducer made of the first damped
+pair, with equal motion in all branches and contact in all six meshes: at one tuning this motion is
+stable, at another one it is unstable.
 """
 
 import json
 import math
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from gearlib.analysis.orbits.continuation import point_of_dataset
 from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
@@ -23,162 +27,190 @@ from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Tunings of the paper's Fig. 6.
-TWO = (0.815, 0.8151)
-#: Tuning above those of the paper's bounces, 1.12, by more than the reading of its plot.
-ABOVE = 1.14
-#: Teeth and tunings of the reducer: below the loss of symmetry, and in it.
-REDUCER, ALIKE = (24, 36, 24, 36), (0.5, 0.6)
-#: Step of tunings: ranges begin and end at multiples of it, not nearer to a special point.
-_STEP = 1e-4
-#: Digits of the states and tunings that are proven of: fewer than all processors agree on.
+FIG6_TUNINGS = (0.815, 0.8151)
+#: Tuning above the paper's range of bounces, which ends at 1.12, by more than its plot resolves.
+TUNING_ABOVE_BOUNCES = 1.14
+#: Teeth of the reducer, and tunings at which its symmetric motion is stable and unstable.
+REDUCER_TEETH, REDUCER_TUNINGS = (24, 36, 24, 36), (0.5, 0.6)
+#: Ranges of tunings begin and end at multiples of this step.
+_TUNING_STEP = 1e-4
+#: Digits of states and tunings of certificates: fewer than all processors agree on.
 _DIGITS = 11
-#: Difference of states below which orbits are one.
-_SAME_ORBIT = 1e-6
-#: Contact codes of a certificate -> letters of its table.
-_LETTERS = {1: "N", 0: "B", -1: "I"}
+#: States that differ by less belong to the same orbit.
+_SAME_ORBIT_DISTANCE = 1e-6
+#: Contact code -> letter in the table.
+_CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
-def compute(pairs, branches, tunings, whole=False):
-    """Return the certificates of all dampings, dicts as of `Certificate.as_dict`, and refusals.
+def compute(
+    pairs: dict[str, dict],
+    branches: dict[str, xr.Dataset],
+    tunings: Sequence[float],
+    all_points: bool = False,
+) -> list[dict]:
+    """Return the certificates and refusals of all dampings as dicts, see `Certificate.as_dict`.
 
-    `pairs` are arguments of `GearPair` by damping, `branches` those of `gearlib.studies.resonance`;
-    orbits are asked for at `tunings`, `TWO` and `ABOVE`. A count for each damping says how many
-    points of its branches are proven; with `whole` their certificates are there too.
+    `pairs` maps dampings to arguments of `GearPair`, `branches` maps them to their branches from
+    `gearlib.studies.resonance`. Orbits are certified at `tunings` and at those of the paper's
+    statements. A count says how many points of the branches could be certified; the certificates of
+    the points are included if `all_points` is true.
     """
-    tunings = sorted({*map(float, tunings), *TWO, ABOVE})
-    models = {name: GearPair(**parameters) for name, parameters in pairs.items()}
-    rows = []
-    for name, pair in models.items():
-        branch = branches[name]
-        branch = branch.assign({key: _rounded(branch[key]) for key in ("state", "tuning")})
-        proven = [*_ranges(pair, branch)]
+    tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_BOUNCES})
+    models = {damping: GearPair(**parameters) for damping, parameters in pairs.items()}
+    certificates = []
+    for damping, pair in models.items():
+        branch = branches[damping]
+        # Certificates of rounded states have the same bytes on all processors.
+        branch = branch.assign(
+            {name: branch[name].copy(data=_rounded(branch[name])) for name in ("state", "tuning")}
+        )
+        proven = _range_certificates(pair, branch)
         for tuning in tunings:
-            proven += _orbits_at(pair, branch, tuning)
-        counts, points = _all_points(pair, branch)
-        proven = [{"claim": "count", "orbits": counts}, *proven, *(points if whole else [])]
-        rows += [{"damping": name} | row for row in proven]
-    for name in [name for name, pair in models.items() if pair.damped()][:1]:
-        about = {"damping": name, "model": "reducer"}
-        rows += [about | row for row in _reducer_orbits(models[name])]
-    return rows
+            proven += _orbit_certificates(pair, branch, tuning)
+        points = _point_certificates(pair, branch)
+        outcomes = [point.get("stability") or f"refused: {point['status']}" for point in points]
+        count = {"claim": "count", "orbits": dict(sorted(Counter(outcomes).items()))}
+        proven = [count, *proven, *(points if all_points else [])]
+        certificates += [{"damping": damping} | certificate for certificate in proven]
+    for damping, pair in models.items():
+        if pair.damped():
+            labels = {"damping": damping, "model": "reducer"}
+            certificates += [labels | certificate for certificate in _reducer_certificates(pair)]
+            break
+    return certificates
 
 
-def _rounded(values):
-    """Return values with fewer digits, as an array of xarray, of numpy or a number."""
-    # What is enclosed does not depend on the last digits, the box that is written does.
-    digits = np.vectorize(lambda x: float(f"{x:.{_DIGITS - 1}e}"), otypes=[float])
-    return values.copy(data=digits(values)) if hasattr(values, "dims") else digits(values)
+def _rounded(values: Any) -> np.ndarray:
+    """Return values rounded to the digits of certificates."""
+    round_number = np.vectorize(lambda x: float(f"{x:.{_DIGITS - 1}e}"), otypes=[float])
+    return round_number(values)
 
 
-def _certificate(orbit, tuning=None, to=None):
-    """Return the certificate of an orbit, or of the range up to a tuning, or the refusal."""
+def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
+    """Return the certificate of an orbit at a tuning, or the refusal that replaces it, as a dict.
+
+    With `last_tuning` the certificate is valid for all tunings up to it.
+    """
     orbit = replace(orbit, state=_rounded(orbit.state))
-    proven = certify(orbit) if to is None else certify_range(orbit, to=to)
+    proven = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
     if proven:
         return proven.as_dict()
-    about = {} if tuning is None else {"tuning": float(tuning).hex()}
-    return {"claim": "refusal", "status": proven.status, "message": proven.message} | about
+    refusal = {"claim": "refusal", "status": proven.status, "message": proven.message}
+    return refusal | {"tuning": float(tuning).hex()}
 
 
-def _reducer_orbits(pair):
-    """Yield the certificates of the motion of the reducer whose branches move alike."""
-    reducer = split_power_reducer(pair, teeth=REDUCER)
+def _reducer_certificates(pair: GearPair) -> list[dict]:
+    """Return the certificates of the symmetric motion of a reducer made of a gear pair."""
+    reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
     start, period = reducer.start_state("static"), reducer.repeats
-    for tuning in ALIKE:
+    certificates = []
+    for tuning in REDUCER_TUNINGS:
         try:
             orbit = periodic_orbit(reducer, tuning, guess=start, period=period)
         except NoOrbit:
             continue
-        yield _certificate(orbit, tuning)
+        certificates.append(_certificate(orbit, tuning))
+    return certificates
 
 
-def _ranges(pair, branch):
-    """Yield ranges of tunings with an orbit without loss of contact, between special points."""
+def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
+    """Return the certificates of ranges of tunings with an orbit that never loses contact.
+
+    `branch` has the branches of the pair; ranges lie between their special points.
+    """
     tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
-    kept = (branch.contacts.values == "N") & (branch.period.values == 1) & (label == REGULAR)
+    in_contact = branch.contacts.values == "N"
+    usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
     ends = np.flatnonzero((label != REGULAR) | (np.diff(number, append=-1) != 0))
+    certificates = []
     for first, last in zip([0, *ends], ends, strict=False):
-        # A special point belongs to what is on either side of it, the end of a branch does not.
+        # A special point belongs to both neighbouring ranges, the end of a branch does not.
         first += number[first] != number[last]
-        inside = np.flatnonzero(kept[first : last + 1]) + first
-        low, high = sorted((first, last), key=lambda point: tuning[point])
-        counts = [round(tuning[point] / _STEP, 6) for point in (low, high)]
-        away = [label[point] != REGULAR for point in (low, high)]
-        low = round((math.ceil(counts[0]) + away[0]) * _STEP, 4)
-        high = round((math.floor(counts[1]) - away[1]) * _STEP, 4)
-        if not inside.size or low >= high:
+        inside = np.flatnonzero(usable[first : last + 1]) + first
+        lower, upper = sorted((first, last), key=lambda point: tuning[point])
+        # Ranges stay at least one step away from special points.
+        lower_steps = math.ceil(round(tuning[lower] / _TUNING_STEP, 6))
+        upper_steps = math.floor(round(tuning[upper] / _TUNING_STEP, 6))
+        lower_tuning = round((lower_steps + (label[lower] != REGULAR)) * _TUNING_STEP, 4)
+        upper_tuning = round((upper_steps - (label[upper] != REGULAR)) * _TUNING_STEP, 4)
+        if not inside.size or lower_tuning >= upper_tuning:
             continue
-        nearest = inside[np.abs(tuning[inside] - low).argmin()]
+        nearest = inside[np.abs(tuning[inside] - lower_tuning).argmin()]
         try:
-            orbit = periodic_orbit(pair, low, guess=branch.state.values[nearest])
+            orbit = periodic_orbit(pair, lower_tuning, guess=branch.state.values[nearest])
         except NoOrbit:
             continue
         if orbit.pattern == (1,):
-            yield _certificate(orbit, low, to=high)
+            certificates.append(_certificate(orbit, lower_tuning, upper_tuning))
+    return certificates
 
 
-def _orbits_at(pair, branch, tuning):
-    """Yield the certificates of the orbits of one mesh period at a tuning."""
-    states = []
+def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
+    """Return the certificates of all orbits of one mesh period on the branches at a tuning."""
+    states: list[np.ndarray] = []
+    certificates = []
     for guess in _crossings(branch, tuning):
         try:
             orbit = periodic_orbit(pair, tuning, guess=guess)
         except NoOrbit:
             continue
-        if not any(np.abs(orbit.state - state).max() < _SAME_ORBIT for state in states):
+        distances = [np.abs(orbit.state - state).max() for state in states]
+        if all(distance >= _SAME_ORBIT_DISTANCE for distance in distances):
             states.append(orbit.state)
-            yield _certificate(orbit, tuning)
+            certificates.append(_certificate(orbit, tuning))
+    return certificates
 
 
-def _crossings(branch, tuning):
-    """Yield the states, between those of two points, where branches of period one pass a tuning."""
-    away, number = branch.tuning.values - tuning, branch.branch.values
-    states, single = branch.state.values, branch.period.values == 1
-    for i in np.flatnonzero((away[:-1] <= 0.0) != (away[1:] <= 0.0)):
-        if number[i] == number[i + 1] and single[i]:
-            share = away[i] / (away[i] - away[i + 1])
+def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
+    """Yield the interpolated states at which branches of period one pass a tuning."""
+    difference, number = branch.tuning.values - tuning, branch.branch.values
+    states, period = branch.state.values, branch.period.values
+    for i in np.flatnonzero((difference[:-1] <= 0.0) != (difference[1:] <= 0.0)):
+        if number[i] == number[i + 1] and period[i] == 1:
+            share = difference[i] / (difference[i] - difference[i + 1])
             yield tuple((1.0 - share) * states[i] + share * states[i + 1])
 
 
-def _all_points(pair, branch):
-    """Return how many regular points of the branches are proven to be what, and all their rows."""
-    rows = []
+def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
+    """Return the certificates of all regular points of the branches of a gear pair."""
+    certificates = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
-        rows.append(_certificate(orbit, orbit.tuning))
-    kinds = [row.get("stability") or f"refused: {row['status']}" for row in rows]
-    return dict(sorted(Counter(kinds).items())), rows
+        certificates.append(_certificate(orbit, orbit.tuning))
+    return certificates
 
 
-def write_json(rows, path):
-    """Write the certificates, a line each, replacing the file in one step."""
-    lines = ",\n".join(json.dumps(row) for row in rows)
+def write_json(certificates: Sequence[dict], path: Path) -> None:
+    """Write certificates to a JSON file, one per line, replacing the file in one step."""
+    lines = ",\n".join(json.dumps(certificate) for certificate in certificates)
     with replacing(path) as temporary:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
-def rows(certificates):
-    """Yield the table of the certificates, without refusals and counts: a head and their rows.
+def rows(certificates: Sequence[dict]) -> Iterator[list]:
+    """Yield the rows of the table of certificates: the names of the columns, then their values.
 
-    Of a range `tuning` is where it begins, `until` where it ends; lowest is the least displacement
-    of the orbit, static deflections. Enclosures are far narrower than the digits printed.
+    Refusals and counts are left out. The columns tuning and until are the ends of a range, lowest
+    is the smallest displacement of the orbit in static deflections.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
-    for row in certificates:
-        if row["claim"] not in ("count", "refusal"):
-            numbers = (
-                row.get("tuning", row.get("start")),
-                row.get("stop"),
-                row.get("displacement_min"),
-            )
-            tuning, until, lowest = ("" if one is None else _decimal(one) for one in numbers)
-            contacts = "".join(_LETTERS[code] for code in row.get("pattern", ()))
-            name = ", ".join(row[key] for key in ("damping", "model") if key in row)
-            about = [name, row["claim"], tuning, until, contacts, lowest]
-            yield [*about, row["stability"], row["reason"]]
+    for certificate in certificates:
+        if certificate["claim"] in ("count", "refusal"):
+            continue
+        first_tuning = certificate.get("tuning", certificate.get("start"))
+        numbers = (first_tuning, certificate.get("stop"), certificate.get("displacement_min"))
+        decimals = ["" if number is None else _decimal(number) for number in numbers]
+        contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
+        labels = [certificate[name] for name in ("damping", "model") if name in certificate]
+        tuning, until, lowest = decimals
+        cells = [", ".join(labels), certificate["claim"], tuning, until, contacts, lowest]
+        yield [*cells, certificate["stability"], certificate["reason"]]
 
 
-def _decimal(value):
-    """Return a float that is written as its bits, or an end of an enclosure, as a decimal."""
+def _decimal(value: str | Sequence[str]) -> str:
+    """Return a number of a certificate, a hexadecimal float or an enclosure, as a decimal.
+
+    Enclosures are far narrower than the printed digits, so that their lower end is used.
+    """
     number = float.fromhex(value) if isinstance(value, str) else float(value[0])
     return f"{number:.10g}"

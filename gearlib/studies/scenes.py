@@ -1,18 +1,19 @@
-"""Scenes: time courses of a few runs side by side, by the smallest model that carries them.
+"""Simulate scenes, several runs side by side, with the smallest model that is accurate enough.
 
-A scene states its observables and a tolerance. Every model runs its cases; the change of a model
-is the largest difference of an observable from any larger model, in units of
+A scene has observables and a tolerance. Its cases are run with every model. The change of a model
+is the largest difference of an observable from any larger model, relative to
 
 * the height of the larger model's orbit, or of its force, for extrema of displacement or force;
 * one, for fractions of time and bounces per mesh period.
 
-The smallest model whose change is within the tolerance carries the scene. A truncated stiffness is
-no smaller than the rectangle, whose phases have closed forms; its row shows what the cut changes.
-Where rounding decides a run, seeded starts take its place, and the change has to be within the
-tolerance from all of them.
+The smallest model with a change within the tolerance is chosen. A truncated stiffness is compared
+with the rectangular one but never chosen. If rounding errors decide a run, it is replaced by runs
+from random initial states, and the changes of all of them must be within the tolerance.
 """
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -26,156 +27,180 @@ from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.simulation import simulate
 from gearlib.studies import many_starts
 
-#: Models, from the smallest to the largest, and the smallest with a truncated stiffness.
+#: Names of the models from the smallest to the largest, and of that with a truncated stiffness.
 LADDER = ("one_degree", "six_degrees_plain", "six_degrees")
 TRUNCATED = "one_degree_harmonics"
 
-#: Entry of the table in place of a number that differs from start to start.
+#: Table entry that replaces a number which differs from start to start.
 DIFFERS = "differs"
-#: Changes that are smaller are differences of rounding.
+#: Smaller changes are rounding errors.
 _MIN_CHANGE = 1e-9
-#: Change of an extremum by a tiny change of the start from which on rounding decides a motion.
-_ROUNDING_CHANGE = 1e-3
+#: A motion whose extrema change by more after a tiny change of its start is decided by rounding.
+_MAX_ROUNDING_CHANGE = 1e-3
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
 _FLAGS = flags_of(("unsettled", "free_of_rounding"))
 
 
-def build(name, pair, six_degrees, harmonics=None):
-    """Return the model with one of the names above.
+def build_model(name: str, pair: dict, six_degrees: dict, harmonics: int | None = None) -> Any:
+    """Return the model with a name of `LADDER` or the name `TRUNCATED`.
 
-    `pair` are arguments of `GearPair`, `six_degrees` those of `SixDegreePair` beside the pair,
-    `harmonics` is the number of those of the truncated stiffness.
+    `pair` has arguments of `GearPair`, `six_degrees` further arguments of `SixDegreePair`;
+    `harmonics` is the number of harmonics of the truncated stiffness.
     """
-    pair = GearPair(**pair)
+    gear_pair = GearPair(**pair)
     if name == "one_degree":
-        return pair
+        return gear_pair
     if name == TRUNCATED:
-        return OneDegreePair(pair=pair, profile=Fourier(harmonics))
+        return OneDegreePair(pair=gear_pair, profile=Fourier(harmonics))
     if name == "six_degrees_plain":
         six_degrees = six_degrees | {"friction": (0.0, 0.0), "eccentricities": (0.0, 0.0)}
-    return SixDegreePair(pair=pair, **six_degrees)
+    return SixDegreePair(pair=gear_pair, **six_degrees)
 
 
-def runs(model, tuning, run, settings):
-    """Return the run from the start asked for, and the runs that stand for the motion.
+def representative_runs(
+    model: Any, tuning: float, run: dict, settings: dict
+) -> tuple[xr.Dataset, list[xr.Dataset]]:
+    """Return the run from the initial state, and the runs that represent the motion.
 
-    They are that run itself where rounding does not decide it, else those from seeded starts. `run`
+    The latter are the first run itself, or runs from random states if rounding decides it. `run`
     has arguments of `gearlib.simulate`, `settings` those of `many_starts.seeded_states`.
     """
-    run = {"initial_state": (0.0, 0.0)} | run
+    initial_state = np.asarray(run.get("initial_state", (0.0, 0.0)), float)
 
-    def from_state(state, **other):
-        state = tuple(map(float, state))
-        return simulate(model, tuning, **run | other | {"initial_state": state})
+    def run_from(state: np.ndarray, **options: Any) -> xr.Dataset:
+        start = tuple(map(float, state))
+        return simulate(model, tuning, **run | options | {"initial_state": start})
 
-    state = np.asarray(run["initial_state"], float)
-    first = from_state(state, until_settled=True)
-    near = from_state(many_starts.neighbouring_state(state), samples_per_period=1)
-    extrema = (*_DISPLACEMENTS, *_FORCES)
-    if max(abs(float(first[name] - near[name])) for name in extrema) < _ROUNDING_CHANGE:
+    first = run_from(initial_state, until_settled=True)
+    neighbour = run_from(many_starts.neighbouring_state(initial_state), samples_per_period=1)
+    names = (*_DISPLACEMENTS, *_FORCES)
+    change = max(abs(float(first[name] - neighbour[name])) for name in names)
+    if change < _MAX_ROUNDING_CHANGE:
         return first, [first]
-    starts = many_starts.seeded_states(model, state, settings)
-    return first, [from_state(start, samples_per_period=1) for start in starts]
+    states = many_starts.seeded_states(model, initial_state, settings)
+    return first, [run_from(state, samples_per_period=1) for state in states]
 
 
-def of_comparison(comparison, cases, six_degrees, run, starts):
-    """Return the scene by the model that its comparison chose; arguments as in `scene`."""
+def of_comparison(
+    comparison: xr.Dataset, cases: Sequence[dict], six_degrees: dict, run: dict, starts: dict
+) -> xr.Dataset:
+    """Return the scene with the model that `compare` has chosen; see `scene` for the arguments."""
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
 
-def scene(cases, model, six_degrees, run, starts):
-    """Return the time courses and orbit summaries of cases by the model of a name.
+def scene(
+    cases: Sequence[dict], model: str, six_degrees: dict, run: dict, starts: dict
+) -> xr.Dataset:
+    """Return time histories and summaries of all cases of a scene, over case and mesh phase.
 
-    A case has title, tuning and pair, arguments of `GearPair`; `run` and `starts` as in `runs`.
-    Over (case, phase) from the start of the record, and (case): also free_of_rounding, and
-    losing_share, that of the starts from which contact is lost.
+    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `LADDER`.
+    `run` and `starts` are the last arguments of `representative_runs`. losing_share is the share of
+    the starts from which contact is lost.
     """
-    courses = []
+    histories = []
     for case in cases:
-        built = build(model, case["pair"], six_degrees)
-        first, standing = runs(built, case["tuning"], run, starts)
-        course = first.drop_dims("event")
-        course["free_of_rounding"] = (), np.int8(standing[0] is first), _FLAGS
-        course["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in standing])
-        phase = (course.phase - course.phase[0]).assign_attrs(course.phase.attrs)
-        courses.append(describe(course.assign_coords(phase=phase), built))
-    together = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
-    titles = xr.IndexVariable("case", [case["title"] for case in cases])
-    whole = xr.concat(courses, titles, combine_attrs="drop_conflicts", **together)
-    return describe(whole.assign(model=model))
+        built = build_model(model, case["pair"], six_degrees)
+        first, runs = representative_runs(built, case["tuning"], run, starts)
+        history = first.drop_dims("event")
+        history["free_of_rounding"] = (), np.int8(runs[0] is first), _FLAGS
+        history["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in runs])
+        phase = (history.phase - history.phase[0]).assign_attrs(history.phase.attrs)
+        histories.append(describe(history.assign_coords(phase=phase), built))
+    dataset = xr.concat(
+        histories,
+        xr.IndexVariable("case", [case["title"] for case in cases]),
+        data_vars="all",
+        coords="minimal",
+        compat="equals",
+        join="exact",
+        combine_attrs="drop_conflicts",
+    )
+    return describe(dataset.assign(model=model))
 
 
-def compare(cases, question, six_degrees, harmonics, run, starts):
-    """Return the values, changes and costs of all models in a scene, and the model chosen for it.
+def compare(
+    cases: Sequence[dict],
+    question: dict,
+    six_degrees: dict,
+    harmonics: int,
+    run: dict,
+    starts: dict,
+) -> xr.Dataset:
+    """Return observables, changes and costs of all models in a scene, and the chosen model.
 
-    `cases`, `run` and `starts` as in `scene`; `question` has observables, tolerance, and the
-    candidates, models that may carry the scene, the smallest first. The change of the largest model
-    is NaN; that of the truncated stiffness is from the rectangle. Where rounding decides, values,
-    changes and costs are medians over the starts, with ranges.
+    `question` has observables, tolerance, and candidates, the models that may be chosen, from the
+    smallest to the largest; `harmonics` is the number of harmonics of the truncated stiffness. The
+    other arguments are those of `scene`. The change of the largest model is NaN. If rounding
+    decides, values, changes and costs are medians over the starts, with ranges.
     """
     names, observables = [*LADDER, TRUNCATED], question["observables"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
-    units, costs = np.ones_like(values), np.empty(values.shape[:-1])
-    alone = np.empty(costs.shape[1:], bool)
-    for i, j in np.ndindex(alone.shape):
-        pair, tuning = cases[j]["pair"], cases[j]["tuning"]
-        model = build(names[i], pair, six_degrees, harmonics)
-        first, standing = runs(model, tuning, run, starts)
-        alone[i, j] = standing[0] is first
-        # A run that is free of rounding stands for all starts.
-        values[:, i, j] = [[float(record[name]) for name in observables] for record in standing]
-        units[:, i, j] = [[_unit(record, name) for name in observables] for record in standing]
-        costs[:, i, j] = [_cost(model, tuning, record, run) for record in standing]
-    change, free = _changes(values, units, alone)
+    scales, costs = np.ones_like(values), np.empty(values.shape[:-1])
+    reliable = np.empty(costs.shape[1:], bool)
+    for i, j in np.ndindex(reliable.shape):
+        tuning = cases[j]["tuning"]
+        model = build_model(names[i], cases[j]["pair"], six_degrees, harmonics)
+        first, runs = representative_runs(model, tuning, run, starts)
+        reliable[i, j] = runs[0] is first
+        # A single representative run is broadcast over all starts.
+        values[:, i, j] = [[float(record[name]) for name in observables] for record in runs]
+        scales[:, i, j] = [[_change_scale(record, name) for name in observables] for record in runs]
+        costs[:, i, j] = [_cost(model, tuning, record, run) for record in runs]
+    change, change_reliable = _changes(values, scales, reliable)
     lowest, highest = change.min(axis=0), change.max(axis=0)
-    # A range from some starts is widened by itself: all of it has to be within the tolerance.
+    # The range from a few starts is doubled, as a margin for all other starts.
     with np.errstate(invalid="ignore"):
-        highest = np.where(free, highest, 2.0 * highest - lowest)
+        highest = np.where(change_reliable, highest, 2.0 * highest - lowest)
     candidates, tolerance = question["candidates"], question["tolerance"]
-    carrying = [name for name in candidates[:-1] if highest[names.index(name)] <= tolerance]
-    every = xr.Dataset(
+    accurate = [name for name in candidates[:-1] if highest[names.index(name)] <= tolerance]
+    by_start = xr.Dataset(
         {
             "value": (("start", "model", "case", "observable"), values),
             "change": (("start", "model"), change),
             "cost": (("start", "model"), costs.mean(axis=2)),
         }
     )
-    data = many_starts.ranges_over_starts(every, [*every]) | {
-        "free_of_rounding": (("model", "case"), alone.astype(np.int8), _FLAGS),
-        "change_free_of_rounding": ("model", free.astype(np.int8), _FLAGS),
-        "chosen": (carrying or candidates[-1:])[0],
+    data = many_starts.ranges_over_starts(by_start, [*by_start]) | {
+        "free_of_rounding": (("model", "case"), reliable.astype(np.int8), _FLAGS),
+        "change_free_of_rounding": ("model", change_reliable.astype(np.int8), _FLAGS),
+        "chosen": accurate[0] if accurate else candidates[-1],
         "tolerance": float(tolerance),
         "harmonics": harmonics,
     }
     titles = [case["title"] for case in cases]
     coords = {"model": names, "case": titles, "observable": list(observables)}
-    attrs = {k: v for k, v in first.attrs.items() if k not in ("gear_pair", "parameters")}
-    return describe(
-        xr.Dataset(data, coords, attrs | {"title": "Comparison of models for one scene"})
-    )
+    attrs = {
+        name: text for name, text in first.attrs.items() if name not in ("gear_pair", "parameters")
+    }
+    attrs["title"] = "Comparison of models for one scene"
+    return describe(xr.Dataset(data, coords, attrs))
 
 
-def _changes(values, units, alone):
-    """Return the changes over (start, model), and for which models no run is decided by rounding.
+def _changes(
+    values: np.ndarray, scales: np.ndarray, reliable: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the changes of the models, shape (starts, models), and whether they are reliable.
 
-    Values and their units are over (start, model, case, observable), `alone` over (model, case).
+    Observables and the scales of their changes have the shape (starts, models, cases, observables),
+    `reliable`, whether rounding does not decide a run, has (models, cases).
     """
-    change, free = np.full(values.shape[:2], np.nan), alone.all(axis=1)
+    change, change_reliable = np.full(values.shape[:2], np.nan), reliable.all(axis=1)
     last = len(LADDER)
-    # The truncated stiffness, behind the others, is compared with the smallest model.
-    larger = {i: [*range(i + 1, last)] for i in range(last - 1)} | {last: [0]}
-    for i, others in larger.items():
-        apart = np.abs(values[:, [i]] - values[:, others]) / units[:, others]
-        # From a start that could not go on nothing is within a tolerance.
-        change[:, i] = np.where(np.isnan(apart), math.inf, apart).max(axis=(1, 2, 3))
-        free[i] &= alone[others].all()
+    # The truncated stiffness, the last model, is compared with the smallest model.
+    compared_models = {i: [*range(i + 1, last)] for i in range(last - 1)} | {last: [0]}
+    for i, others in compared_models.items():
+        difference = np.abs(values[:, [i]] - values[:, others]) / scales[:, others]
+        # A run that stopped early is not within any tolerance.
+        difference[np.isnan(difference)] = math.inf
+        change[:, i] = difference.max(axis=(1, 2, 3))
+        change_reliable[i] &= reliable[others].all()
     change[change < _MIN_CHANGE] = 0.0
-    return change, free
+    return change, change_reliable
 
 
-def _unit(run, observable):
-    """Return the unit of a change of an observable, by the larger model's run."""
+def _change_scale(run: xr.Dataset, observable: str) -> float:
+    """Return the scale of changes of an observable: the height of the orbit or force, or one."""
     if observable in _DISPLACEMENTS:
         return float(run.displacement_max - run.displacement_min)
     if observable in _FORCES:
@@ -183,31 +208,35 @@ def _unit(run, observable):
     return 1.0
 
 
-def _cost(model, tuning, record, run):
-    """Return the components of the state times the pieces of a mesh period that a run advances.
+def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
+    """Return the number of state components that a run computes per mesh period.
 
-    Pieces are phases of contact for closed forms and modes, coefficients for Taylor steps, whose
-    number depends on rounding: there the cost is 1, 2 or 5 times a power of ten.
+    `record` is a result of `simulate` with the arguments `run`. The number of evaluations of Taylor
+    steps depends on rounding errors; it is rounded to 1, 2 or 5 times a power of ten.
     """
     propagator, evaluations = model.propagator(tuning), int(record.evaluations)
     if not evaluations:
-        # Three segments of stiffness, and what the contact events add.
-        phases = record.event.size / run["record_periods"] + 3
-        return propagator.components * (propagator.pieces + phases)
-    work = propagator.components * evaluations / run["periods"]
-    power = 10.0 ** math.floor(math.log10(work))
-    return min((digit * power for digit in (1, 2, 5, 10)), key=lambda x: abs(math.log(x / work)))
+        # Closed forms advance over three stiffness segments and over the contact events.
+        arcs = record.event.size / run["record_periods"] + 3
+        return propagator.components * (propagator.pieces + arcs)
+    cost = propagator.components * evaluations / run["periods"]
+    power = 10.0 ** math.floor(math.log10(cost))
+    rounded_costs = (digit * power for digit in (1, 2, 5, 10))
+    return min(rounded_costs, key=lambda rounded: abs(math.log(rounded / cost)))
 
 
-def rows(comparisons, scenes):
-    """Yield the table of comparisons: a head and a row for each scene and model."""
+def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
+    """Yield the rows of the table of comparisons: the names of the columns, then their values.
+
+    `comparisons` are datasets from `compare`, `scenes` their names; each model has a row.
+    """
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
-    for name_of_scene, data in zip(scenes, comparisons, strict=True):
-        for i, name in enumerate(data.model.values):
-            free = bool(data.change_free_of_rounding[i])
-            change, work = (
-                f"{value:.4g}" if free or math.isnan(value) else DIFFERS
-                for value in (float(data.change[i]), float(data.cost[i]))
+    for scene_name, comparison in zip(scenes, comparisons, strict=True):
+        for i, name in enumerate(comparison.model.values):
+            reliable = bool(comparison.change_free_of_rounding[i])
+            change, cost = (
+                f"{value:.4g}" if reliable or math.isnan(value) else DIFFERS
+                for value in (float(comparison.change[i]), float(comparison.cost[i]))
             )
-            chosen = "yes" if name == data.chosen.item() else "no"
-            yield [name_of_scene, name, change, f"{float(data.tolerance):g}", work, chosen]
+            chosen = "yes" if name == comparison.chosen.item() else "no"
+            yield [scene_name, name, change, f"{float(comparison.tolerance):g}", cost, chosen]

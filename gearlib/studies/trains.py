@@ -1,29 +1,32 @@
-"""All meshes of gear trains over speed: the paper's reducer, any other train, Campbell diagrams.
+"""Compute all meshes of gear trains over speed, and Campbell diagrams.
 
-Every motion has many seeded starts, see `gearlib.studies.many_starts`.
+Every motion is found from many random initial states, see `gearlib.studies.many_starts`.
 """
+
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import ROUNDING, lost_share
+from gearlib.data.motions import FRACTION_TOLERANCE, contact_loss_fraction
 from gearlib.data.result import result
 from gearlib.models.from_values import described
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
 
-#: Branches of the reducer, double satellites.
+#: Number of double satellites of the reducer.
 BRANCHES = 3
-#: Summaries of every motion: median and range over its starts.
-_SUMMARIES = ("dynamic_factor", "load_sharing", "fraction_normal")
+#: Variables with median and range over the initial states.
+_VARIABLES = ("dynamic_factor", "load_sharing", "fraction_normal")
 
 
-def reducer_of(pair, settings, **changes):
-    """Return the paper's reducer, a `GearTrain` counted in tunings of the pair alone.
+def reducer_of(pair: GearPair, settings: dict, **changes: Any) -> Any:
+    """Return the paper's reducer, a `GearTrain` with the tuning of the gear pair.
 
-    `settings` are those of the section ``reducer`` of the configuration, `changes` other arguments
-    of `gearlib.split_power_reducer`.
+    `settings` are those of the section ``reducer`` of the configuration, `changes` are further
+    arguments of `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     names = ("teeth", "modules", "shaft_stiffness", "support_stiffness")
@@ -35,106 +38,137 @@ def reducer_of(pair, settings, **changes):
     return split_power_reducer(pair, **arguments | changes)
 
 
-def displaced(settings):
-    """Return `pin_errors` with the axis of the first satellite displaced, radial, tangential, m."""
+def displaced_pins(settings: dict) -> list[tuple[float, float]]:
+    """Return the radial and tangential pin errors (m) of all branches: only the first has one."""
     return [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
 
 
-def reducer(pair, tunings, settings):
+def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return all meshes of the reducer over tuning, with equal branches and with two errors.
 
-    `settings` are those of `reducer_of` and `many_starts`, and the errors: pin_error (m, radial and
-    tangential) and backlashes (m, by branch). Largest factors are those of settled motions.
+    `pair` has arguments of `GearPair`. `settings` are those of `reducer_of` and of
+    `gearlib.studies.many_starts`, and the errors pin_error (m, radial and tangential) and
+    backlashes (m, of each branch).
     """
-    pair, tunings = GearPair(**pair), np.asarray(tunings, float)
-    gaps = [(backlash, backlash) for backlash in settings["backlashes"]]
-    alike = reducer_of(pair, settings)
+    pair_model, tunings = GearPair(**pair), np.asarray(tunings, float)
+    backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
+    equal = reducer_of(pair_model, settings)
     trains = {
-        "alike": alike,
-        "pin_error": reducer_of(pair, settings, pin_errors=displaced(settings)),
-        "unequal_backlash": reducer_of(pair, settings, backlashes=gaps),
+        "alike": equal,
+        "pin_error": reducer_of(pair_model, settings, pin_errors=displaced_pins(settings)),
+        "unequal_backlash": reducer_of(pair_model, settings, backlashes=backlashes),
     }
-    names = alike.mesh_names
+    # Meshes have names such as "first 2": their stage and their branch.
+    names = equal.mesh_names
     branch = np.array([int(name.split()[1]) for name in names], np.int32)
     stage = np.array([1 if name.startswith("first") else 2 for name in names], np.int32)
-    parts = []
-    for train in trains.values():
-        part, every = many_starts.sweep_with_seeded_starts(train, tunings, settings, _SUMMARIES)
-        lost = [lost_share(one.fraction_normal.values) > 0.0 for one in every]
-        struck = [one.fraction_inverse.values > ROUNDING for one in every]
-        over = ("direction", "tuning", "branch")
-        factors = part.dynamic_factor.where(part.settled == 1)
-        top = factors.fillna(-np.inf).argmax("tuning")
-        at_top = xr.DataArray(tunings, dims="tuning").isel(tuning=top)
-        parts.append(
-            part.assign(
-                lost_alone_share=(over, [alone_share(one, branch) for one in lost]),
-                struck_alone_share=(over, [alone_share(one, branch) for one in struck]),
-                largest_factor=factors.max("tuning"),
-                factor_tuning=at_top.where(factors.notnull().any("tuning")),
-            )
-        )
-    whole = xr.concat(parts, xr.IndexVariable("case", [*trains]), combine_attrs="override")
-    dataset = whole.assign(
+    cases = [_reducer_case(train, tunings, settings, branch) for train in trains.values()]
+    dataset = xr.concat(cases, xr.IndexVariable("case", [*trains]), combine_attrs="override")
+    dataset = dataset.assign(
         mesh_branch=("mesh", branch),
         mesh_stage=("mesh", stage),
-        speed=("tuning", alike.speed(tunings)),
+        speed=("tuning", equal.speed(tunings)),
     ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch))
     title = "All meshes of a reducer with three double satellites"
-    stated = ("pin_error", "backlashes", *many_starts.SETTINGS)
-    more = {"method": "exact", "initial_state": "static"} | {
-        name: settings[name] for name in stated
-    }
-    return result(title, alike, dataset.merge(alike.layout()), **more)
+    reported = ("pin_error", "backlashes", *many_starts.SETTINGS)
+    parameters = {"method": "exact", "initial_state": "static"}
+    parameters |= {name: settings[name] for name in reported}
+    return result(title, equal, dataset.merge(equal.layout()), **parameters)
 
 
-def alone_share(happens, branch):
-    """Return the share of the starts from which something happens in a single branch, that one.
+def _reducer_case(
+    train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
+) -> xr.Dataset:
+    """Return the sweep of a reducer, its largest dynamic factors, and shares of single branches.
 
-    `happens` has the shape (starts, tunings, meshes), `branch` is that of each mesh; the shares
-    have the shape (tunings, branches).
+    The shares are those of the starts from which exactly one branch loses contact, or has contact
+    on the back side. `mesh_branches` are the branch numbers of the meshes.
     """
-    numbers = np.unique(branch)
-    by_branch = np.stack([happens[..., branch == number].any(axis=-1) for number in numbers], -1)
-    return (by_branch & (by_branch.sum(axis=-1, keepdims=True) == 1)).mean(axis=0)
+    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _VARIABLES)
+    losses = [contact_loss_fraction(motion.fraction_normal.values) > 0.0 for motion in motions]
+    back_sides = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
+    loss_shares = [single_branch_share(loss, mesh_branches) for loss in losses]
+    back_side_shares = [single_branch_share(contact, mesh_branches) for contact in back_sides]
+    factors = sweep.dynamic_factor.where(sweep.settled == 1)
+    largest = factors.fillna(-np.inf).argmax("tuning")
+    largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest)
+    dims = ("direction", "tuning", "branch")
+    return sweep.assign(
+        lost_alone_share=(dims, loss_shares),
+        struck_alone_share=(dims, back_side_shares),
+        largest_factor=factors.max("tuning"),
+        factor_tuning=largest_tuning.where(factors.notnull().any("tuning")),
+    )
 
 
-def reducer_rows(characteristics):
-    """Yield the table of the reducer: a head and a row for each case, direction and mesh."""
-    data = characteristics
-    factors = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
-    only = ["contact_lost_in_its_branch_only_at", "far_flank_struck_in_its_branch_only_at"]
-    yield ["case", "direction", "mesh", *factors, *only, "not_settled_at"]
-    per_tuning = float(data.speed[0] / data.tuning[0])
-    cells = data.stack(cell=("case", "direction", "mesh"), create_index=False)
+def single_branch_share(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
+    """Return the share of starts from which something occurs in one branch only, for each branch.
+
+    `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number of each
+    mesh. The shares have the shape (tunings, branches).
+    """
+    in_branch = np.stack(
+        [occurs[..., mesh_branches == number].any(axis=-1) for number in np.unique(mesh_branches)],
+        axis=-1,
+    )
+    return (in_branch & (in_branch.sum(axis=-1, keepdims=True) == 1)).mean(axis=0)
+
+
+def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
+    """Yield the rows of the table of the reducer: the names of the columns, then their values.
+
+    `characteristics` is a dataset from `reducer`; each case, direction and mesh has a row.
+    """
+    factor_names = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
+    branch_names = [
+        "contact_lost_in_its_branch_only_at",
+        "far_flank_struck_in_its_branch_only_at",
+    ]
+    yield ["case", "direction", "mesh", *factor_names, *branch_names, "not_settled_at"]
+    tunings = characteristics.tuning.values
+    speed_per_tuning = float(characteristics.speed[0] / characteristics.tuning[0])
+    cells = characteristics.stack(cell=("case", "direction", "mesh"), create_index=False)
     for i in range(cells.sizes["cell"]):
         cell = cells.isel(cell=i)
         settled, tuning = cell.settled.values == 1, float(cell.factor_tuning)
         shares = cell.sel(branch=int(cell.mesh_branch))
-        lost, struck = shares.lost_alone_share.values, shares.struck_alone_share.values
-        places = settled & (lost == 1.0), settled & (struck == 1.0), ~settled
-        listed = [" ".join(f"{nu:g}" for nu in data.tuning.values[place]) for place in places]
+        lost = settled & (shares.lost_alone_share.values == 1.0)
+        struck = settled & (shares.struck_alone_share.values == 1.0)
+        tuning_lists = [
+            " ".join(f"{nu:g}" for nu in tunings[selected]) for selected in (lost, struck, ~settled)
+        ]
         factor = f"{float(cell.largest_factor):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
-        yield [*names, factor, f"{tuning:g}", f"{per_tuning * tuning:.0f}", *listed]
+        speed = f"{speed_per_tuning * tuning:.0f}"
+        yield [*names, factor, f"{tuning:g}", speed, *tuning_lists]
 
 
-def over_speed(train, tunings, settings):
-    """Return all meshes of a train over tuning; `train` holds the arguments of `described`."""
+def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+    """Return all meshes of a gear train over tuning.
+
+    `train` has arguments of `gearlib.models.from_values.described`, `settings` are those of
+    `gearlib.studies.many_starts`.
+    """
     model, tunings = described(**train), np.asarray(tunings, float)
-    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _SUMMARIES)
+    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _VARIABLES)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
     title = "All meshes of a gear train over speed"
-    more = {"method": "exact", "initial_state": "static"} | settings
-    return result(title, model, dataset.merge(model.layout()), **more)
+    parameters = {"method": "exact", "initial_state": "static"} | settings
+    return result(title, model, dataset.merge(model.layout()), **parameters)
 
 
-def campbell(characteristics, orders, pair=None, settings=None, train=None):
+def campbell(
+    characteristics: xr.Dataset,
+    orders: int,
+    pair: dict | None = None,
+    settings: dict | None = None,
+    train: dict | None = None,
+) -> xr.Dataset:
     """Return the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
-    `characteristics` are those of `over_speed` with `train`, or those of `reducer` with `pair` and
-    `settings`, of which equal branches count; `orders` is the highest multiple of each mesh
+    `characteristics` come from `over_speed` with `train`, or from `reducer` with `pair` and
+    `settings`, whose case of equal branches is used. `orders` is the highest multiple of each mesh
     frequency.
     """
     model = described(**train) if train else reducer_of(GearPair(**pair), settings)
@@ -144,26 +178,30 @@ def campbell(characteristics, orders, pair=None, settings=None, train=None):
         {name: sweeps[name] for name in ("fraction_normal_high", "settled", "speed")}
     )
     data["mesh_rate"] = "mesh", [float(rate) for rate in model.rates]
-    kind = "gear train" if train else "reducer with three double satellites"
-    return result(f"Campbell diagram of a {kind}", model, data, method="exact", orders=orders)
+    name = "gear train" if train else "reducer with three double satellites"
+    return result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)
 
 
-def campbell_rows(diagram):
-    """Yield the table of the intersections up to the fastest speed swept, in the order of speed."""
+def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
+    """Yield the rows of the table of intersections in a Campbell diagram, ordered by speed.
+
+    `diagram` is a dataset from `campbell`. Intersections above the fastest speed of the sweep are
+    left out; modes of equal frequency share a row.
+    """
     speeds = diagram.speed.values
-    lost = (lost_share(diagram.fraction_normal_high.values) > 0.0).any(axis=(0, 2))
-    rows = {}
+    loss = contact_loss_fraction(diagram.fraction_normal_high.values)
+    loses_contact = (loss > 0.0).any(axis=(0, 2))
+    intersections: dict[tuple, tuple[float, bool]] = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
             cell = diagram.sel(stiffness_order=order, mode=mode)
             speed, frequency = float(cell.critical_speed), float(cell.natural_frequency)
-            row = f"{speed:.0f}", f"{order:.4g}", f"{frequency:.0f}", str(cell.mode_kind.item())
+            texts = f"{speed:.0f}", f"{order:.4g}", f"{frequency:.0f}", str(cell.mode_kind.item())
             if speed <= speeds[-1]:
-                # Modes of one frequency are one row.
-                excited = bool(cell.excites) or rows.get(row, (0.0, False))[1]
-                rows[row] = speed, excited
-    head = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
-    yield [*head, "excited", "contact_lost_at_the_nearest_speed_swept"]
-    for row, (speed, excited) in sorted(rows.items(), key=lambda item: item[1][0]):
-        parts = "yes" if lost[np.abs(speeds - speed).argmin()] else "no"
-        yield [*row, "yes" if excited else "no", parts if speed >= speeds[0] else ""]
+                _, excited = intersections.get(texts, (0.0, False))
+                intersections[texts] = speed, bool(cell.excites) or excited
+    header = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
+    yield [*header, "excited", "contact_lost_at_the_nearest_speed_swept"]
+    for texts, (speed, excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
+        lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
+        yield [*texts, "yes" if excited else "no", lost if speed >= speeds[0] else ""]

@@ -8,7 +8,7 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
-from gearlib.data.motions import ROUNDING
+from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.engines import orbit as columns
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
@@ -219,7 +219,7 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
         assert search(pins(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
-    lost = (run.fraction_normal < 1.0 - ROUNDING).any("mesh")
+    lost = (run.fraction_normal < 1.0 - FRACTION_TOLERANCE).any("mesh")
     assert lost.values.tolist() == [False, False, True, True, True]
     height = (run.displacement_max - run.displacement_min).max("mesh").values
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]

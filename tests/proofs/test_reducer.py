@@ -21,8 +21,8 @@ LONG = "GEARLIB_CERTIFICATES" in os.environ
 def test_the_symmetry_of_the_reducer_breaks():
     """Six meshes in contact; the second program follows the orbit, and a deviation beside it."""
     pair = PAPER.replace(material_damping=3953.7)
-    train = gearlib.split_power_reducer(pair, teeth=certificates.REDUCER)
-    static, tuning = train.start_state("static"), certificates.ALIKE[1]
+    train = gearlib.split_power_reducer(pair, teeth=certificates.REDUCER_TEETH)
+    static, tuning = train.start_state("static"), certificates.REDUCER_TUNINGS[1]
     orbit = gearlib.periodic_orbit(train, tuning, guess=static, period=train.repeats)
     proven = gearlib.certify(orbit)
     assert proven.contacts == (1,) * 6 and not proven.events and proven.stability == "unstable"

@@ -39,7 +39,7 @@ def test_alike_branches_carry_a_third_each(scene):
 
 
 def test_a_displaced_axis_takes_load_off_its_branch(scene):
-    errors = trains.displaced(SETTINGS)
+    errors = trains.displaced_pins(SETTINGS)
     at_rest = trains.reducer_of(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
     # Where contact lasts, motion shares the load as rest does, but for the changing stiffness.
     moving = scene.load_sharing.sel(case="pin_error", direction="cold", tuning=1.2)
@@ -50,7 +50,7 @@ def test_a_displaced_axis_takes_load_off_its_branch(scene):
 
 
 def test_contact_lost_in_one_branch_only_is_seen_in_the_events(scene):
-    train = trains.reducer_of(PAIR, SETTINGS, pin_errors=trains.displaced(SETTINGS))
+    train = trains.reducer_of(PAIR, SETTINGS, pin_errors=trains.displaced_pins(SETTINGS))
     run = {"periods": 210, "record_periods": 21, "samples_per_period": 8}
     record = simulate(train, 0.84, initial_state="static", **run)
     names = {train.mesh_names[j] for j in np.unique(record.event_mesh.values)}
@@ -60,7 +60,7 @@ def test_contact_lost_in_one_branch_only_is_seen_in_the_events(scene):
 def test_alone_is_one_branch_in_any_of_its_meshes():
     starts = [[0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 1], [1, 0, 0, 0, 1, 0]]
     happens = np.array(starts, bool)[:, None]
-    shares = trains.alone_share(happens, np.array([1, 2, 3, 1, 2, 3]))
+    shares = trains.single_branch_share(happens, np.array([1, 2, 3, 1, 2, 3]))
     assert shares.tolist() == [[0.0, 0.25, 0.25]]
 
 

@@ -169,7 +169,7 @@ rule compute_certificates:
         flint=find_spec("flint") is not None,
         pairs=PAIRS,
         tunings=config["phase_planes"]["tunings"],
-        whole=config["certificates"]["all_points"],
+        all_points=config["certificates"]["all_points"],
     log:
         "results/logs/certificates.log",
     benchmark:

@@ -13,7 +13,7 @@ if __name__ == "__main__":
     rows = []
     if given.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
-        rows = certificates.compute(given.pairs, branches, given.tunings, given.whole)
+        rows = certificates.compute(given.pairs, branches, given.tunings, given.all_points)
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(rows, snakemake.output.json)

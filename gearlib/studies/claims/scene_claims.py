@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.data.motions import LINE, spread
-from gearlib.studies.certificates import TWO
+from gearlib.studies.certificates import FIG6_TUNINGS
 from gearlib.studies.claims.characteristics import in_words, repeats
 from gearlib.studies.claims.data import NoData
 
@@ -35,11 +35,13 @@ def contact_ratios(data):
 def two_tunings(data):
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
-    if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in TWO):
-        raise NoData(f"no scene fig6 with tunings {TWO[0]:g} and {TWO[1]:g} is configured")
+    if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
+        raise NoData(
+            f"no scene fig6 with tunings {FIG6_TUNINGS[0]:g} and {FIG6_TUNINGS[1]:g} is configured"
+        )
     words = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
     # Small and large bounces: one several times as deep as the other.
-    small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in TWO)
+    small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in FIG6_TUNINGS)
     return bool(small > 0.0 and large > 3.0 * small), words + jump_words(data)
 
 
@@ -51,14 +53,14 @@ def jump_words(data):
         return "; no jump from rest in the scan"
     # Of a tolerance the whole range over its starts.
     low, high = base + jumps.shift_low.values, base + jumps.shift_high.values
-    inside = (low >= TWO[0]) & (high <= TWO[1])
+    inside = (low >= FIG6_TUNINGS[0]) & (high <= FIG6_TUNINGS[1])
     movers = [
         f"{kind} {value:g}"
         for kind, value in zip(jumps.kind.values[inside], jumps.value.values[inside], strict=True)
     ]
     words = f"; from rest the orbit jumps at {base:.7f}"
     movers = ", ".join(movers) or "no variation"
-    return words + f"; between {TWO[0]:g} and {TWO[1]:g} with: {movers}"
+    return words + f"; between {FIG6_TUNINGS[0]:g} and {FIG6_TUNINGS[1]:g} with: {movers}"
 
 
 def time_at_min_stiffness(data):
