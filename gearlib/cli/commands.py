@@ -284,13 +284,13 @@ def _scattering(gears, model, tolerance, thickness_class, distance_class, qualit
         return model, laws
     if gears.drawn is None:
         raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
-    from gearlib.studies.tolerance_study import model_of
+    from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
     drawing = gears.drawn.described() | ({"backlash": None} if thickness else {})
     for part in ("pinion", "wheel") if quality else ():
         drawing[part] = drawing[part] | {"quality": quality}
-    source = model_of(model.as_dict(), drawing)
+    source = nominal_design(model.as_dict(), drawing)
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.mesh, **classes) | laws
 

@@ -1,7 +1,9 @@
-"""Drawn gears: their mesh stiffness by every method, and Harris maps of tip relief."""
+"""Compute the mesh stiffness of drawn gears by several methods, and Harris maps of tip relief."""
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,36 +14,36 @@ from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.profiles import Rectangular
 
-#: Name -> method and options of `Mesh.stiffness`.
+#: Name of a method -> method and options of `Mesh.stiffness`.
 METHODS: dict[str, tuple[str, dict]] = {
     "iso": ("iso", {}),
     "energy": ("energy", {}),
     "energy_twice": ("energy", {"coupling": 0.0}),
     "energy_logarithmic": ("energy", {"hertz": "logarithmic"}),
 }
-#: Method from which the means of the others are counted.
-REFERENCE = "energy"
-#: Share of a segment by which points stand beside its end, where the stiffness steps.
-_BESIDE = 1e-6
-#: The long relief is the optimum for the design load, the short one has its amounts on half of it.
+#: Mean stiffnesses are compared with that of this method.
+REFERENCE_METHOD = "energy"
+#: Relative distance of two points to either side of a jump of the stiffness.
+_JUMP_WIDTH = 1e-6
+#: Tip reliefs: the long one is optimal for the design load, the short one has half its length.
 RELIEFS = ("none", "short", "long")
 
 
-def mesh_stiffness(pairs, samples):
-    """Return courses and means of the mesh stiffness of drawn pairs by every method.
+def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
+    """Return the mesh stiffness of drawn gear pairs by every method, over phase and as a mean.
 
-    `pairs` are drawings by name, with torque and published, source -> mean stiffness; `samples` is
-    the number of phases of a course.
+    `pairs` maps names to drawings, which also have a torque and published, source -> published mean
+    stiffness. `samples` is the number of mesh phases.
     """
-    meshes = {name: drawings.mesh(pair) for name, pair in pairs.items()}
-    phases = {name: _phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
+    meshes = {name: drawings.mesh(drawing) for name, drawing in pairs.items()}
+    phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
-    def facts(pair, method):
-        kind, options = METHODS[method]
-        options = options | ({"samples": samples} if kind == "energy" else {})
-        stiffness = meshes[pair].stiffness(kind, torque=pairs[pair]["torque"], **options)
+    def stiffness_by(pair: str, method: str) -> dict:
+        name, options = METHODS[method]
+        options = options | ({"samples": samples} if name == "energy" else {})
+        stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
         return {
-            "mesh_stiffness": _course(stiffness, phases[pair]),
+            "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
             "own_stiffness_ratio": stiffness.stiffness_ratio,
             "method_uncertainty": stiffness.uncertainty,
@@ -49,66 +51,78 @@ def mesh_stiffness(pairs, samples):
 
     published = [
         (name, source, value)
-        for name, pair in pairs.items()
-        for source, value in pair["published"].items()
+        for name, drawing in pairs.items()
+        for source, value in drawing["published"].items()
     ]
-    names, sources, values = zip(*published, strict=True) if published else ((), (), ())
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
-    data = stacked(axes, facts, "point") | {
+    data = stacked(axes, stiffness_by, "point") | {
         "stiffness_phase": (("pair", "point"), [*phases.values()]),
-        "published_pair": ("published", np.array(names, str)),
-        "published_stiffness": ("published", np.array(values, float)),
+        "published_pair": ("published", np.array([name for name, _, _ in published], str)),
+        "published_stiffness": ("published", np.array([value for *_, value in published], float)),
     }
+    # The uncertainty of a method is the same for all pairs.
     data["method_uncertainty"] = "stiffness_method", data["method_uncertainty"][1][-1]
-    coords = axes | {"published": np.array(sources, str)}
+    coords = axes | {"published": np.array([source for _, source, _ in published], str)}
     title = "Mesh stiffness of drawn gears by several methods"
     return result_of_many(title, data, coords, parameters={"pairs": pairs, "samples": samples})
 
 
-def _phases(contact_ratio, samples):
-    """Return mesh phases from -pi to pi, with the ends of double contact from both sides."""
+def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
+    """Return mesh phases from -pi to pi, with two points around each end of double contact."""
     end = math.pi * (contact_ratio % 1.0)
-    beside = [s * end * (1.0 + t * _BESIDE) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
-    return np.sort([*np.linspace(-math.pi, math.pi, samples), *beside])
+    around_ends = [
+        sign * end * (1.0 + side * _JUMP_WIDTH) for sign in (-1.0, 1.0) for side in (-1.0, 1.0)
+    ]
+    return np.sort([*np.linspace(-math.pi, math.pi, samples), *around_ends])
 
 
-def _course(stiffness, phase):
-    """Return the stiffness (N/m) of a `MeshStiffness` at mesh phases."""
+def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
+    """Return the values (N/m) of a `MeshStiffness` at mesh phases."""
     profile = stiffness.profile
     if isinstance(profile, Rectangular):
-        inside = np.abs(phase) <= math.pi * (stiffness.contact_ratio - 1.0)
-        return stiffness.max_stiffness * np.where(inside, 1.0, stiffness.stiffness_ratio)
-    return np.interp(phase, profile.phase, profile.stiffness, period=math.tau)
+        double_contact = np.abs(phases) <= math.pi * (stiffness.contact_ratio - 1.0)
+        return stiffness.max_stiffness * np.where(double_contact, 1.0, stiffness.stiffness_ratio)
+    return np.interp(phases, profile.phase, profile.stiffness, period=math.tau)
 
 
-def stiffness_rows(stiffness):
-    """Yield the table of the means: a head and a row for each pair and method or publication."""
+def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
+    """Yield the rows of the table of mean stiffnesses: the names of the columns, then their values.
+
+    `stiffness` is a dataset from `mesh_stiffness`; each gear pair has a row for each method and for
+    each publication.
+    """
     yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
     for pair in stiffness.pair.values:
         means = stiffness.sel(pair=pair).mean_mesh_stiffness
-        reference = float(means.sel(stiffness_method=REFERENCE))
+        reference = float(means.sel(stiffness_method=REFERENCE_METHOD))
         ratios = stiffness.sel(pair=pair).own_stiffness_ratio
-        names = stiffness.stiffness_method.values
-        rows = [(name, float(means[i]), f"{float(ratios[i]):.4g}") for i, name in enumerate(names)]
+        rows = [
+            (name, float(mean), f"{float(ratio):.4g}")
+            for name, mean, ratio in zip(
+                stiffness.stiffness_method.values, means, ratios, strict=True
+            )
+        ]
         published = stiffness.published_stiffness[stiffness.published_pair.values == pair]
-        rows += [(f"published: {x.published.item()}", float(x), "") for x in published]
+        rows += [(f"published: {mean.published.item()}", float(mean), "") for mean in published]
         for name, mean, ratio in rows:
             yield [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]
 
 
-def harris_map(gears, loads, stiffness, phases):
-    """Return the static transmission error of a drawing at several loads, with each of `RELIEFS`.
+def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
+    """Return the static transmission error of drawn gears at several loads, with each tip relief.
 
-    `gears` is a drawing without relief, with the design torque (N m); `loads` are over the design
-    load; stiffness and phases are those of `gearlib.geometry.Mesh.transmission_error`.
+    `gears` is a drawing without relief, with the design torque (N m); `loads` are relative to the
+    design load; `stiffness` and `phases` are arguments of `Mesh.transmission_error`.
     """
-    bare, torque = drawings.mesh(gears), gears["torque"]
+    plain, torque = drawings.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
-    long = optimum_relief(bare, torque, length="long", **options)
-    reliefs = [gear.tip_relief for gear in (long.pinion, long.wheel)]
-    short = long.with_reliefs(*(replace(relief, length=relief.length / 2.0) for relief in reliefs))
+    long = optimum_relief(plain, torque, length="long", **options)
+    halved = [
+        replace(gear.tip_relief, length=gear.tip_relief.length / 2.0)
+        for gear in (long.pinion, long.wheel)
+    ]
     errors, amounts = [], []
-    for mesh in (bare, short, long):
+    for mesh in (plain, long.with_reliefs(*halved), long):
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
         reliefs = (mesh.pinion.tip_relief, mesh.wheel.tip_relief)
         amounts.append([relief.amount if relief else 0.0 for relief in reliefs])

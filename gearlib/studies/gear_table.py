@@ -1,18 +1,19 @@
-"""The table of two drawn gears: geometry, stiffness by each method, load, in units of drawings."""
+"""Tabulate two drawn gears: geometry, stiffness by each method and load, in usual units."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
 GEARS = ("pinion", "wheel")
 METHODS = ("iso", "energy")
-#: Mesh orders of the duty point in the table.
-_ORDERS = (1, 2, 3)
+#: Multiples of the mesh order in the table of the duty point.
+_MESH_ORDERS = (1, 2, 3)
 _DEGREE = math.pi / 180.0
-#: Name, unit, meaning, and value of a gear with its clearance.
-_OF_GEARS = (
+#: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
+_GEAR_QUANTITIES = (
     ("teeth", "", "z", lambda gear, gap: gear.teeth),
     ("shift", "", "profile shift coefficient x", lambda gear, gap: gear.shift),
     ("reference_diameter", "mm", "d", lambda gear, gap: 1e3 * gear.reference_diameter),
@@ -25,8 +26,8 @@ _OF_GEARS = (
     ("mass", "kg", "of the blank at the mean diameter", lambda gear, gap: gear.mass),
     ("inertia", "kg m^2", "J about the axis", lambda gear, gap: gear.inertia),
 )
-#: Name, unit, meaning, and value of a mesh with its pair.
-_OF_MESH = (
+#: Name, unit and meaning of a quantity, and its value from a mesh m and its `GearPair` p.
+_MESH_QUANTITIES = (
     ("centre_distance", "mm", "a", lambda m, p: 1e3 * m.centre_distance),
     ("working_pressure_angle", "deg", "alpha_wt", lambda m, p: m.working_pressure_angle / _DEGREE),
     ("base_pitch", "mm", "p_bt", lambda m, p: 1e3 * m.base_pitch),
@@ -39,8 +40,8 @@ _OF_MESH = (
     ("torque", "N m", "of the pinion", lambda m, p: p.load * m.pinion.base_diameter / 2.0),
     ("load", "N", "F, along the line of action", lambda m, p: p.load),
 )
-#: Name, unit, meaning, and value of a pair by one method of stiffness.
-_OF_STIFFNESS = (
+#: Name, unit and meaning, and value from the `GearPair` p by one stiffness method.
+_STIFFNESS_QUANTITIES = (
     ("max_stiffness", "N/m", "C_max", lambda p: p.max_stiffness),
     ("mean_stiffness", "N/m", "C_s", lambda p: p.mean_stiffness),
     ("stiffness_ratio", "", "kappa = C_min / C_max", lambda p: p.stiffness_ratio),
@@ -56,20 +57,22 @@ _OF_STIFFNESS = (
 
 
 class Quantity(NamedTuple):
-    """One row: a quantity of both gears, of the mesh, or by each method of stiffness."""
+    """A row of the table: a quantity of both gears, of the mesh, or by each stiffness method."""
 
     name: str
     unit: str
-    values: dict  #: of which gear or by which method -> value; "mesh" for what there is once
+    values: dict  #: name of the gear or of the stiffness method, or "mesh" -> value
     meaning: str
 
 
-def compute(mesh, *, damping=None, options=None, **load):
+def compute(
+    mesh: Any, *, damping: dict | None = None, options: dict | None = None, **load: Any
+) -> list[Quantity]:
     """Return the rows of the table of a `Mesh`.
 
-    `damping` has material_damping and backlash_damping (N s/m), `options` those of each method of
-    stiffness, `load` torque, or power and speed. A method that does not hold for these gears is
-    left out.
+    `damping` has material_damping and backlash_damping (N s/m); `options` maps each stiffness
+    method to its options; `load` has torque, or power and speed. A method that is not valid for
+    these gears is left out.
     """
     pairs = {}
     for method in METHODS:
@@ -77,44 +80,62 @@ def compute(mesh, *, damping=None, options=None, **load):
         try:
             pair = GearPair.from_geometry(mesh, **load, **stiffness)
         except ValueError:
-            # The body of the energy method does not take every bore.
+            # The gear body of the energy method is not defined for large bores.
             if method == "iso":
                 raise
             continue
         pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
-    gaps = zip(GEARS, mesh.clearances, strict=True)
+    gears = {
+        name: (getattr(mesh, name), clearance)
+        for name, clearance in zip(GEARS, mesh.clearances, strict=True)
+    }
     rows = [
-        *_rows(_OF_GEARS, {name: (getattr(mesh, name), gap) for name, gap in gaps}),
-        *_rows(_OF_MESH, {"mesh": (mesh, pairs["iso"])}),
-        *_rows(_OF_STIFFNESS, {method: (pair,) for method, pair in pairs.items()}),
+        *_quantities(_GEAR_QUANTITIES, gears),
+        *_quantities(_MESH_QUANTITIES, {"mesh": (mesh, pairs["iso"])}),
+        *_quantities(_STIFFNESS_QUANTITIES, {method: (pair,) for method, pair in pairs.items()}),
     ]
-    spread = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
+    uncertainties = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
     sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
-    return [*rows, Quantity("uncertainty", "%", spread, f"of the stiffness; {sources}")]
+    return [*rows, Quantity("uncertainty", "%", uncertainties, f"of the stiffness; {sources}")]
 
 
-def _rows(table, objects):
-    """Return the quantities of a table above, of objects by their names."""
+def _quantities(definitions: tuple, arguments: dict[str, tuple]) -> list[Quantity]:
+    """Return the quantities that are defined by (name, unit, meaning, function).
+
+    `arguments` maps the name of each column of values to the arguments of the functions.
+    """
     return [
-        Quantity(name, unit, {key: value(*one) for key, one in objects.items()}, meaning)
-        for name, unit, meaning, value in table
+        Quantity(name, unit, {column: value(*args) for column, args in arguments.items()}, meaning)
+        for name, unit, meaning, value in definitions
     ]
 
 
-def duty_rows(mesh, speed, *, damping=None, stiffness=None, options=None, **load):
-    """Yield the rows of the duty point at a speed in rpm, by one method of stiffness."""
-    # Here: the table without it does not load the kernels.
+def duty_rows(
+    mesh: Any,
+    speed: float,
+    *,
+    damping: dict | None = None,
+    stiffness: str | None = None,
+    options: dict | None = None,
+    **load: Any,
+) -> Iterator[Quantity]:
+    """Yield the rows of the duty point of a `Mesh` at a speed in rpm, by one stiffness method.
+
+    `damping` has material_damping and backlash_damping (N s/m), `options` those of the method;
+    `load` has torque or power.
+    """
+    # Imported here, because the table without a duty point does not need the kernels.
     from gearlib.analysis.duty_point import duty_point
 
-    known = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
-    pair = GearPair.from_geometry(mesh, **known, **load).replace(**(damping or {}))
+    arguments = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
+    pair = GearPair.from_geometry(mesh, **arguments, **load).replace(**(damping or {}))
     load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     point = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
-    lengths = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
+    table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
-        unit, scale = lengths.get(variable.units, (variable.units, 1.0))
+        unit, scale = table_units.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
-            values = {f"order {n}": scale * variable.values[n - 1] for n in _ORDERS}
+            values = {f"order {n}": scale * variable.values[n - 1] for n in _MESH_ORDERS}
         else:
             values = {"duty point": scale * variable.item()}
         yield Quantity(name, unit, values, variable.long_name)

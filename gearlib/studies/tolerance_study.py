@@ -1,20 +1,27 @@
-"""Tolerances in the workflow: shards of `gearlib.scatter`, Sobol' indices and a table."""
+"""Compute shards of `gearlib.scatter`, Sobol' indices, and a table of tolerances."""
+
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from gearlib.data.variables import QUANTITIES
 from gearlib.models.geometry import drawings
 from gearlib.models.pair import GearPair
 from gearlib.uncertainty.designs import DrawnPair
 from gearlib.uncertainty.indices import sobol_indices
-from gearlib.uncertainty.scatter import shard as shard_of
+from gearlib.uncertainty.scatter import shard as scatter_shard
 
-#: Ends of the names of a quantity's moments, and its percentiles.
+#: Endings of the variables with the moments of a quantity, and the percentiles of the table.
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
-def model_of(pair, drawing=None):
-    """Return what scatters: a `GearPair` by its parameters, or its drawing with their dampings."""
+def nominal_design(pair: dict, drawing: dict | None = None) -> GearPair | DrawnPair:
+    """Return the design whose parameters scatter: a gear pair, or drawn gears with its damping.
+
+    `pair` has arguments of `GearPair`, `drawing` the gears of the configuration.
+    """
     model = GearPair(**pair)
     if drawing is None:
         return model
@@ -29,26 +36,50 @@ def model_of(pair, drawing=None):
     )
 
 
-def compute(*, pair, tolerances, samples, shard, threads, drawing=None, **settings):
-    """Return a shard "first-last" of `gearlib.scatter`, whose other arguments are `settings`."""
+def compute(
+    *,
+    pair: dict,
+    tolerances: dict,
+    samples: int,
+    shard: str,
+    threads: int,
+    drawing: dict | None = None,
+    **settings: Any,
+) -> xr.Dataset:
+    """Return the designs "first-last" out of all samples, `shard`, of `gearlib.scatter`.
+
+    `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps parameters to their
+    distributions, `settings` are further arguments of `gearlib.scatter`.
+    """
     first, last = map(int, shard.split("-"))
-    model = model_of(pair, drawing)
-    return shard_of(model, tolerances, samples, first, last, threads=threads, **settings)
+    design = nominal_design(pair, drawing)
+    return scatter_shard(design, tolerances, samples, first, last, threads=threads, **settings)
 
 
-def indices(*, pair, tolerances, samples, drawing=None, **settings):
-    """Return Sobol' indices by `gearlib.sobol_indices` from so many samples."""
-    return sobol_indices(model_of(pair, drawing), tolerances, n=samples, **settings)
+def indices(
+    *, pair: dict, tolerances: dict, samples: int, drawing: dict | None = None, **settings: Any
+) -> xr.Dataset:
+    """Return the Sobol' indices of a design from a number of samples.
+
+    `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps parameters to their
+    distributions, `settings` are further arguments of `gearlib.sobol_indices`.
+    """
+    return sobol_indices(nominal_design(pair, drawing), tolerances, n=samples, **settings)
 
 
-def rows(scattered):
-    """Yield the table of `gearlib.scatter`: a head and a row for each quantity."""
-    quantiles = [f"quantile_{share}" for share in _PERCENTILES]
+def rows(scattered: xr.Dataset) -> Iterator[list]:
+    """Yield the rows of the table of `gearlib.scatter`: the names of the columns, then values.
+
+    Each quantity of the dataset `scattered` has a row; found is the number of designs with it.
+    """
+    quantiles = [f"quantile_{percentile}" for percentile in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]
-    for name in filter(scattered.__contains__, QUANTITIES):
-        found = scattered[f"{name}_status"].values == 0
-        values = scattered[name].values[found] if found.any() else np.nan
-        moments = [scattered.get(f"{name}_{end}", np.nan) for end in _MOMENTS]
+    for name in QUANTITIES:
+        if name not in scattered:
+            continue
+        defined = scattered[f"{name}_status"].values == 0
+        values = scattered[name].values[defined] if defined.any() else np.nan
+        moments = [scattered.get(f"{name}_{moment}", np.nan) for moment in _MOMENTS]
         numbers = [*moments, *np.percentile(values, _PERCENTILES)]
         cells = [f"{float(number):.6g}" for number in numbers]
-        yield [name, scattered[name].attrs["units"], *cells, int(found.sum()), found.size]
+        yield [name, scattered[name].attrs["units"], *cells, int(defined.sum()), defined.size]
