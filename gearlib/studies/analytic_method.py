@@ -1,8 +1,12 @@
-"""The paper's analytic method at work, E. Schmidt's splitting, and harmonic balance.
+"""Compare the paper's analytic method and harmonic balance with exact orbits.
 
-Iterations, range of convergence, errors and the resonance curve of one gear pair, against its exact
-orbits: see `gearlib.schmidt` and `gearlib.harmonic_balance`.
+Iterations, range of convergence, errors and the resonance curve of one gear pair; see
+`gearlib.schmidt` and `gearlib.harmonic_balance`. `settings` are those of the section
+``analytic_method`` of the configuration.
 """
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,29 +27,30 @@ from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED, sweep
 
-#: Phases per mesh period of the courses that are shown, and of those of guesses.
-_PHASES, _GUESS_PHASES = 128, 1024
-#: Correction at which a search from a nearby orbit ends, and most applications of the kernel.
-_TOLERANCE, _MAX_ITERATIONS = 1e-8, 200
-#: Harmonics of the exact orbit from which a search starts nearby.
-_NEARBY_HARMONICS = 3
+#: Samples per mesh period of the displayed time histories, and of those that start a search.
+_SAMPLES, _GUESS_SAMPLES = 128, 1024
+#: Correction at which an iteration has converged, and limit on applications of the kernel.
+_TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
+#: Number of harmonics of the exact orbit that start a search near it.
+_START_HARMONICS = 3
 
 
-def compute(pair, tunings, settings, run):
-    """Return what the two figures of the analytic method show.
+def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
+    """Return the data of both figures of the analytic method.
 
-    `settings` are those of the section ``analytic_method`` of the configuration; `tunings` are
-    those of the range of convergence and of the resonance curve, `run` has periods and
-    record_periods of the exact curves.
+    `pair` has arguments of `GearPair`; `tunings` are those of the range of convergence and of the
+    resonance curve; `run` has periods and record_periods of the exact sweeps.
     """
-    pair = GearPair(**pair)
+    model = GearPair(**pair)
     data = stacked(
-        {"direction": CARRIED}, lambda way: _curve(pair, way, tunings, settings, run), "tuning"
+        {"direction": CARRIED},
+        lambda direction: _resonance_curve(model, direction, tunings, settings, run),
+        "tuning",
     )
-    data |= _convergence(pair, tunings, settings) | _errors(pair, settings)
+    data |= _convergence(model, tunings, settings) | _method_errors(model, settings)
     coords = {
         "shown": settings["shown"],
-        "phase": np.arange(_PHASES) * (2.0 * np.pi / _PHASES),
+        "phase": np.arange(_SAMPLES) * (2.0 * np.pi / _SAMPLES),
         "iteration": np.arange(settings["iterations"] + 1, dtype=np.int32),
         "contact_loss": ["never lost", "lost"],
         "degenerate_count": np.arange(settings["most_degenerate"] + 1, dtype=np.int32),
@@ -54,106 +59,125 @@ def compute(pair, tunings, settings, run):
         "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
         "direction": list(CARRIED),
     }
-    iterations = [_iterations(pair, tuning, settings) for tuning in settings["shown"]]
+    iterations = [_iterations(model, tuning, settings) for tuning in settings["shown"]]
     dataset = xr.Dataset(data, coords).merge(xr.concat(iterations, "shown"))
-    dataset["backlash_ratio"] = pair.backlash_ratio
+    dataset["backlash_ratio"] = model.backlash_ratio
     title = "The analytic method and harmonic balance against exact orbits"
-    ways, harmonics = "schmidt, harmonic balance", settings["harmonics"]
-    return result(title, pair, dataset, method=ways, harmonics=harmonics)
+    methods, harmonics = "schmidt, harmonic balance", settings["harmonics"]
+    return result(title, model, dataset, method=methods, harmonics=harmonics)
 
 
-def _iterations(pair, tuning, settings):
-    """Return courses and errors of the iterates from the static deflection at one tuning."""
+def _iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
+    """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
+
+    The exact displacement at the tuning, over one mesh period, is included.
+    """
     count = settings["iterations"] + 1
-    courses, changed = np.full((count, _PHASES), np.nan), np.zeros(count, np.int8)
-    exact = exact_course(periodic_orbit(pair, tuning), _PHASES)[0]
+    iterates, algebraic_steps = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
+    exact = exact_course(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
-    kept = np.array(solution.degenerate, int)
+    degenerate = np.array(solution.degenerate, int)
     coefficients = first_coefficients(equation, None)
-    steps = iterate(equation, coefficients, kept, _TOLERANCE)
-    before = np.inf if kept.size else 0.0
+    steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
+    last_algebraic = np.inf if degenerate.size else 0.0
     for j in range(count):
-        courses[j] = equation.on_grid(coefficients)[:: equation.samples // _PHASES]
+        iterates[j] = equation.on_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
-        changed[j] = step.algebraic != before
-        before, coefficients = step.algebraic, step.coefficients
-        if max(step.correction, before) < _TOLERANCE:
+        algebraic_steps[j] = step.algebraic != last_algebraic
+        last_algebraic, coefficients = step.algebraic, step.coefficients
+        if max(step.correction, last_algebraic) < _TOLERANCE:
             break
     return xr.Dataset(
         {
-            "iterate_displacement": (("iteration", "phase"), courses),
-            "iterate_error": ("iteration", np.abs(courses - exact).max(axis=1)),
-            "algebraic_step": ("iteration", changed),
+            "iterate_displacement": (("iteration", "phase"), iterates),
+            "iterate_error": ("iteration", np.abs(iterates - exact).max(axis=1)),
+            "algebraic_step": ("iteration", algebraic_steps),
             "exact_displacement": ("phase", exact),
-            "degenerate_chosen": np.int32(kept.size),
+            "degenerate_chosen": np.int32(degenerate.size),
         }
     )
 
 
-def _convergence(pair, tunings, settings):
-    """Return contraction factors on the orbits, and whether a search from nearby converges."""
+def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> dict:
+    """Return the contraction factors at exact orbits, and whether a search near them converges.
+
+    Both are over contact loss (without, with), number of degenerate harmonics and tuning.
+    """
     counts = range(settings["most_degenerate"] + 1)
 
-    def facts(model, tuning):
-        factor, converged = np.full(len(counts), np.nan), np.zeros(len(counts), np.int8)
+    def convergence_at(model: GearPair, tuning: float) -> dict:
+        factors, converged = np.full(len(counts), np.nan), np.zeros(len(counts), np.int8)
         try:
             orbit = periodic_orbit(model, tuning)
         except NoOrbit:
-            return {"contraction": factor, "converged": converged, "automatic": np.int32(0)}
+            return {"contraction": factors, "converged": converged, "automatic": np.int32(0)}
         equation = MeshEquation(model, tuning, settings["harmonics"])
-        nearby = first_coefficients(equation, exact_course(orbit, _GUESS_PHASES)[0])
-        start = np.where(np.arange(nearby.size) <= _NEARBY_HARMONICS, nearby, 0.0)
-        limits = _TOLERANCE, _MAX_ITERATIONS
+        exact = first_coefficients(equation, exact_course(orbit, _GUESS_SAMPLES)[0])
+        start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
+        limits = _TOLERANCE, _MAX_APPLICATIONS
         for i in counts:
-            kept = degenerate_harmonics(equation, i)
-            factor[i] = contraction(equation, nearby, kept)
-            converged[i] = search(equation, start, kept, False, *limits)[2]
-        kept = search(equation, start, np.empty(0, int), True, *limits)[1]
-        values = {"contraction": factor, "converged": converged}
-        return values | {"automatic": np.int32(kept.size)}
+            degenerate = degenerate_harmonics(equation, i)
+            factors[i] = contraction(equation, exact, degenerate)
+            _, _, converged[i], _ = search(equation, start, degenerate, False, *limits)
+        _, automatic, _, _ = search(equation, start, np.empty(0, int), True, *limits)
+        return {
+            "contraction": factors,
+            "converged": converged,
+            "automatic": np.int32(automatic.size),
+        }
 
-    models = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
-    data = xr.Dataset(stacked(models, facts, "degenerate_count"))
+    axes = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
+    data = xr.Dataset(stacked(axes, convergence_at, "degenerate_count"))
     return dict(data.transpose("contact_loss", "degenerate_count", "tuning").data_vars)
 
 
-def _errors(pair, settings):
-    """Return the errors of both methods next to exact orbits over their numbers of harmonics."""
+def _method_errors(pair: GearPair, settings: dict) -> dict:
+    """Return the errors of both methods against exact orbits, over their numbers of harmonics."""
     orbits = {tuning: periodic_orbit(pair, tuning) for tuning in settings["shown"]}
-    guesses = {nu: exact_course(orbit, _GUESS_PHASES)[0] for nu, orbit in orbits.items()}
+    guesses = {tuning: exact_course(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
     data = {}
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
-        def facts(tuning, harmonics, name=name, solve=solve):
+        def errors_at(tuning: float, harmonics: int, name: str = name, solve: Any = solve) -> dict:
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = errors(solution, orbits[tuning])
             return {
-                f"{name}_{kind}_error": getattr(error, kind)
-                for kind in ("displacement", "velocity")
+                f"{name}_displacement_error": error.displacement,
+                f"{name}_velocity_error": error.velocity,
             }
 
-        ladder = f"{name}_harmonics"
-        data |= stacked({"shown": settings["shown"], ladder: settings[ladder]}, facts)
+        dimension = f"{name}_harmonics"
+        axes = {"shown": settings["shown"], dimension: settings[dimension]}
+        data |= stacked(axes, errors_at)
     return data
 
 
-def _curve(pair, direction, tunings, settings, run):
-    """Return extrema of harmonic balance, followed up or down, and those of an exact sweep."""
+def _resonance_curve(
+    pair: GearPair, direction: str, tunings: Sequence[float], settings: dict, run: dict
+) -> dict[str, np.ndarray]:
+    """Return extrema of harmonic balance and of an exact sweep, both swept "up" or "down".
+
+    stable says whether the solution of harmonic balance is stable.
+    """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
-    high, low = np.full(len(tunings), np.nan), np.full(len(tunings), np.nan)
-    stable, last = np.zeros(len(tunings), np.int8), None
+    largest, smallest = np.full(len(tunings), np.nan), np.full(len(tunings), np.nan)
+    stable, solution = np.zeros(len(tunings), np.int8), None
     for j in range(len(tunings)) if direction == "up" else reversed(range(len(tunings))):
-        last = _followed(pair, tunings[j], settings["harmonics"], last)
-        if last is not None:
-            course, _ = last.courses(_PHASES)
-            high[j], low[j], stable[j] = course.max(), course.min(), last.stable
-    return {"balance_max": high, "balance_min": low, "stable": stable} | exact
+        solution = _next_solution(pair, tunings[j], settings["harmonics"], solution)
+        if solution is not None:
+            displacement, _ = solution.courses(_SAMPLES)
+            largest[j], smallest[j] = displacement.max(), displacement.min()
+            stable[j] = solution.stable
+    return {"balance_max": largest, "balance_min": smallest, "stable": stable} | exact
 
 
-def _followed(pair, tuning, harmonics, last):
-    """Return the solution of harmonic balance next to the last one, or any, or None."""
+def _next_solution(pair: GearPair, tuning: float, harmonics: int, last: Any) -> Any:
+    """Return the solution of harmonic balance close to the last one, else any solution, else None.
+
+    `last` is the solution at the neighbouring tuning, or None.
+    """
     for guess in (last, None) if last is not None else (None,):
         try:
             return harmonic_balance(pair, tuning, harmonics=harmonics, guess=guess)
