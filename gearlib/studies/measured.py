@@ -50,7 +50,7 @@ _UNKNOWN = (math.nan, math.nan)
 #: A value and its standard deviation.
 Estimate = tuple[float, float]
 #: Quantity, its unit, the required calibration, the measured and the computed estimate.
-Comparison = tuple[str, str, str, Estimate, Estimate]
+Comparison = tuple
 
 
 def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:

@@ -185,7 +185,8 @@ def _changes(
     Observables and the scales of their changes have the shape (starts, models, cases, observables),
     `reliable`, whether rounding does not decide a run, has (models, cases).
     """
-    change, change_reliable = np.full(values.shape[:2], np.nan), reliable.all(axis=1)
+    change = np.full(values.shape[:2], np.nan)
+    change_reliable = np.asarray(reliable.all(axis=1))
     last = len(LADDER)
     # The truncated stiffness, the last model, is compared with the smallest model.
     compared_models = {i: [*range(i + 1, last)] for i in range(last - 1)} | {last: [0]}

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from gearlib import simulate, sweep
-from gearlib.data.motions import description, contact_loss_fraction, without_growth
+from gearlib.data.motions import contact_loss_fraction, description, without_growth
 from gearlib.data.variables import describe
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
@@ -38,7 +38,9 @@ def test_a_motion_in_words(period, motion, inverse, bounces, contact):
 
 def test_rounding_of_times_is_no_loss_of_contact():
     shares = np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0])
-    np.testing.assert_allclose(contact_loss_fraction(shares), [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        contact_loss_fraction(shares), [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12
+    )
     assert (contact_loss_fraction(shares)[:3] == 0.0).all()
 
 
