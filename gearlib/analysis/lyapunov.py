@@ -18,7 +18,7 @@ from gearlib.analysis.orbits.followed_parameters import set_parameter_name, vari
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
-from gearlib.engines.growth import carry
+from gearlib.engines.growth import propagate_deviation
 from gearlib.integrators import choose
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -90,7 +90,7 @@ class Deviation:
             if code != status.OK:
                 return state, logs, code
             # The free rotation of six degrees of freedom neither grows nor decays.
-            if not carry(reduction @ maps @ lift, weights, vector, logs_of_batch):
+            if not propagate_deviation(reduction @ maps @ lift, weights, vector, logs_of_batch):
                 logs[done:] = -math.inf
                 return state, logs, status.OK
         self.vector = vector

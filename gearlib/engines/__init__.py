@@ -1,4 +1,4 @@
-"""Engines: exact runs from event to event, and maps of mesh periods; a folder for each.
+"""Engines: exact runs from switch to switch, and maps of mesh periods; a folder for each.
 
 ==================  ========================================================================
 name                responsibility
@@ -23,12 +23,12 @@ Kernels do not check their arguments; the functions that call them do.
 """
 
 
-def warm_up():
+def warm_up() -> str:
     """Compile or load the kernels for `simulate` and `sweep` of a `GearPair`; return a source hash.
 
-    Parallel jobs that start without machine code would each compile these kernels, which nearly all
-    jobs need. Other kernels are compiled by the first job that needs them: an edit of a kernel that
-    is compiled here reruns every job.
+    Nearly all jobs need these kernels, and parallel jobs without machine code would each compile
+    them. The first job that needs another kernel compiles it, because an edit of a kernel that is
+    compiled here reruns every job.
     """
     import numpy as np
 
@@ -38,10 +38,10 @@ def warm_up():
     from gearlib.engines.pair.motion import mesh_at_tuning
     from gearlib.engines.pair.pair_run import run
 
-    ratios = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
+    dimensionless_pair = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
     sweep_arguments = np.array([0.9]), np.argsort([0.9]), np.zeros(2)
-    run_many(ratios, *sweep_arguments, False, 2, 1, 100, np.inf, *rows)
+    run_many(dimensionless_pair, *sweep_arguments, False, 2, 1, 100, np.inf, *rows)
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
-    run(mesh_at_tuning(ratios, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
+    run(mesh_at_tuning(dimensionless_pair, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
     return source_hash()

@@ -10,23 +10,23 @@ from gearlib.engines.jit import kernel, uncounted
 
 
 @uncounted
-def copy(source, target):
-    """Fill `target`, shape (n,), with the first n numbers of `source`."""
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Fill the array `target`, shape (n,), with the first n numbers of the array `source`."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
 @uncounted
-def copy_rows(source, target):
-    """Copy `source`, shape (k, n), to the first k rows of `target`, shape (m, n)."""
+def copy_rows(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy all rows of `source`, shape (k, n), to the first k rows of `target`, shape (m, n)."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
 
 
 @kernel
-def enlarged(table, rows):
-    """Return a table of `rows` rows that begins with the rows of `table`."""
-    larger = np.empty((rows, table.shape[1]))
+def enlarged(table: np.ndarray, row_count: int) -> np.ndarray:
+    """Return a table with more rows, `row_count`, that begins with all rows of `table`."""
+    larger = np.empty((row_count, table.shape[1]))
     copy_rows(table, larger)
     return larger

@@ -1,4 +1,4 @@
-"""Growth of a small deviation under the maps of mesh periods."""
+"""Growth of a small deviation from a motion under the maps of mesh periods."""
 
 import math
 
@@ -8,25 +8,26 @@ from gearlib.engines.jit import kernel
 
 
 @kernel
-def carry(maps, weights, vector, logs):
-    """Multiply a deviation, shape (n,), by maps, shape (k, n, n), and normalise it after each.
+def propagate_deviation(maps, weights, deviation, log_growths):
+    """Multiply a deviation, shape (n,), in place by maps, (k, n, n), and normalise it after each.
 
-    The norm is that of weights * deviation, both of shape (n,). Fills `logs`, shape (k,), with the
-    logarithms of the growth. Returns False if the deviation has vanished.
+    The norm of a deviation is the Euclidean norm of weights * deviation, both of shape (n,). Fills
+    `log_growths`, shape (k,), with the logarithm of the norm after each map. Returns False if the
+    deviation vanishes.
     """
-    n = vector.shape[0]
+    n = deviation.shape[0]
     image = np.empty(n)
-    for i in range(maps.shape[0]):
-        total = 0.0
-        for r in range(n):
-            image[r] = 0.0
-            for c in range(n):
-                image[r] += maps[i, r, c] * vector[c]
-            total += (weights[r] * image[r]) ** 2
-        length = math.sqrt(total)
-        if not length > 0.0:
+    for k in range(maps.shape[0]):
+        squared_norm = 0.0
+        for i in range(n):
+            image[i] = 0.0
+            for j in range(n):
+                image[i] += maps[k, i, j] * deviation[j]
+            squared_norm += (weights[i] * image[i]) ** 2
+        norm = math.sqrt(squared_norm)
+        if not norm > 0.0:
             return False
-        for r in range(n):
-            vector[r] = image[r] / length
-        logs[i] = math.log(length)
+        for i in range(n):
+            deviation[i] = image[i] / norm
+        log_growths[k] = math.log(norm)
     return True

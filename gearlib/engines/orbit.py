@@ -27,18 +27,18 @@ SUMMARY_COLUMNS = 9
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
 SAMPLE_COLUMNS = 6
-#: Column of the phase, since the start of the mesh period, of a sample that is not filled yet.
+#: A sample that is not filled yet holds its phase, since the start of the mesh period, here.
 SAMPLE_PHASE = SAMPLE_X
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
-#: Longest period of an orbit, in mesh periods, or in repeats of a run-out.
+#: Longest period of an orbit, in mesh periods, or in repeats of an excitation with run-out.
 MAX_PERIOD = 16
-#: Number of last mesh periods whose states are recorded, enough for two periods of the longest
-#: orbit; `strobe_periods` with run-out.
+#: Number of last mesh periods with recorded start states. Two periods of the longest orbit fit.
+#: With run-out `strobe_periods` returns the number.
 STROBE_PERIODS = 2 * MAX_PERIOD - 1
-#: Largest distance of stroboscopic states that count as equal, over the height of the orbit or the
-#: static deflection if that is larger: far above rounding, far below a visible difference.
+#: Largest distance of stroboscopic states that count as equal, as a share of the orbit's height or
+#: of the static deflection, if that is larger. It is far above rounding and not visible.
 SAME_STATE_TOLERANCE = 1e-6
 
 
@@ -73,8 +73,8 @@ class Rows(NamedTuple):
 
 
 @kernel
-def clear_summary(summary):
-    """Set a summary, shape (9,), to that of an empty record."""
+def clear_summary(summary: np.ndarray) -> None:
+    """Set the summary of a motion, shape (9,), to that of an empty record: times 0, no extrema."""
     summary[:] = 0.0
     summary[X_MAX] = -math.inf
     summary[X_MIN] = math.inf
@@ -83,8 +83,8 @@ def clear_summary(summary):
 
 
 @uncounted
-def unresolved(summary):
-    """Return whether an extremum of the summary is NaN: it could not be isolated."""
+def unresolved(summary: np.ndarray) -> bool:
+    """Return whether an extremum in the summary of a motion is NaN because it was not isolated."""
     for k in range(FORCE_MIN + 1):
         if math.isnan(summary[k]):
             return True
@@ -92,18 +92,18 @@ def unresolved(summary):
 
 
 @uncounted
-def equal_steps(samples, column, length):
-    """Fill a column of the samples with equal steps of phase over a period of a `length`."""
+def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> None:
+    """Fill a column of the k samples with equally spaced phases from 0 to below `duration`."""
     for k in range(samples.shape[0]):
-        samples[k, column] = length * k / samples.shape[0]
+        samples[k, column] = duration * k / samples.shape[0]
 
 
 @kernel
 def add_curve(curve, to_bernstein, work, summary, max_column, min_column):
-    """Add the extrema of a polynomial on [0, 1] to two columns of the summary.
+    """Update the maximum and minimum columns of a summary by a polynomial on [0, 1].
 
-    `curve` has its power coefficients, which change sign; `to_bernstein` and `work` are as in
-    `polynomial.highest`.
+    `curve` has its power coefficients, constant first; they change sign. `to_bernstein` is the
+    matrix from power to Bernstein coefficients, `work` is storage, shape (WORK_ROWS, n + 2).
     """
     summary[max_column] = highest(curve, to_bernstein, work, summary[max_column])
     for k in range(curve.shape[0]):
@@ -112,69 +112,79 @@ def add_curve(curve, to_bernstein, work, summary, max_column, min_column):
 
 
 @uncounted
-def add_time(contact, length, low, summary):
-    """Add a time with one contact code to the summary; `low`: at the lower mesh stiffness."""
-    if contact == BACKLASH:
-        summary[TIME_BACKLASH] += length
+def add_time(contact_code: int, duration: float, below_mean: bool, summary: np.ndarray) -> None:
+    """Add a duration with one contact code, and stiffness below its mean or not, to a summary."""
+    if contact_code == BACKLASH:
+        summary[TIME_BACKLASH] += duration
         summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
         summary[FORCE_MIN] = min(summary[FORCE_MIN], 0.0)
         return
-    summary[TIME_NORMAL if contact == NORMAL else TIME_INVERSE] += length
-    if low:
-        summary[TIME_LOW] += length
+    summary[TIME_NORMAL if contact_code == NORMAL else TIME_INVERSE] += duration
+    if below_mean:
+        summary[TIME_LOW] += duration
 
 
 @kernel
-def count_event(events, rows, period, phase, contact_before, contact_after, velocity, summary):
+def count_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
     """Count a change of contact in the summary; append it to the event table unless that is empty.
 
-    Returns (events, rows in use).
+    The phase is counted from the start of a mesh period, given by its number; contact codes change
+    from `code_before` to `code_after` at the velocity dx/dtau. Returns (event table, event count).
     """
-    if contact_before == NORMAL:
+    if code_before == NORMAL:
         summary[BOUNCES] += 1.0
     if events.shape[0] > 0:
-        events, rows = add_event(
-            events, rows, period, phase, contact_before, contact_after, velocity
+        events, event_count = add_event(
+            events, event_count, period, phase, code_before, code_after, velocity
         )
-    return events, rows
+    return events, event_count
 
 
 @kernel
-def add_event(events, rows, period, phase, contact_before, contact_after, velocity):
-    """Append an event to the table, enlarged as needed; return (events, rows in use)."""
-    if rows == events.shape[0]:
-        events = enlarged(events, 2 * rows + 16)
-    events[rows, EVENT_PERIOD] = period
-    events[rows, EVENT_PHASE] = phase
-    events[rows, EVENT_FROM] = contact_before
-    events[rows, EVENT_TO] = contact_after
-    events[rows, EVENT_VELOCITY] = velocity
-    return events, rows + 1
+def add_event(events, event_count, period, phase, code_before, code_after, velocity):
+    """Append a change of contact to the event table, enlarged if full; return (table, event count).
 
-
-@kernel
-def repeat_record(samples, events, rows, recorded, periods):
-    """Repeat the samples and events of the first `recorded` mesh periods up to `periods`.
-
-    Returns (events, rows in use), as `add_event`.
+    The phase is counted from the start of a mesh period, given by its number; contact codes change
+    from `code_before` to `code_after` at the velocity dx/dtau.
     """
-    sample_count, event_count = samples.shape[0] // periods * recorded, rows
+    if event_count == events.shape[0]:
+        events = enlarged(events, 2 * event_count + 16)
+    events[event_count, EVENT_PERIOD] = period
+    events[event_count, EVENT_PHASE] = phase
+    events[event_count, EVENT_FROM] = code_before
+    events[event_count, EVENT_TO] = code_after
+    events[event_count, EVENT_VELOCITY] = velocity
+    return events, event_count + 1
+
+
+@kernel
+def repeat_record(samples, events, event_count, recorded_periods, periods):
+    """Repeat the samples and events of the first recorded mesh periods until all periods are full.
+
+    The sample table covers all periods; the event table is enlarged if needed. Returns (event
+    table, event count).
+    """
+    sample_count = samples.shape[0] // periods * recorded_periods
+    recorded_events = event_count
     for k in range(sample_count, samples.shape[0]):
         copy(samples[k - sample_count], samples[k])
-    for n in range(recorded, periods, recorded):
-        for i in range(event_count):
+    for passed_periods in range(recorded_periods, periods, recorded_periods):
+        for i in range(recorded_events):
             phase, velocity = events[i, EVENT_PHASE], events[i, EVENT_VELOCITY]
-            contact_before, contact_after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
-            period = int(events[i, EVENT_PERIOD]) + n
-            events, rows = add_event(
-                events, rows, period, phase, contact_before, contact_after, velocity
+            code_before, code_after = int(events[i, EVENT_FROM]), int(events[i, EVENT_TO])
+            period = int(events[i, EVENT_PERIOD]) + passed_periods
+            events, event_count = add_event(
+                events, event_count, period, phase, code_before, code_after, velocity
             )
-    return events, rows
+    return events, event_count
 
 
 @kernel
-def strobe_periods(repeats):
-    """Return the number of last mesh periods whose states `orbit_period` compares."""
+def strobe_periods(repeats: int) -> int:
+    """Return the number of last mesh periods whose start states `orbit_period` compares.
+
+    The excitation repeats after `repeats` mesh periods.
+    """
     return 2 * MAX_PERIOD * repeats - 1
 
 
@@ -182,10 +192,10 @@ def strobe_periods(repeats):
 def orbit_period(strobes, tuning, height, repeats=1):
     """Return the smallest number n of mesh periods after which the motion repeats, or 0.
 
-    `strobes`, shape (k + 1, 2), has displacement and dx/dtau before the last k periods and at the
-    end of each; `height` of the orbit is the scale. n is at most 16, or a multiple up to 16 of the
-    `repeats` mesh periods of a run-out. Other n have to hold over a whole repeat, since a slow
-    run-out changes little from one period to the next.
+    `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k periods;
+    `height` is the difference of the largest and smallest displacement. n is at most 16, or up to
+    16 times the number of mesh periods after which the excitation `repeats`. Other n have to hold
+    over a whole repeat, since a slow run-out changes little from one period to the next.
     """
     last = strobes.shape[0] - 1
     tolerance = SAME_STATE_TOLERANCE * max(1.0, height)
@@ -194,13 +204,13 @@ def orbit_period(strobes, tuning, height, repeats=1):
         span = max(n, repeats)
         if last < n + span - 1:
             return 0
-        same = True
+        is_equal = True
         for j in range(span):
             dx = abs(strobes[last - j % n, 0] - strobes[last - j - n, 0])
             dv = abs(strobes[last - j % n, 1] - strobes[last - j - n, 1])
             if not (dx <= tolerance and tuning * dv <= tolerance):
-                same = False
+                is_equal = False
                 break
-        if same:
+        if is_equal:
             return n
     return 0

@@ -1,10 +1,10 @@
-"""First crossing of a polynomial on an interval, isolated in Bernstein form.
+"""First crossing and largest value of a polynomial on an interval, isolated in Bernstein form.
 
 A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
-interval without a negative coefficient holds no crossing, one with falling coefficients and a
-negative end holds exactly one, and any other is halved (de Casteljau). Nothing is sampled: a dip
-below zero, however short, makes a coefficient negative. If an answer takes too many halvings, the
-functions return that there is none.
+interval without a negative coefficient has no crossing, and an interval with falling coefficients
+and a negative end has exactly one. All other intervals are halved (de Casteljau). The polynomial is
+not sampled: any dip below zero, however short, makes a coefficient negative. If a search takes too
+many halvings, the functions report that.
 """
 
 import math
@@ -15,13 +15,13 @@ from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
 
 #: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
-#: Largest number of Newton steps. Every eighth halves the bracket, so that 60 halvings suffice.
-MAX_NEWTON = 480
-#: Largest number of Newton steps to a maximum, of which fewer than ten are usual.
+#: Largest number of Newton steps. Every eighth step halves the bracket; 60 halvings suffice.
+MAX_NEWTON_STEPS = 480
+#: Largest number of Newton steps to a maximum. Usually fewer than ten are taken.
 _MAX_PEAK_STEPS = 60
 #: Number of rows of the storage of a search: intervals to be searched and three polynomials.
 WORK_ROWS = MAX_DEPTH + 4
-#: Largest number of intervals in a search; ten nearly double roots take 140.
+#: Largest number of intervals in a search. Ten nearly double roots take 140.
 MAX_INTERVALS = 1000
 #: Rounding of a polynomial, as a share of its coefficients.
 _ROUNDING = 4e-16
@@ -30,20 +30,20 @@ _MAX_DEGREE = 24
 _DEGREES = range(_MAX_DEGREE + 1)
 #: Binomial coefficients C(n, k), shape (25, 25).
 BINOMIALS = np.array([[float(math.comb(n, k)) for k in _DEGREES] for n in _DEGREES])
-#: Share of coefficient i in coefficient k of the left half, C(k, i) / 2^k, and of the right half
-#: with columns in reverse order.
-_LEFT = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
-_RIGHT = np.ascontiguousarray(_LEFT[:, ::-1])
+#: Weight of coefficient i in coefficient k of the left half, C(k, i) / 2^k. The right half has the
+#: same weights with columns in reverse order.
+_LEFT_WEIGHTS = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
+_RIGHT_WEIGHTS = np.ascontiguousarray(_LEFT_WEIGHTS[:, ::-1])
 #: Tolerance of a largest value, as a share of the coefficients: a hundred times their rounding.
 _VALUE_TOLERANCE = 4e-14
-#: Tolerance of the place of a maximum, whose square is below rounding.
-_PEAK_TOLERANCE = 1e-9
+#: Tolerance of the location of a maximum. Its square, the error of the value, is below rounding.
+_PEAK_LOCATION_TOLERANCE = 1e-9
 
 
-def bernstein_matrix(degree):
-    """Return the matrix, shape (degree + 1, degree + 1), from power to Bernstein coefficients.
+def bernstein_matrix(degree: int) -> np.ndarray:
+    """Return the matrix from power to Bernstein coefficients, shape (degree + 1, degree + 1).
 
-    Row i holds the shares of the i-th power coefficient in the Bernstein coefficients.
+    Row i holds the weights of the i-th power coefficient in all Bernstein coefficients.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):
@@ -53,7 +53,7 @@ def bernstein_matrix(degree):
 
 
 @kernel
-def horner(coefficients, s):
+def horner(coefficients: np.ndarray, s: float) -> tuple:
     """Return (value, derivative) at s of the polynomial with power coefficients, constant first."""
     value, slope = 0.0, 0.0
     for k in range(coefficients.shape[0] - 1, -1, -1):
@@ -63,70 +63,73 @@ def horner(coefficients, s):
 
 
 @kernel
-def _to_bernstein(coefficients, matrix, out):
-    """Fill `out` with the Bernstein coefficients of a polynomial with power `coefficients`."""
-    out[: coefficients.shape[0]] = coefficients[0]
+def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray) -> None:
+    """Fill the first n + 1 Bernstein coefficients from n + 1 power coefficients, constant first.
+
+    The matrix is `bernstein_matrix` of the degree n.
+    """
+    bernstein[: coefficients.shape[0]] = coefficients[0]
     for i in range(1, coefficients.shape[0]):
-        c = coefficients[i]
         for j in range(i, coefficients.shape[0]):
-            out[j] += matrix[i, j] * c
+            bernstein[j] += matrix[i, j] * coefficients[i]
 
 
 @inlined_uncounted
-def halve(b, left, whole, n):
-    """Replace Bernstein coefficients b of degree n by those of the right half; fill `left`.
+def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
+    """Split a polynomial on an interval into halves: b becomes the right half, `left` is filled.
 
-    `left` gets those of the left half; `whole` is storage. Sums of columns are faster than de
+    All arrays hold n + 1 Bernstein coefficients of degree n. Weighted sums are faster than de
     Casteljau's scheme, because the compiler turns them into vector instructions.
     """
     for k in range(n + 1):
-        whole[k] = b[k]
+        storage[k] = b[k]
         left[k], b[k] = 0.0, 0.0
     # With an index sum in place of this slice the compiler would check for negative indices.
-    right = _RIGHT[:, _MAX_DEGREE - n :]
+    right_weights = _RIGHT_WEIGHTS[:, _MAX_DEGREE - n :]
     i = 0
+    # Four coefficients at a time are added, then the remaining ones.
     while i + 3 <= n:
-        p, q, s, t = whole[i], whole[i + 1], whole[i + 2], whole[i + 3]
+        b0, b1, b2, b3 = storage[i], storage[i + 1], storage[i + 2], storage[i + 3]
         for k in range(i, n + 1):
-            left[k] += (_LEFT[i, k] * p + _LEFT[i + 1, k] * q) + (
-                _LEFT[i + 2, k] * s + _LEFT[i + 3, k] * t
+            left[k] += (_LEFT_WEIGHTS[i, k] * b0 + _LEFT_WEIGHTS[i + 1, k] * b1) + (
+                _LEFT_WEIGHTS[i + 2, k] * b2 + _LEFT_WEIGHTS[i + 3, k] * b3
             )
         for k in range(i + 4):
-            b[k] += (right[n - i, k] * p + right[n - i - 1, k] * q) + (
-                right[n - i - 2, k] * s + right[n - i - 3, k] * t
+            b[k] += (right_weights[n - i, k] * b0 + right_weights[n - i - 1, k] * b1) + (
+                right_weights[n - i - 2, k] * b2 + right_weights[n - i - 3, k] * b3
             )
         i += 4
     while i <= n:
-        p = whole[i]
         for k in range(i, n + 1):
-            left[k] += _LEFT[i, k] * p
+            left[k] += _LEFT_WEIGHTS[i, k] * storage[i]
         for k in range(i + 1):
-            b[k] += right[n - i, k] * p
+            b[k] += right_weights[n - i, k] * storage[i]
         i += 1
     left[n] = b[0]
 
 
 @kernel
-def lowest_of_parabola(a, b, c):
-    """Return the smallest value of a + b s + c s^2 on [0, 1]."""
-    lowest = min(a, a + b + c)
+def min_of_parabola(a: float, b: float, c: float) -> float:
+    """Return the smallest value of the parabola a + b s + c s^2 for s in [0, 1]."""
+    min_value = min(a, a + b + c)
     if c > 0.0 and 0.0 < -b < 2.0 * c:
-        lowest = a - 0.25 * b * b / c
-    return lowest
+        min_value = a - 0.25 * b * b / c
+    return min_value
 
 
 @uncounted
-def _root(b, n, s, p, q):
-    """Return (root s, slope at s) of a polynomial with one sign change from plus to minus.
+def _find_root(b, n, s, p, q):
+    """Return (root s, slope at s) of a polynomial on [0, 1] that changes once from plus to minus.
 
-    b has the Bernstein coefficients of degree n, s the estimate of the root; p and q are storage.
+    b has its Bernstein coefficients of degree n, and s is an estimate of the root. The storage p
+    and q, shape (n + 1,), gets the scaled coefficients of the polynomial and of its derivative.
     """
     for i in range(n + 1):
         p[i] = BINOMIALS[n, i] * b[i]
     for i in range(n):
         q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
-    low, high, rate, scale, last = 0.0, 1.0, 0.0, 1.0, 0.0
-    for step in range(MAX_NEWTON):
+    low, high, rate, scale, last_step = 0.0, 1.0, 0.0, 1.0, 0.0
+    for count in range(MAX_NEWTON_STEPS):
         rate = 0.0
         if s <= 0.5:
             ratio, scale = s / (1.0 - s), 1.0 - s
@@ -144,55 +147,57 @@ def _root(b, n, s, p, q):
             low = s
         else:
             high = s
-        # Both sums lack powers of the scale; the value lacks one more.
-        new = s - value * scale / (n * rate) if rate < 0.0 else -1.0
-        newton = low <= new <= high and step % 8 < 7
-        if not newton:
-            new = 0.5 * (low + high)
-        moved = abs(new - s)
-        s = new
-        # Newton's method converges quadratically: the next step is estimated from the last two.
-        if moved <= 2e-16 * high or (newton and moved * moved * moved < 1e-17 * high * last * last):
+        # Both sums lack powers of the scale: the value n of them, its rate n - 1.
+        new_s = s - value * scale / (n * rate) if rate < 0.0 else -1.0
+        is_newton = low <= new_s <= high and count % 8 < 7
+        if not is_newton:
+            new_s = 0.5 * (low + high)
+        step = abs(new_s - s)
+        s = new_s
+        # Newton's method converges quadratically, so two steps predict the next one.
+        if step <= 2e-16 * high:
             break
-        last = moved if newton else 0.0
+        if is_newton and step * step * step < 1e-17 * high * last_step * last_step:
+            break
+        last_step = step if is_newton else 0.0
     return s, n * rate * scale ** (n - 1)
 
 
 @uncounted
-def _sign_changes(b, n, noise):
-    """Return (number of sign changes of Bernstein coefficients, estimate of the last root).
+def _count_sign_changes(b, n, noise):
+    """Return (number of sign changes of Bernstein coefficients b, estimate of the last root).
 
-    The number is a bound of the number of roots. Coefficients within `noise` of zero are left out,
-    except the first.
+    The polynomial of degree n has at most as many roots in [0, 1]. Coefficients within `noise` of
+    zero are ignored, except the first.
     """
-    changes, place, before = 0, 0.0, b[0]
-    last = 0
+    count, root_estimate = 0, 0.0
+    last_value, last_index = b[0], 0
     for i in range(1, n + 1):
         if abs(b[i]) > noise:
-            if before * b[i] < 0.0:
-                changes += 1
-                place = (last + (i - last) * before / (before - b[i])) / n
-            before, last = b[i], i
-    return changes, place
+            if last_value * b[i] < 0.0:
+                count += 1
+                offset = (i - last_index) * last_value / (last_value - b[i])
+                root_estimate = (last_index + offset) / n
+            last_value, last_index = b[i], i
+    return count, root_estimate
 
 
 @uncounted
 def first_fall_from(work, zeros, end, noise):
-    """Return (first s in [0, end] where a polynomial falls through zero, its rounding).
+    """Return (first s in [0, end] where a polynomial falls through zero, error of s by rounding).
 
     s is 2 if there is none, and -1 if the search takes too many intervals. The first row of `work`,
-    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients; the first `zeros` power
-    coefficients are zero: 1 on the line, 2 at rest on it. A dip below zero by `noise` counts as
-    rounding. A polynomial has at most as many roots as its Bernstein coefficients have sign
-    changes, and lies between the smallest and the largest. Intervals in which neither decides are
-    halved.
+    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients. The first `zeros` power
+    coefficients are exactly 0: one if the motion starts on a flank line, two if it rests there.
+    A dip below zero by `noise` counts as rounding. Intervals are halved until signs or sign changes
+    of their Bernstein coefficients decide.
     """
     last, b, rounding = work.shape[1] - 1, work[0], noise
     n = last - 1
     if not noise < math.inf:
-        # The coefficients overflow; the status of the period will tell.
+        # The coefficients overflow, which the status of the run reports later.
         return 2.0, 0.0
-    # Factors s are divided out, so that the roots next to 0 stay above rounding.
+    # Factors s are divided out, so that roots near 0 stay above rounding.
     for _ in range(min(zeros, n - 2)):
         for i in range(n):
             b[i] = b[i + 1] * n / (i + 1)
@@ -219,9 +224,9 @@ def first_fall_from(work, zeros, end, noise):
             low += width
             depth -= 1
             continue
-        changes, place = _sign_changes(b, n, noise)
+        changes, estimate = _count_sign_changes(b, n, noise)
         if changes == 1 and b[0] > 0.0:
-            s, slope = _root(b, n, place, p, q)
+            s, slope = _find_root(b, n, estimate, p, q)
             root = low + width * s
             if root > end:
                 return 2.0, 0.0
@@ -233,12 +238,12 @@ def first_fall_from(work, zeros, end, noise):
             depth -= 1
         elif depth == MAX_DEPTH:
             if b[n] < -noise and b[n] < b[0]:
-                # It falls within this interval, which is as short as rounding.
+                # The polynomial falls within this interval, which is as short as rounding.
                 return low, 0.0
             low += width
             depth -= 1
         else:
-            # The right half stays in this row, the left half goes on top.
+            # This row keeps the right half. The next row gets the left half, to be searched first.
             left = work[depth + 1]
             halve(b, left, work[MAX_DEPTH + 1], n)
             b[last] = 0.5 * width
@@ -248,13 +253,13 @@ def first_fall_from(work, zeros, end, noise):
 
 
 @kernel
-def first_fall(coefficients, to_bernstein, work):
+def first_fall(coefficients: np.ndarray, to_bernstein: np.ndarray, work: np.ndarray) -> float:
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
-    s is -1 if the search takes too many intervals. `coefficients`, shape (n + 1,), are those of
-    powers, constant first. A polynomial that starts at zero, or below it by rounding, falls at once
-    if its slope is negative; otherwise it has to rise above zero first. `to_bernstein` is
-    `bernstein_matrix` of degree n; `work` is storage of shape (WORK_ROWS, n + 2).
+    s is -1 if the search takes too many intervals. The n + 1 power coefficients begin with the
+    constant. A polynomial that starts at zero, or below it by rounding, falls at once if its slope
+    is negative; otherwise it has to rise above zero first. `to_bernstein` is `bernstein_matrix` of
+    degree n; `work` is storage of shape (WORK_ROWS, n + 2).
     """
     noise, other_slopes, end = 0.0, 0.0, 0.0
     for k in range(coefficients.shape[0]):
@@ -265,7 +270,7 @@ def first_fall(coefficients, to_bernstein, work):
     slope = coefficients[1]
     if coefficients[0] <= 0.0 and slope < -noise:
         return 0.0
-    # It is monotonic and does not reach zero.
+    # If one slope dominates, the polynomial is monotonic, and its end decides.
     other_slopes -= abs(slope)
     if slope > other_slopes or (slope < -other_slopes and end > noise):
         return 2.0
@@ -282,8 +287,8 @@ def first_fall(coefficients, to_bernstein, work):
 def highest(coefficients, to_bernstein, work, floor):
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
-    It is NaN if the search takes too many intervals. `coefficients` are those of powers, constant
-    first; `to_bernstein` and `work` are as in `first_fall`.
+    It is NaN if the search takes too many intervals. The n + 1 power coefficients begin with the
+    constant; `to_bernstein` is `bernstein_matrix` of degree n, `work` storage (WORK_ROWS, n + 2).
     """
     variation = 0.0
     for k in range(1, coefficients.shape[0]):
@@ -295,8 +300,8 @@ def highest(coefficients, to_bernstein, work, floor):
 
 
 @uncounted
-def _one_peak(b, n):
-    """Return whether Bernstein coefficients rise, then fall: the polynomial has one maximum."""
+def _has_one_peak(b: np.ndarray, n: int) -> bool:
+    """Return whether n + 1 Bernstein coefficients rise, then fall, so that there is one maximum."""
     k = 1
     while k <= n and b[k] >= b[k - 1]:
         k += 1
@@ -306,27 +311,30 @@ def _one_peak(b, n):
 
 
 @uncounted
-def _peak(b, n):
-    """Return the largest value on [0, 1] of a polynomial with one maximum, degree n >= 2."""
+def _peak_value(b: np.ndarray, n: int) -> float:
+    """Return the largest value on [0, 1] of a polynomial with one maximum by Newton's method.
+
+    b has the Bernstein coefficients of the degree n >= 2.
+    """
     s, low, high = 0.5, 0.0, 1.0
     for _ in range(_MAX_PEAK_STEPS):
-        slope, bend, power, complement = 0.0, 0.0, 1.0, 1.0 - s
+        slope, curvature, power, complement = 0.0, 0.0, 1.0, 1.0 - s
         for k in range(n - 1):
             rise, next_rise = b[k + 1] - b[k], b[k + 2] - b[k + 1]
             slope = slope * complement + power * (BINOMIALS[n - 1, k] * rise)
-            bend = bend * complement + power * (BINOMIALS[n - 2, k] * (next_rise - rise))
+            curvature = curvature * complement + power * (BINOMIALS[n - 2, k] * (next_rise - rise))
             power *= s
         slope = slope * complement + power * (b[n] - b[n - 1])
         if slope > 0.0:
             low = s
         else:
             high = s
-        new = s - slope / ((n - 1) * bend) if bend < 0.0 else -1.0
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        moved = abs(new - s)
-        s = new
-        if moved <= _PEAK_TOLERANCE:
+        new_s = s - slope / ((n - 1) * curvature) if curvature < 0.0 else -1.0
+        if not low <= new_s <= high:
+            new_s = 0.5 * (low + high)
+        step = abs(new_s - s)
+        s = new_s
+        if step <= _PEAK_LOCATION_TOLERANCE:
             break
     value, power = 0.0, 1.0
     for k in range(n + 1):
@@ -336,11 +344,12 @@ def _peak(b, n):
 
 
 @uncounted
-def highest_from(work, n, floor):
+def highest_from(work: np.ndarray, n: int, floor: float) -> float:
     """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
 
-    The first row of `work` begins with its Bernstein coefficients of degree n. Branch and bound: an
-    interval is dropped if no coefficient exceeds the largest value so far.
+    The first row of `work`, shape (WORK_ROWS, n + 2), begins with its Bernstein coefficients of
+    degree n. By branch and bound, intervals are dropped if no coefficient exceeds the largest value
+    so far. The result is NaN if the search takes too many intervals.
     """
     size = 0.0
     for k in range(n + 1):
@@ -357,8 +366,8 @@ def highest_from(work, n, floor):
         if bound <= floor + noise or depth == MAX_DEPTH:
             depth -= 1
             continue
-        if n > 1 and _one_peak(b, n):
-            floor = max(floor, _peak(b, n))
+        if n > 1 and _has_one_peak(b, n):
+            floor = max(floor, _peak_value(b, n))
             depth -= 1
             continue
         halve(b, work[depth + 1], work[MAX_DEPTH + 1], n)

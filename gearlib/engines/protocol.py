@@ -1,8 +1,8 @@
 """The protocol of all engines: one run, many runs, maps of mesh periods.
 
-A state z has the shape (size,) of the model: coordinates in static deflections, then their rates by
-mesh phase. Runs begin at the start of a mesh period. They end with a status of `codes`, and give
-up after so many events in one mesh period.
+A state z, shape (size,), holds the displacements of the model in static deflections, then their
+rates by mesh phase. Runs begin at the start of a mesh period and end with a status of `codes`. They
+give up if a mesh period has more than `max_events` events.
 """
 
 import math
@@ -27,11 +27,11 @@ class Base:
 
     #: Description of the motion between events.
     description = "closed forms"
-    #: Number of states that a thread takes at a time.
+    #: Number of start states that a thread integrates at a time.
     chunk_size = 16
     #: Numbers of state components and of pieces of a mesh period, which determine the cost.
     components, pieces = 2, 0
-    #: Whether `run` returns proven periods, which `stable_repeats` need not prove.
+    #: Whether `run` returns proven periods, so that `stable_repeats` need not prove them.
     proves_periods = False
 
     def __init__(self, model: Any, tuning: float):
@@ -45,29 +45,39 @@ class Base:
         """Return the state z for a displacement and dx/dtau at tau = 0."""
         return np.array(state, float)
 
-    def run(self, z, span: Span, samples=0, first=0, keep_events=True) -> Record:
-        """Return the `Record` of a run from z, with `samples` samples in each recorded period.
+    def run(
+        self, z, span: Span, samples: int = 0, first: int = 0, keep_events: bool = True
+    ) -> Record:
+        """Return the `Record` of a run from the state z over a span of mesh periods.
 
-        `first` is the mesh period of the excitation, which may repeat after several, in which the
-        run begins. Events are recorded unless `keep_events` is False. z is not changed.
+        `samples` is the number of samples in each recorded period. If the excitation repeats only
+        after several mesh periods, the run begins in period number `first` of them. Events are
+        recorded unless `keep_events` is False. z is not changed.
         """
         event_rows = _FIRST_EVENT_ROWS if keep_events else 0
         tables = self.model.empty_record(span.recorded * samples, event_rows)
         return self.fill_record(np.array(z, float), span, *tables, first)
 
-    def record(self, z, periods: int, max_events: int, samples=0) -> Record:
-        """Return the `Record` of a run from z, all periods of which are recorded."""
+    def record(self, z, periods: int, max_events: int, samples: int = 0) -> Record:
+        """Return the `Record` of a run from the state z, in which all mesh periods are recorded.
+
+        `max_events` is the largest number of events in a period, `samples` the number of samples.
+        """
         return self.run(z, Span(periods, periods, max_events), samples)
 
     def fill_record(self, z, span: Span, samples, events, summary, first: int) -> Record:
-        """Run from z, which may change, and fill the tables; return the `Record`."""
+        """Run from the state z, which may change, and fill the tables; return the `Record`.
+
+        The tables are those of `Record`; the excitation starts with its mesh period `first`.
+        """
         raise NotImplementedError
 
-    def maps(self, z, periods: int, max_events: int, first=0) -> tuple:
-        """Return (end, maps, status): maps, (periods, size, size), linearise each mesh period.
+    def maps(self, z, periods: int, max_events: int, first: int = 0) -> tuple:
+        """Return (final state, period maps, status) of a run from the state z.
 
-        They are exact: flank crossings enter by saltation matrices, see
-        `gearlib.engines.pair.maps`. They are NaN if the status is not OK.
+        Period maps, shape (periods, size, size), are the derivatives of the state after each mesh
+        period by the state before. They are exact, with a saltation matrix for each flank crossing,
+        and NaN if the status is not OK. The excitation starts with its mesh period `first`.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
@@ -77,22 +87,30 @@ class Base:
         return z, maps, code
 
     def fill_maps(self, z, periods: int, max_events: int, maps, first: int) -> int:
-        """Fill the maps of mesh periods and move z to the end; return the status."""
+        """Fill the period maps of a run from z and move z to its end; return the status.
+
+        Maps have the shape (periods, size, size); the excitation starts with period `first`.
+        """
         raise NotImplementedError
 
     def many(self, states, periods: int, max_events: int) -> tuple:
-        """Return (ends, statuses) of runs from states, shape (k, size), through mesh periods."""
+        """Return (final states, statuses) of runs from k states, shape (k, size).
+
+        Each run lasts `periods` mesh periods with at most `max_events` events in each of them.
+        """
         span = Span(periods, 1, max_events)
         records = [self.run(z, span, keep_events=False) for z in states]
         codes = np.array([record.status for record in records], np.int64)
         return np.array([record.state for record in records]).reshape(np.shape(states)), codes
 
-    def sections(self, states, settle, phase, max_events: int, table, ends, codes) -> None:
-        """Fill a table, shape (n, periods, 2), with the states of n orbits at a phase.
+    def sections(
+        self, states, settle_periods: int, phase: float, max_events: int, table, ends, codes
+    ) -> None:
+        """Fill a table, shape (n, periods, 2), with the states (x, x') of n motions at a phase.
 
-        The orbits start in `states`, shape (n, 2), and settle for `settle` periods before. `ends`,
-        shape (n, 2), get the last states, `codes`, shape (n,), the statuses. `phase` is a multiple
-        of one degree.
+        The motions start from `states`, shape (n, 2), and run `settle_periods` mesh periods before.
+        `ends`, shape (n, 2), get the final states, `codes`, shape (n,), the statuses. The phase, in
+        rad, is a multiple of one degree; a mesh period has at most `max_events` events.
         """
         share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
         if abs(share - phase / (2.0 * math.pi)) > 1e-12:
@@ -101,25 +119,25 @@ class Base:
                 "be a multiple of one degree, pi / 180"
             )
         periods, samples = table.shape[1], share.denominator
-        span = Span(settle + periods, periods, max_events)
+        span = Span(settle_periods + periods, periods, max_events)
         for i, state in enumerate(states):
             record = self.run(self.start(state), span, samples, keep_events=False)
             ends[i], codes[i] = record.final[:2], record.status
             if record.status == OK:
                 table[i] = record.samples[share.numerator :: samples, [SAMPLE_X, SAMPLE_V]]
 
-    def sweep(self, tunings, order, state, carry: bool, span: Span, rows: Rows) -> None:
-        """Run all tunings in an `order` and fill their rows.
+    def sweep(self, tunings, order, state, warm_start: bool, span: Span, rows: Rows) -> None:
+        """Run the model at all tunings, in an order of their indices, and fill their result rows.
 
-        With `carry` each run starts at the end of the one before, with all coordinates; otherwise
+        With `warm_start` a run starts from all coordinates at the end of the run before, otherwise
         from `state`.
         """
         engine, repeats, next_period = self, self.model.repeats, 0
 
-        def run(tuning: float, before: Record | None) -> Record:
+        def run(tuning: float, previous: Record | None) -> Record:
             nonlocal engine, next_period
-            engine, first = engine.at(tuning), next_period if before else 0
-            z = before.state if before else engine.start(state)
+            engine, first = engine.at(tuning), next_period if previous else 0
+            z = previous.state if previous else engine.start(state)
             record = engine.run(z, span, first=first, keep_events=False)
             next_period = (first + span.periods) % repeats
             period = proven_period(
@@ -127,14 +145,14 @@ class Base:
             )
             return record._replace(period=period)
 
-        run_each(run, tunings, order, carry, rows)
+        run_each(run, tunings, order, warm_start, rows)
 
 
-def run_each(run: Callable, tunings, order, carry: bool, rows: Rows) -> None:
-    """Fill the rows of ``tunings[order]`` with the records of ``run(tuning, record)``.
+def run_each(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> None:
+    """Run all tunings in an order of their indices and fill their result rows.
 
-    The argument `record` is that of the tuning before, or None for a new start. With `carry` only
-    failed runs lead to a new start.
+    ``run(tuning, previous)`` returns a `Record`. With `warm_start`, `previous` is the record of the
+    tuning before. It is None for the first run, after a failed run and without `warm_start`.
     """
     previous = None
     for i in order:
@@ -146,4 +164,4 @@ def run_each(run: Callable, tunings, order, carry: bool, rows: Rows) -> None:
             rows.summaries[i], rows.ends[i] = record.summary, record.final
         else:
             rows.summaries[i], rows.ends[i] = np.nan, np.nan
-        previous = record if carry and code == OK else None
+        previous = record if warm_start and code == OK else None

@@ -1,4 +1,4 @@
-"""Methods of integration that the argument ``method=`` names.
+"""Methods of integration, which the argument ``method=`` names.
 
 A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
 another package names it as ``PACKAGE`` and imports it when it runs.
@@ -6,25 +6,25 @@ another package names it as ``PACKAGE`` and imports it when it runs.
 
 from collections import UserDict
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gearlib import checks
 from gearlib.integrators.method import MissingPackage
 from gearlib.models.model import is_model
 from gearlib.removed import REMOVED, sentence
 
-if TYPE_CHECKING:  # loaded by name in any run, for `workflow.sources`: that of AUTOMATIC
+if TYPE_CHECKING:  # `workflow.sources` reads this import; any run loads the module by its name.
     from gearlib.integrators import method  # noqa: F401
 
 
-class _Methods(UserDict):
-    """Mapping of the name of a method to its `Integrator`, whose module is loaded on first use."""
+class _IntegratorTable(UserDict):
+    """Mapping from names of methods to their `Integrator`s, whose modules load on first use."""
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str):
         return import_module(f"{__name__}.{self.data[name]}").METHODS[name]
 
 
-METHODS = _Methods(
+METHODS = _IntegratorTable(
     exact="method",
     taylor="method",
     rk4="fixed_steps",
@@ -52,39 +52,43 @@ class Method(NamedTuple):
     note: str = ""  #: command that installs its package, empty for methods of the library
 
 
-def methods():
+def methods() -> list[Method]:
     """Return the methods that ``method=`` knows, as a list of `Method`."""
     return [about(name) for name in METHODS]
 
 
-def about(name):
-    """Return the description of a method, a `Method`, by its name."""
+def about(name: str) -> Method:
+    """Return the description of the method with a name."""
     method = METHODS[name]
-    options = {key: (option.default, option.meaning) for key, option in method.OPTIONS.items()}
-    package = method.PACKAGE
-    requirement = () if package is None else (package.available(), package.note())
-    return Method(name, method.ORDER, method.EVENTS, method.MODELS, options, *requirement)
+    options = {
+        option_name: (option.default, option.meaning)
+        for option_name, option in method.OPTIONS.items()
+    }
+    is_available, note = True, ""
+    if method.PACKAGE is not None:
+        is_available, note = method.PACKAGE.available(), method.PACKAGE.note()
+    return Method(name, method.ORDER, method.EVENTS, method.MODELS, options, is_available, note)
 
 
-def _methods_for(model):
+def _methods_for(model) -> list[str]:
     """Return the names of the methods that can run a model."""
     return [name for name, method in METHODS.items() if method.takes(model)]
 
 
-def refusal(model, name):
-    """Return the reason why a method cannot run a model, or an empty text if it can."""
-    method, kind = METHODS[name], type(model).__name__
+def refusal(model, name: str) -> str:
+    """Return the reason why the method with a name cannot run a model, empty if it can."""
+    method, model_class = METHODS[name], type(model).__name__
     if method.takes(model):
         return ""
-    return f"method = {name!r} is not allowed for this {kind}: it takes {method.MODELS}"
+    return f"method = {name!r} is not allowed for this {model_class}: it takes {method.MODELS}"
 
 
-def choose(model, name, options):
+def choose(model, name: str | None, options: dict | None) -> tuple[str, Any, dict]:
     """Return the name, the `Integrator` and all options of the method that runs a model.
 
-    Without a name "exact" is chosen if it can run the model, else "taylor". ValueError is raised if
-    the method is unknown or cannot run the model or if an option is wrong, `MissingPackage` if the
-    package of the method is not installed.
+    Without a name "exact" is chosen if it can run the model, else "taylor". Options that are not
+    given take their defaults. ValueError is raised if the method is unknown or cannot run the model
+    or if an option is wrong, `MissingPackage` if the package of the method is not installed.
     """
     if not is_model(model):
         raise ValueError(
@@ -93,24 +97,31 @@ def choose(model, name, options):
         )
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].takes(model)), None)
-    if name not in tuple(METHODS) or refusal(model, name):
-        if name in REMOVED:
-            raise ValueError(sentence(name))
-        checks.one_of("method", name, tuple(METHODS))
-        names = ", ".join(map(repr, _methods_for(model)))
-        raise ValueError(f"{refusal(model, name)}; it must be one of {names}")
-    method = METHODS[name]
+    if name in REMOVED:
+        raise ValueError(sentence(name))
+    checks.one_of("method", name, tuple(METHODS))
+    names = _methods_for(model)
+    if name not in names:
+        raise ValueError(f"{refusal(model, name)}; it must be one of {', '.join(map(repr, names))}")
     if not about(name).available:
+        available_names = ", ".join(repr(n) for n in names if about(n).available)
         raise MissingPackage(
             f"method = {name!r} needs a package that is not installed: {about(name).note}, or take "
-            f"one of {', '.join(repr(n) for n in _methods_for(model) if about(n).available)}"
+            f"one of {available_names}"
         )
-    values = {key: option.default for key, option in method.OPTIONS.items()}
-    for key, value in checks.options(options).items():
-        if key not in method.OPTIONS:
+    return name, METHODS[name], _checked_options(name, options)
+
+
+def _checked_options(method_name: str, options: dict | None) -> dict:
+    """Return all options of a method, given values or defaults, or raise ValueError."""
+    known_options = METHODS[method_name].OPTIONS
+    values = {option_name: option.default for option_name, option in known_options.items()}
+    for option_name, value in checks.options(options).items():
+        if option_name not in known_options:
             raise ValueError(
-                f"options[{key!r}] = {value!r} is not allowed: method {name!r} knows "
-                f"{', '.join(map(repr, method.OPTIONS)) or 'no options'}"
+                f"options[{option_name!r}] = {value!r} is not allowed: method {method_name!r} "
+                f"knows {', '.join(map(repr, known_options)) or 'no options'}"
             )
-        values[key] = method.OPTIONS[key].check(f"options[{key!r}]", value)
-    return name, method, values
+        check = known_options[option_name].check
+        values[option_name] = check(f"options[{option_name!r}]", value)
+    return values

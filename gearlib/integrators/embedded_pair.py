@@ -1,26 +1,28 @@
-"""The Dormand-Prince pair 4(5) under step control, of sharp or smoothed contact; no events."""
+"""The Dormand-Prince pair 4(5) under step control, sharp or smoothed contact, no events."""
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import OK
+from gearlib.engines.orbit import Span
 from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
-from gearlib.integrators.recording import TURN, Run
+from gearlib.integrators.recording import MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree
-from gearlib.integrators.steps.embedded import DENSE, Control, take_embedded_steps
+from gearlib.integrators.steps.embedded import DENSE_WEIGHTS, StepControl, take_embedded_steps
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 1_024
-#: Shares of a step at which ode45 shows the solution by default ("Refine"), besides its ends.
-_SHOWN = np.array([0.25, 0.5, 0.75])
+#: Shares of a step at which ode45 returns the solution by default ("Refine"), besides its ends.
+_REFINED_SHARES = np.array([0.25, 0.5, 0.75])
 
 
-def _max_step(name, value):
+def _check_max_step(name: str, value: float | None) -> float | None:
+    """Return the option with this name if it is None or positive, or raise ValueError."""
     return None if value is None else checks.finite_positive(name, value)
 
 
 class EmbeddedPair(Integrator):
-    """As MATLAB's ode45."""
+    """The Dormand-Prince pair with the step control of MATLAB's ode45."""
 
     ORDER = 5
     EVENTS = "step control only; changes between step ends, by a straight line"
@@ -28,23 +30,28 @@ class EmbeddedPair(Integrator):
         "rtol": RELATIVE,
         "atol": ABSOLUTE,
         "max_step": Option(
-            None, _max_step, "longest step, rad of mesh phase; None: a tenth of the run"
+            None, _check_max_step, "longest step, rad of mesh phase; None: a tenth of the run"
         ),
     }
 
-    def solver(self, model, tuning, span, rtol, atol, max_step):
-        """Return the `Run` of a model at one tuning over a span of mesh periods."""
-        control = Control(rtol, atol, max_step or 0.1 * TURN * span.periods)
+    def solver(
+        self, model, tuning: float, span: Span, rtol: float, atol: float, max_step: float | None
+    ) -> Run:
+        """Return the `Run` of a model at one tuning over a span of mesh periods.
+
+        A step is at most `max_step` rad of mesh phase long, by default a tenth of the run.
+        """
+        control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * span.periods)
         return _Run(OneDegree(model, tuning), control=control)
 
 
 class Smoothed(Integrator):
     """Contact smoothed by tanh, at a tight tolerance.
 
-    Another model than the sharp law: up to 0.14 / sharpness of the mean mesh force is missing on
-    the flanks, and as much pulls next to them. Crossed at a speed, both make an impulse of the
-    order of 1 / sharpness^2. Samples hold the smoothed force; their contact code is that of the
-    displacement.
+    The smoothed law is another model than the sharp law. Near a flank its force is too small by up
+    to 0.14 / sharpness of the mean mesh force, and it pulls as much beside the flank. At a crossing
+    both errors together make an impulse of the order of 1 / sharpness^2. Samples hold the smoothed
+    force; their contact code is that of the displacement.
     """
 
     ORDER = 5
@@ -60,49 +67,65 @@ class Smoothed(Integrator):
         ),
     }
 
-    def solver(self, model, tuning, span, sharpness, rtol):
-        """Return the `Run` of a model at one tuning over a span of mesh periods."""
-        control = Control(rtol, rtol, 0.1 * TURN * span.periods)
+    def solver(self, model, tuning: float, span: Span, sharpness: float, rtol: float) -> Run:
+        """Return the `Run` of a model at one tuning over a span of mesh periods.
+
+        The contact force is proportional to (1 + tanh(sharpness x)) / 2. `rtol` is the tolerance
+        of a step, relative and in static deflections.
+        """
+        control = StepControl(rtol, rtol, 0.1 * MESH_PERIOD * span.periods)
         return _Run(OneDegree(model, tuning, sharpness), control=control)
 
 
 class _Run(Run):
     """A run under step control."""
 
-    def go(self, z, codes):
-        """Integrate over the whole span from state z; return the final state and the status."""
-        problem, end, place = self.problem, TURN * self.periods, np.zeros(3)
+    problem: OneDegree
+
+    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        problem, end, progress = self.problem, MESH_PERIOD * self.periods, np.zeros(3)
+        equation = problem.law, problem.contact_law, self.settings["control"]
         t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
         stages = np.empty((_STEPS_PER_RECORD, 7, 2))
-        states[0], wanted = z, TURN * min(self.first, self.strobe)
+        states[0] = state
+        record_start = MESH_PERIOD * min(self.first_recorded, self.first_strobe)
         while t[0] < end:
-            law = problem.law, problem.contact, self.settings["control"]
-            count, code, evaluations = take_embedded_steps(
-                *law, wanted, end, self.limit, place, t, states, stages
+            count, status, evaluations = take_embedded_steps(
+                equation, record_start, end, self.max_events, progress, t, states, stages
             )
             self.evaluations += evaluations
-            if code != OK:
-                return states[count], code
-            self._record(t[: count + 1], states[: count + 1], stages[:count])
+            if status != OK:
+                return states[count], status
+            self._record_steps(t[: count + 1], states[: count + 1], stages[:count])
             t[0], states[0] = t[count], states[count]
         return states[0].copy(), OK
 
-    def _record(self, t, z, stages):
-        """Record steps that have been taken, with the points that ode45 shows."""
-        n, h = int(t[0] / TURN), np.diff(t)
-        local = t - TURN * n
-        terms = h[:, None, None] * np.tensordot(stages, DENSE, axes=(1, 0))
+    def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
+        """Record k steps with the points that ode45 returns inside them.
 
-        def between(phases):
-            i = np.clip(np.searchsorted(local, phases, side="right") - 1, 0, len(h) - 1)
-            share = ((phases - local[i]) / h[i])[:, None]
-            total = terms[i, :, 3]
+        The step ends are t, shape (k + 1,), with states (k + 1, 2), and the stages (k, 7, 2) are
+        rates of the state.
+        """
+        period, step_lengths = int(t[0] / MESH_PERIOD), np.diff(t)
+        local_t = t - MESH_PERIOD * period
+        # Coefficients of the powers 1 to 4 of the share of a step, shape (k, 2, 4).
+        coefficients = step_lengths[:, None, None] * np.tensordot(
+            stages, DENSE_WEIGHTS, axes=(1, 0)
+        )
+
+        def interpolate(phases: np.ndarray) -> np.ndarray:
+            """Return the states at phases inside the steps."""
+            i = np.searchsorted(local_t, phases, side="right") - 1
+            i = np.clip(i, 0, len(step_lengths) - 1)
+            share = ((phases - local_t[i]) / step_lengths[i])[:, None]
+            total = coefficients[i, :, 3]
             for power in (2, 1, 0):
-                total = total * share + terms[i, :, power]
-            return z[i] + share * total
+                total = total * share + coefficients[i, :, power]
+            return states[i] + share * total
 
-        shown = (local[:-1, None] + h[:, None] * _SHOWN).ravel()
-        self.record(n, local, z, between, shown)
+        refined_phases = (local_t[:-1, None] + step_lengths[:, None] * _REFINED_SHARES).ravel()
+        self.record_steps(period, local_t, states, interpolate, refined_phases)
 
 
 METHODS = {"rk45": EmbeddedPair(), "smoothed": Smoothed()}

@@ -1,4 +1,4 @@
-"""Fixed steps over switches and contact: classical Runge-Kutta, Newmark, generalised-alpha."""
+"""Fixed steps across switches and contact: classical Runge-Kutta, Newmark, generalised-alpha."""
 
 import math
 from functools import partial
@@ -8,17 +8,27 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import OK
+from gearlib.engines.orbit import Span
 from gearlib.integrators.method import Integrator, Option
-from gearlib.integrators.recording import RANGE, TURN, Run
-from gearlib.integrators.right_hand_sides import OneDegree, problem_of
-from gearlib.integrators.steps.fixed import Scheme, nodes, take_steps, take_train_steps
+from gearlib.integrators.recording import MAX_STATE, MESH_PERIOD, Run
+from gearlib.integrators.right_hand_sides import (
+    OneDegree,
+    PiecewiseLinear,
+    right_hand_side,
+)
+from gearlib.integrators.steps.fixed import (
+    Scheme,
+    tabulate_excitation,
+    take_steps,
+    take_train_steps,
+)
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 8_192
 
 
 class FixedSteps(Integrator):
-    """A method in fixed steps; a subclass gives its `Scheme`."""
+    """A method with fixed steps; a subclass defines its `Scheme`."""
 
     EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
     OPTIONS = {
@@ -26,12 +36,15 @@ class FixedSteps(Integrator):
             200, partial(checks.integer, low=1), "equal steps of one mesh period"
         )
     }
-    #: ``scheme(**options)`` returns the `Scheme` of the options besides the steps.
+    #: ``scheme(**options)`` returns the `Scheme` for the options besides `steps_per_period`.
     scheme: Any
 
-    def solver(self, model, tuning, span, steps_per_period, **options):
-        """Return the `Run` of a model at one tuning over a span of mesh periods."""
-        return _Run(problem_of(model, tuning), steps_per_period, self.scheme(**options))
+    def solver(self, model, tuning: float, span: Span, steps_per_period: int, **options) -> Run:
+        """Return the `Run` of a model at one tuning in equal steps of a mesh period.
+
+        The other options of the method define its `Scheme`. The span is given to the run later.
+        """
+        return _Run(right_hand_side(model, tuning), steps_per_period, self.scheme(**options))
 
 
 class RungeKutta(FixedSteps):
@@ -40,12 +53,12 @@ class RungeKutta(FixedSteps):
     ORDER = 4
     MODELS = f"{Integrator.MODELS}, or gear trains"
 
-    def takes(self, model):
+    def takes(self, model) -> bool:
         """Return whether the model is one mesh with one degree of freedom, or a gear train."""
         return model.one_mesh or bool(model.mesh_names)
 
-    def scheme(self):
-        """Return the `Scheme`."""
+    def scheme(self) -> Scheme:
+        """Return the `Scheme` of the classical Runge-Kutta method."""
         return Scheme(True)
 
 
@@ -62,16 +75,16 @@ class Newmark(FixedSteps):
         ),
     }
 
-    def scheme(self, contact):
-        """Return the `Scheme`."""
+    def scheme(self, contact: str) -> Scheme:
+        """Return the `Scheme` for the treatment of contact, "frozen" or "iterated"."""
         return Scheme(False, contact == "iterated", 0.0, 0.0, 0.25, 0.5)
 
 
 class GeneralisedAlpha(FixedSteps):
-    """The generalised-alpha method, with the numerical damping of its spectral radius.
+    """The generalised-alpha method, with numerical damping by its spectral radius.
 
     Chung, Hulbert: J. Appl. Mech. 60 (1993) 371-375. Mesh force and damping are those of the middle
-    state at share 1 - alpha_f of the step.
+    state at the share 1 - alpha_f of the step.
     """
 
     ORDER = 2
@@ -84,8 +97,12 @@ class GeneralisedAlpha(FixedSteps):
         ),
     }
 
-    def scheme(self, contact, spectral_radius):
-        """Return the `Scheme` of Chung and Hulbert's optimal parameters."""
+    def scheme(self, contact: str, spectral_radius: float) -> Scheme:
+        """Return the `Scheme` of Chung and Hulbert's optimal parameters.
+
+        The treatment of contact is "frozen" or "iterated"; the spectral radius is that of the
+        fastest oscillations.
+        """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
         shift = alpha_f - alpha_m
@@ -96,55 +113,64 @@ class GeneralisedAlpha(FixedSteps):
 class _Run(Run):
     """A run in equal steps of a mesh period."""
 
-    def __init__(self, problem, steps, scheme):
+    def __init__(self, problem: OneDegree | PiecewiseLinear, steps_per_period: int, scheme: Scheme):
         super().__init__(problem)
-        self.steps, self.scheme = steps, scheme
+        self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
-            share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
-            self.nodes, self.acceleration = nodes(problem.law, steps, share), math.nan
+            middle_share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
+            self.excitation = tabulate_excitation(problem.law, steps_per_period, middle_share)
+            self.acceleration = math.nan
 
-    def take(self, period, states):
-        """Fill states, shape (k + 1, size), from the first, at a period; return the status."""
+    def _take_steps(self, period: int, states: np.ndarray) -> int:
+        """Fill states, shape (k + 1, size), from the first, the start of a mesh period.
+
+        Returns the status.
+        """
         problem = self.problem
         if isinstance(problem, OneDegree):
-            code, evaluations, self.acceleration = take_steps(
-                problem.contact, self.scheme, self.nodes, self.acceleration, states
+            status, evaluations, self.acceleration = take_steps(
+                problem.contact_law, self.scheme, self.excitation, self.acceleration, states
             )
         else:
-            code, evaluations = take_train_steps(
-                problem.system, problem.closing, period, self.steps, states, RANGE
+            status, evaluations = take_train_steps(
+                problem.system, problem.may_jam, period, self.steps_per_period, states, MAX_STATE
             )
         self.evaluations += evaluations
-        return code
+        return status
 
-    def between(self, t, z, phases):
-        """Return states at phases: cubics through step ends (t, z) and the rates there."""
+    def _interpolate(self, t: np.ndarray, states: np.ndarray, phases: np.ndarray) -> np.ndarray:
+        """Return states at phases by cubics through step ends t with their states and rates."""
         i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
         h = (t[i + 1] - t[i])[:, None]
-        share, rise = (phases - t[i])[:, None] / h, z[i + 1] - z[i]
-        first, last = h * self.problem.rates_of_steps(t[i], z[i], t[i + 1], z[i + 1])
-        bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
-        return z[i] + share * (first + share * (bend + share * twist))
+        share, change = (phases - t[i])[:, None] / h, states[i + 1] - states[i]
+        rates = self.problem.rates_at_step_ends(t[i], states[i], t[i + 1], states[i + 1])
+        start_slope, end_slope = h * rates
+        quadratic = 3.0 * change - 2.0 * start_slope - end_slope
+        cubic = start_slope + end_slope - 2.0 * change
+        return states[i] + share * (start_slope + share * (quadratic + share * cubic))
 
-    def go(self, z, codes):
-        """Integrate over the whole span from state z; return the final state and the status."""
-        stretch, n = max(1, _STEPS_PER_RECORD // self.steps), 0
-        table = np.empty((min(stretch, self.periods) * self.steps + 1, z.size))
-        starts = TURN * np.arange(stretch + 1)[:, None]
-        t = (starts + TURN / self.steps * np.arange(self.steps)).ravel()
-        wanted = min(self.first, self.strobe)
-        while n < self.periods:
-            count = min(stretch, (wanted if n < wanted else self.periods) - n)
-            states = table[: count * self.steps + 1]
-            states[0] = z
-            code = self.take(n, states)
-            if code != OK:
-                return states[-1], code
-            if n >= wanted:
+    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        steps, period = self.steps_per_period, 0
+        periods_per_record = max(1, _STEPS_PER_RECORD // steps)
+        table = np.empty((min(periods_per_record, self.periods) * steps + 1, state.size))
+        period_starts = MESH_PERIOD * np.arange(periods_per_record + 1)[:, None]
+        t = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
+        record_start = min(self.first_recorded, self.first_strobe)
+        while period < self.periods:
+            next_stop = record_start if period < record_start else self.periods
+            count = min(periods_per_record, next_stop - period)
+            states = table[: count * steps + 1]
+            states[0] = state
+            status = self._take_steps(period, states)
+            if status != OK:
+                return states[-1], status
+            if period >= record_start:
                 phases = t[: len(states)]
-                self.record(n, phases, states, partial(self.between, phases, states))
-            z, n = states[-1].copy(), n + count
-        return z, OK
+                interpolate = partial(self._interpolate, phases, states)
+                self.record_steps(period, phases, states, interpolate)
+            state, period = states[-1].copy(), period + count
+        return state, OK
 
 
 METHODS = {

@@ -1,27 +1,30 @@
 """heyoka: Taylor steps of order 20 with terminal events on flank lines.
 
-All numbers of an expression are runtime parameters: it is compiled once per thread, and other
-models and tunings of the same structure cost nothing.
+All numbers of an expression are runtime parameters. So an expression is compiled once per thread
+and serves all models and tunings of the same structure.
 """
 
 import threading
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE
+from gearlib.engines.orbit import Span
 from gearlib.engines.taylor.series import damping_of
 from gearlib.integrators.method import Integrator, Option, Package
-from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.split import Phase, Split, Stall
+from gearlib.integrators.recording import Run
+from gearlib.integrators.right_hand_sides import OneDegree, PiecewiseLinear, right_hand_side
+from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
 
 
 class Heyoka(Integrator):
     """The Taylor integrator of the package heyoka."""
 
     PACKAGE = Package("heyoka", "heyoka")
-    #: At the default tolerance; it follows from the tolerance.
+    #: The order at the default tolerance, from which it follows.
     ORDER = 20
     EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
     MODELS = "all: one or six degrees of freedom, gear trains"
@@ -33,178 +36,244 @@ class Heyoka(Integrator):
         )
     }
 
-    def takes(self, model):
+    def takes(self, model) -> bool:
         """Return True: the method can run all models."""
         return True
 
-    def solver(self, model, tuning, span, tol):
-        """Return the `Run` of a model at one tuning over a span of mesh periods."""
-        kind = _Meshes if model.equation is None else _OneDegree
-        return kind(problem_of(model, tuning), tol=tol)
+    def solver(self, model, tuning: float, span: Span, tol: float) -> Run:
+        """Return the `Run` of a model at one tuning with a relative tolerance of each step.
+
+        The span is given to the run later.
+        """
+        run_class = _TrainRun if model.equation is None else _OneDegreeRun
+        return run_class(right_hand_side(model, tuning), tol=tol)
+
+
+class _Compiled(NamedTuple):
+    """A compiled integrator, and views of its state and of its parameters."""
+
+    integrator: Any
+    state: np.ndarray
+    parameters: np.ndarray
+
+
+class _Equations(NamedTuple):
+    """A compiled integrator with the numbers that make it a branch of a model."""
+
+    compiled: _Compiled
+    parameter_values: np.ndarray
+    flanks: list[tuple]  #: (mesh, flank) that each event stands for
 
 
 @lru_cache(maxsize=64)
-def _compiled(thread, equations, events, tol):
-    """Return (integrator, views of its state and parameters) of a thread, which alone may use it.
+def _compile_for_thread(
+    thread: int, equations: tuple, events: tuple, tolerance: float
+) -> _Compiled:
+    """Return the compiled integrator of a thread, which alone may use it.
 
-    Events are pairs (expression, direction of its zero: 1, -1, or 0 for both).
+    Equations are (variable, derivative); events are (expression, direction of its zero: 1, -1, or 0
+    for both).
     """
     import heyoka as hy
 
-    ways = hy.event_direction.any, hy.event_direction.positive, hy.event_direction.negative
-    # The automatic cooldown is infinite from rest on a line.
-    terminal = [hy.t_event(line, direction=ways[i], cooldown=0.0) for line, i in events]
-    start = [0.0] * len(equations)
-    integrator = hy.taylor_adaptive(list(equations), start, t_events=terminal, tol=tol)
-    return integrator, integrator.state, integrator.pars
+    directions = hy.event_direction.any, hy.event_direction.positive, hy.event_direction.negative
+    # The automatic cooldown is infinite for a start at rest on a flank line.
+    terminal_events = [
+        hy.t_event(expression, direction=directions[direction], cooldown=0.0)
+        for expression, direction in events
+    ]
+    state = [0.0] * len(equations)
+    integrator = hy.taylor_adaptive(list(equations), state, t_events=terminal_events, tol=tolerance)
+    return _Compiled(integrator, integrator.state, integrator.pars)
 
 
 class _Run(Split):
-    """A run by compiled integrators, restarted for each phase."""
+    """A run by compiled integrators, restarted for each arc."""
 
-    def branch(self, turn, start, z, segment, codes, exits):
-        """Return (integrator, views of its state and parameters, their values, lines met)."""
+    def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
+        """Return the compiled equations of a branch for an arc from a state."""
         raise NotImplementedError
 
-    def compiled(self, equations, events):
-        """Return (integrator, views of its state and parameters) of this thread."""
-        return _compiled(
-            threading.get_ident(), tuple(equations), tuple(events), self.settings["tol"]
-        )
+    def compile(self, equations: list[tuple], events: list[tuple]) -> _Compiled:
+        """Return the compiled integrator of this thread; see `_compile_for_thread`."""
+        thread, tolerance = threading.get_ident(), self.settings["tol"]
+        return _compile_for_thread(thread, tuple(equations), tuple(events), tolerance)
 
-    def solve(self, turn, start, end, z, segment, codes, exits):
-        """Take one phase; see `Split`."""
+    def solve(self, branch: Branch, state: np.ndarray) -> Arc:
+        """Return the `Arc` from a state to a crossing or the end of a branch, or raise `Stall`."""
         from heyoka import taylor_outcome
 
-        branch = self.branch(turn, start, z, segment, codes, exits)
-        integrator, state, parameters, values, lines = branch
-        # Parameters that no expression uses have no place.
-        parameters[:], state[:] = values[: parameters.size], z
-        integrator.time = start
-        code, _, _, steps, dense, _ = integrator.propagate_until(end, c_output=self.keep)
+        (integrator, state_view, parameters), values, flanks = self.equations(branch, state)
+        # Parameters that no expression uses have no place in the view.
+        parameters[:], state_view[:] = values[: parameters.size], state
+        integrator.time = branch.start
+        outcome, _, _, steps, interpolate, _ = integrator.propagate_until(
+            branch.end, c_output=self.is_recording
+        )
         self.evaluations += steps * integrator.order
-        t, new, hit = end, state.copy(), None
-        if code != taylor_outcome.time_limit:
-            t, event = integrator.time, -1 - int(code)
+        t, end_state, crossing = branch.end, state_view.copy(), None
+        if outcome != taylor_outcome.time_limit:
+            t, event = integrator.time, -1 - int(outcome)
             if event < 0:
                 raise Stall
-            if event < len(lines):
-                hit = self._exit_of(turn + t, new, lines[event], exits)
+            if event < len(flanks):
+                crossing = self._crossing_of(branch, t, end_state, flanks[event])
             else:
-                # The velocity turns.
-                new[1] = 0.0
-        if not self.keep or dense is None:
-            ends = np.array([start, t]), np.array([z, new])
-            return Phase(*ends, hit, lambda phases: np.repeat([new], len(phases), 0))
-        times = np.array(dense.times)
-        states = dense(times)
-        times[-1], states[-1] = t, new
-        return Phase(times, states, hit, dense)
+                # This event is a change of the sign of the velocity.
+                end_state[1] = 0.0
+        if not self.is_recording or interpolate is None:
+            return Arc(
+                np.array([branch.start, t]),
+                np.array([state, end_state]),
+                crossing,
+                lambda phases: np.repeat([end_state], len(phases), 0),
+            )
+        times = np.array(interpolate.times)
+        states = interpolate(times)
+        times[-1], states[-1] = t, end_state
+        return Arc(times, states, crossing, interpolate)
 
-    def _exit_of(self, t, z, flank, exits):
-        """Return which exit a flank is; leave one that is only touched, and return None."""
-        mesh, line = flank
-        speed = self.problem.speeds(t, z)[line][mesh]
-        for i, leave in enumerate(exits):
-            if leave[:2] == flank:
-                if leave.direction * speed > 0.0:
+    def _crossing_of(
+        self, branch: Branch, t: float, state: np.ndarray, flank: tuple[int, int]
+    ) -> int | None:
+        """Return the index of the branch's crossing of a (mesh, flank) that a state meets.
+
+        If the state only touches the flank, it is moved away and None is returned. The phase t is
+        counted from the start of the mesh period.
+        """
+        phase, (mesh, side) = branch.period_start + t, flank
+        speed = self.problem.flank_distance_rates(phase, state)[side][mesh]
+        for i, crossing in enumerate(branch.crossings):
+            if (crossing.mesh, crossing.flank) == flank:
+                if crossing.direction * speed > 0.0:
                     return i
-                speed = -leave.direction
-        self.problem.put(t, z, mesh, line, self.away(z) * (1.0 if speed > 0.0 else -1.0))
+                speed = -crossing.direction
+        distance = self.restart_distance(state) * (1.0 if speed > 0.0 else -1.0)
+        self.problem.set_distance(phase, state, mesh, side, distance)
         return None
 
 
-class _OneDegree(_Run):
+class _OneDegreeRun(_Run):
     """One degree of freedom: an integrator for each contact code and sign of x'."""
 
-    #: Just above the rounding of a state on the far flank line.
-    OFF = 1e-15
+    problem: OneDegree
+    #: Just above the rounding of a state on the coast flank line.
+    RESTART_DISTANCE = 1e-15
 
-    def __init__(self, problem, tol):
+    def __init__(self, problem: OneDegree, tol: float):
         super().__init__(problem, tol=tol)
         self._branches: dict = {}
 
-    def branch(self, turn, start, z, segment, codes, exits):
-        """Return the branch of a segment, contact code and, if it matters, sign of x'."""
-        contact, sign = int(codes[0]), 0
-        if damping_of(self.problem.law, contact)[1] != 0.0:
-            v = z[1] if z[1] != 0.0 else self.problem.rate(start, z, segment, codes)[1]
-            sign = 1 if v >= 0.0 else -1
-        key = segment, contact, sign
-        if key not in self._branches:
-            self._branches[key] = self._built(*key, exits)
-        return self._branches[key]
+    def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
+        """Return the compiled equations of a branch for an arc from the state (x, x')."""
+        contact_code, velocity_sign = int(branch.contact_codes[0]), 0
+        if damping_of(self.problem.law, contact_code)[1] != 0.0:
+            v = state[1]
+            if v == 0.0:
+                v = self.problem.branch_derivative(
+                    branch.start, state, branch.segment, branch.contact_codes
+                )[1]
+            velocity_sign = 1 if v >= 0.0 else -1
+        arguments = branch.segment, contact_code, velocity_sign
+        if arguments not in self._branches:
+            self._branches[arguments] = self._build_equations(*arguments, branch.crossings)
+        return self._branches[arguments]
 
-    def _built(self, segment, contact, sign, exits):
-        """Return a branch; `sign` is that of x', 0 without quadratic damping.
+    def _build_equations(
+        self,
+        segment: int,
+        contact_code: int,
+        velocity_sign: int,
+        crossings: list[FlankCrossing],
+    ) -> _Equations:
+        """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
-        With it, x' = 0 ends a step as well: behind it |x'| is another polynomial.
+        The sign is 0 without quadratic damping. With it, x' = 0 also ends a step, since |x'| is
+        another polynomial for the other sign.
         """
         import heyoka as hy
 
-        law, values, edges = self.problem.law, [], (self.problem.law.upper, self.problem.law.lower)
+        law, values = self.problem.law, []
+        flank_lines = law.drive_line, law.coast_line
         x, v = hy.make_vars("x", "v")
 
         def parameter(value):
             values.append(value)
             return hy.par[len(values) - 1]
 
-        def waves(table):
-            terms = [
-                parameter(factor) * wave(order * hy.time)
-                for order, *factors in table.tolist()
-                for factor, wave in zip(factors, (hy.cos, hy.sin), strict=True)
-            ]
+        def harmonic_sum(harmonics):
+            terms = []
+            for order, cosine, sine in harmonics.tolist():
+                terms.append(parameter(cosine) * hy.cos(order * hy.time))
+                terms.append(parameter(sine) * hy.sin(order * hy.time))
             return hy.sum(terms)
 
-        d1, d2, d3 = damping_of(law, contact)
-        drag = parameter(d1) + parameter(-d2 if sign < 0 else d2) * v + parameter(d3) * v * v
-        force = waves(law.force) - drag * v - parameter(law.ground) * x
-        if contact != BACKLASH:
-            inverse = contact == INVERSE
-            pieces = (law.far_pieces if inverse else law.pieces)[segment]
-            harmonics = law.far_stiffness if inverse else law.stiffness
-            inside = hy.time - parameter(law.breaks[segment])
-            c = parameter(pieces[0]) + parameter(pieces[1]) * inside + waves(harmonics)
-            u, (p2, p3) = x - parameter(edges[inverse]), law.powers
-            force -= c * (u + (parameter(contact * p2) + parameter(p3) * u) * u * u)
-        events = [(x - parameter(edges[leave.line]), leave.direction) for leave in exits]
-        if sign:
-            events.append((v, -sign))
-        lines = [leave[:2] for leave in exits]
-        return *self.compiled([(x, v), (v, force)], events), np.array(values), lines
+        d1, d2, d3 = damping_of(law, contact_code)
+        drag = parameter(d1) + parameter(-d2 if velocity_sign < 0 else d2) * v
+        drag = drag + parameter(d3) * v * v
+        force = harmonic_sum(law.force_harmonics) - drag * v - parameter(law.ground_stiffness) * x
+        if contact_code != BACKLASH:
+            lines, harmonics, flank_line = (
+                law.stiffness_lines,
+                law.stiffness_harmonics,
+                law.drive_line,
+            )
+            if contact_code == INVERSE:
+                lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
+                flank_line = law.coast_line
+            start_value, slope = lines[segment]
+            phase = hy.time - parameter(law.segment_bounds[segment])
+            stiffness = parameter(start_value) + parameter(slope) * phase + harmonic_sum(harmonics)
+            u, (p2, p3) = x - parameter(flank_line), law.stiffness_powers
+            powers = parameter(contact_code * p2) + parameter(p3) * u
+            force -= stiffness * (u + powers * u * u)
+        events = [
+            (x - parameter(flank_lines[crossing.flank]), crossing.direction)
+            for crossing in crossings
+        ]
+        if velocity_sign:
+            events.append((v, -velocity_sign))
+        flanks = [(crossing.mesh, crossing.flank) for crossing in crossings]
+        return _Equations(self.compile([(x, v), (v, force)], events), np.array(values), flanks)
 
 
-class _Meshes(_Run):
-    """Any number of meshes: one integrator, whose parameters are the matrix of a branch."""
+class _TrainRun(_Run):
+    """Any number of meshes: one integrator, with the matrix of a branch as its parameters."""
 
-    def __init__(self, problem, tol):
+    problem: PiecewiseLinear
+
+    def __init__(self, problem: PiecewiseLinear, tol: float):
         import heyoka as hy
 
         super().__init__(problem, tol=tol)
-        finite = np.isfinite(problem.gaps)
-        self._flanks = [(j, line) for j in self.meshes for line in range(1 + finite[j])]
-        distances = np.array([problem.distances[line, j] for j, line in self._flanks])
-        self._couplings, in_distance = problem.couplings(), distances != 0.0
+        has_backlash = np.isfinite(problem.backlashes)
+        self._flanks = [(j, flank) for j in self.meshes for flank in range(1 + has_backlash[j])]
+        distances = np.array([problem.distances[flank, j] for j, flank in self._flanks])
+        self._nonzero_entries, in_distance = problem.nonzero_entries(), distances != 0.0
         self._values = np.concatenate([[0.0], distances[in_distance]])
-        z = hy.make_vars(*(f"z{i}" for i in range(problem.size)))
+        variables = hy.make_vars(*(f"z{i}" for i in range(problem.size)))
         # Parameter 0 is the phase at which the mesh period begins.
-        phases = [w * (hy.par[0] + hy.time) for w in problem.system.harmonics.tolist()]
-        waves = [wave(phase) for phase in phases for wave in (hy.cos, hy.sin)]
-        full, sums, k = [*z, hy.expression(1.0), *waves], [], 1
-        for row in np.concatenate([in_distance, self._couplings]):
-            columns = np.flatnonzero(row)
-            sums.append(hy.sum([hy.par[k + i] * full[c] for i, c in enumerate(columns)]))
-            k += columns.size
-        events = [(distance, 0) for distance in sums[: len(self._flanks)]]
-        equations = zip(z, sums[len(self._flanks) :], strict=True)
-        self._integrator = self.compiled(equations, events)
+        phases = [order * (hy.par[0] + hy.time) for order in problem.system.harmonics.tolist()]
+        harmonics = [wave(phase) for phase in phases for wave in (hy.cos, hy.sin)]
+        full_state, sums, parameter_count = [*variables, hy.expression(1.0), *harmonics], [], 1
+        for is_nonzero in np.concatenate([in_distance, self._nonzero_entries]):
+            columns = np.flatnonzero(is_nonzero)
+            terms = [
+                hy.par[parameter_count + i] * full_state[column] for i, column in enumerate(columns)
+            ]
+            sums.append(hy.sum(terms))
+            parameter_count += columns.size
+        flank_count = len(self._flanks)
+        events = [(distance, 0) for distance in sums[:flank_count]]
+        equations = list(zip(variables, sums[flank_count:], strict=True))
+        self._compiled = self.compile(equations, events)
 
-    def branch(self, turn, start, z, segment, codes, exits):
-        """Return the integrator with the parameters of a segment and contact codes."""
-        self._values[0] = turn
-        matrix = self.problem.matrix(segment, codes)[self._couplings]
-        return *self._integrator, np.concatenate([self._values, matrix]), self._flanks
+    def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
+        """Return the compiled integrator with the parameters of a branch, for any state."""
+        self._values[0] = branch.period_start
+        matrix = self.problem.branch_matrix(branch.segment, branch.contact_codes)
+        values = np.concatenate([self._values, matrix[self._nonzero_entries]])
+        return _Equations(self._compiled, values, self._flanks)
 
 
 METHODS = {"heyoka": Heyoka()}

@@ -4,7 +4,10 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, ClassVar, NamedTuple
 
+import numpy as np
+
 from gearlib import checks
+from gearlib.engines.orbit import Record, Rows, Span
 from gearlib.engines.protocol import run_each
 
 
@@ -26,11 +29,11 @@ class Package(NamedTuple):
     module: str  #: name for its import
     distribution: str  #: name for its installation
 
-    def available(self):
+    def available(self) -> bool:
         """Return whether the package is installed, without importing it."""
         return find_spec(self.module) is not None
 
-    def note(self):
+    def note(self) -> str:
         """Return the command that installs the package."""
         return f"pip install {self.distribution}"
 
@@ -57,23 +60,50 @@ class Integrator:
     #: ``solver(model, tuning, span, **options)`` returns a `gearlib.integrators.recording.Run`.
     solver: Any
 
-    def run(self, model, tuning, state, span, samples=0, keep_events=True, **options):
-        """Run a model at one tuning and return its `Record` with `samples` per recorded period."""
+    def run(
+        self,
+        model,
+        tuning: float,
+        state,
+        span: Span,
+        samples: int = 0,
+        keep_events: bool = True,
+        **options,
+    ) -> Record:
+        """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
+
+        It has `samples` samples in each recorded period, and no events unless `keep_events`. The
+        options are those of the method.
+        """
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.solver(model, tuning, span, **options).run(state, span, *tables)
 
-    def takes(self, model):
-        """Return whether the method can run a model."""
+    def takes(self, model) -> bool:
+        """Return whether the method can run a model: only one mesh with one degree of freedom."""
         return model.one_mesh
 
-    def sweep(self, model, tunings, order, state, carry, span, rows, **options):
-        """Run a model at many tunings and fill the `gearlib.engines.orbit.Rows`."""
+    def sweep(
+        self,
+        model,
+        tunings: np.ndarray,
+        order: np.ndarray,
+        state,
+        warm_start: bool,
+        span: Span,
+        rows: Rows,
+        **options,
+    ) -> None:
+        """Run a model at many tunings, in an order of their indices, and fill their result rows.
 
-        def run(tuning, previous):
-            start = tuple(previous.final) if previous else state
+        With `warm_start` a run starts from the end of the run before, else from the given state.
+        The options are those of the method.
+        """
+
+        def run(tuning, previous_record):
+            start = tuple(previous_record.final) if previous_record else state
             return self.run(model, tuning, start, span, keep_events=False, **options)
 
-        run_each(run, tunings, order, carry, rows)
+        run_each(run, tunings, order, warm_start, rows)
 
 
 class Exact(Integrator):
@@ -83,18 +113,27 @@ class Exact(Integrator):
     EVENTS = "phases end at switches and crossings, which are isolated by proof"
     MODELS = "linear damping with rectangular stiffness, one or six degrees of freedom"
 
-    def takes(self, model):
+    def takes(self, model) -> bool:
         """Return whether the method can run a model: the model must have an engine for it."""
         return self.NAME in model.propagators
 
-    def run(self, model, tuning, state, span, samples=0, keep_events=True, **options):
-        """Run a model at one tuning and return its `Record`."""
+    def run(self, model, tuning, state, span, samples=0, keep_events=True, **options) -> Record:
+        """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
+
+        It has `samples` samples in each recorded period, and no events unless `keep_events`. The
+        options are those of the method.
+        """
         engine = model.propagator(tuning, self.NAME, **options)
         return engine.run(engine.start(state), span, samples, keep_events=keep_events)
 
-    def sweep(self, model, tunings, *arguments, **options):
-        """Run a model at many tunings; see `gearlib.engines.protocol.Base.sweep`."""
-        model.propagator(tunings[0], self.NAME, **options).sweep(tunings, *arguments)
+    def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:
+        """Run a model at many tunings, in an order of their indices, and fill their result rows.
+
+        With `warm_start` a run starts from the end of the run before, else from the given state.
+        The options are those of the method.
+        """
+        engine = model.propagator(tunings[0], self.NAME, **options)
+        engine.sweep(tunings, order, state, warm_start, span, rows)
 
 
 class Taylor(Exact):

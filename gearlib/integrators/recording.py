@@ -1,6 +1,8 @@
 """A run of a method with steps, and its record: samples, extrema, times and changes of contact."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -8,77 +10,104 @@ from gearlib.data import status
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
-from gearlib.engines.orbit import Record
-from gearlib.integrators.right_hand_sides import FAR, NEAR, codes_of
-from gearlib.integrators.steps.equation_of_motion import SIDE
+from gearlib.engines.orbit import Record, Span
+from gearlib.integrators.right_hand_sides import (
+    COAST_FLANK,
+    DRIVE_FLANK,
+    OneDegree,
+    PiecewiseLinear,
+    contact_codes_at,
+)
+from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
-TURN = 2.0 * math.pi
-#: Beyond it a motion has no digits left, or no room for squares.
-RANGE = 1e150
-#: Rounding of the phase of a long run: a period that starts so close to a step begins with it.
-SAME_PHASE = 1e-9
+#: Mesh phase of one mesh period, rad.
+MESH_PERIOD = 2.0 * math.pi
+#: Largest component of a state. Beyond it floats have no room for squares.
+MAX_STATE = 1e150
+#: A mesh period that starts this close before a step begins with the step. The tolerance covers
+#: the rounding of the phase of a long run.
+_PERIOD_START_TOLERANCE = 1e-9
 #: Column of a summary that holds the time at each contact code.
-_TIMES = {NORMAL: orbit.TIME_NORMAL, BACKLASH: orbit.TIME_BACKLASH, INVERSE: orbit.TIME_INVERSE}
+_TIME_COLUMNS = {
+    NORMAL: orbit.TIME_NORMAL,
+    BACKLASH: orbit.TIME_BACKLASH,
+    INVERSE: orbit.TIME_INVERSE,
+}
 
 
-def within_range(z):
-    """Return whether a state is finite with room for the squares that are taken of it."""
-    return bool(np.abs(z).max() < RANGE)
+def within_range(state: np.ndarray) -> bool:
+    """Return whether a state is finite and its squares do not overflow."""
+    return bool(np.abs(state).max() < MAX_STATE)
 
 
-def next_code(code, last, gap):
-    """Return the next contact code on the way from one to another."""
-    return int(last) if code == BACKLASH else (BACKLASH if gap > 0.0 else -code)
+def next_contact_code(code: int, final_code: int, backlash: float) -> int:
+    """Return the next contact code of a mesh on the way from a code to a final code.
+
+    Without backlash the contact changes directly from one flank to the other.
+    """
+    if code == BACKLASH:
+        return int(final_code)
+    return BACKLASH if backlash > 0.0 else -code
 
 
 class Run:
-    """A run of a problem of `right_hand_sides`; a subclass goes through its span.
+    """A run of a right-hand side; a subclass defines how `integrate` goes through the span.
 
-    Phases are counted from the start of a mesh period n, so that rounding does not grow with it.
+    Phases are counted from the start of a mesh period, so that rounding does not grow with time.
     """
 
-    def __init__(self, problem, **settings):
+    def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
         self.problem, self.settings, self.evaluations = problem, settings, 0
-        self.meshes = range(len(problem.gaps))
-        # Time below the mean since phase 0, by contact code + 1 and mesh.
-        spans = np.diff(problem.starts)[:, None] * problem.low
-        self._below = np.concatenate([0.0 * spans[:, :1], np.cumsum(spans, axis=1)], axis=1)
+        self.meshes = range(len(problem.backlashes))
+        # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.
+        times = np.diff(problem.segment_bounds)[:, None] * problem.below_mean
+        self._time_below_mean = np.concatenate(
+            [0.0 * times[:, :1], np.cumsum(times, axis=1)], axis=1
+        )
 
-    def go(self, z, codes):
-        """Integrate over the whole span from state z; return the final state and the status."""
+    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         raise NotImplementedError
 
-    def run(self, state, span, samples, events, summary):
-        """Run over a span and fill the tables; return the `Record`."""
-        problem, m, periods = self.problem, len(self.meshes), span.periods
-        self.first, self.periods, self.limit = periods - span.recorded, periods, span.max_events
-        self.samples, self.taken = samples, 0
-        self.per_period = len(samples) // span.recorded
+    def run(
+        self, state, span: Span, samples: np.ndarray, events: np.ndarray, summary: np.ndarray
+    ) -> Record:
+        """Run from a state over a span of mesh periods and fill the tables; return the `Record`.
+
+        The tables are those of `Record`. Events are kept if their table has rows.
+        """
+        problem, periods = self.problem, span.periods
+        self.periods, self.max_events = periods, span.max_events
+        self.first_recorded = periods - span.recorded
+        self.samples, self.sample_count = samples, 0
+        self.samples_per_period = len(samples) // span.recorded
         self.keep_events, self.events = len(events) > 0, []
-        self.summary = np.empty((m, SUMMARY_COLUMNS))
-        for row in self.summary:
-            orbit.clear_summary(row)
-        kept = min(periods, orbit.strobe_periods(problem.repeats))
-        self.strobe, self.strobes = periods - kept, np.empty((m, kept + 1, 2))
-        (z, codes), code, period = problem.start(state), status.OVERFLOW, 0
+        self.summary = np.empty((len(self.meshes), SUMMARY_COLUMNS))
+        for mesh_summary in self.summary:
+            orbit.clear_summary(mesh_summary)
+        strobe_periods = min(periods, orbit.strobe_periods(problem.repeats))
+        self.first_strobe = periods - strobe_periods
+        self.strobes = np.empty((len(self.meshes), strobe_periods + 1, 2))
+        (z, contact_codes), code, period = problem.initial_state(state), status.OVERFLOW, 0
         if within_range(z):
-            # What a diverging run overflows in is told by its status.
+            # The status reports a diverging run, so numpy need not warn of an overflow.
             with np.errstate(all="ignore"):
-                z, code = self.go(z, codes)
+                z, code = self.integrate(z, contact_codes)
         if code == status.OK:
             self.add_strobes(np.array([periods]), z[None])
-            period = self._period()
+            period = self._orbit_period()
         if self.events:
-            # A step over several changes of contact notes them mesh by mesh.
-            rows = sorted(self.events, key=lambda row: (*row[:2], row[-1]))
-            events = np.array(rows)[:, : events.shape[1]]
-        summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., : summary.shape[-1]]
+            # A step over several changes of contact adds them mesh by mesh.
+            sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
+            events = np.array(sorted_events)[:, : events.shape[1]]
+        columns = summary.shape[-1]
+        summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., :columns]
         events = events[: len(self.events) if code == status.OK else 0]
-        final = np.ravel(problem.ends(TURN * periods, z))
+        final = np.ravel(problem.final_state(MESH_PERIOD * periods, z))
         return Record(z, final, period, samples, events, summary, code, self.evaluations)
 
-    def _period(self):
-        """Return after how many mesh periods the strobes of all meshes repeat, 0: after none."""
+    def _orbit_period(self) -> int:
+        """Return the number of mesh periods after which all meshes repeat, 0 if they do not."""
         heights = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
         tuning, repeats = self.problem.tuning, self.problem.repeats
         periods = [
@@ -87,149 +116,260 @@ class Run:
         ]
         return 0 if 0 in periods else math.lcm(*periods)
 
-    def add_strobes(self, periods, states):
-        """Keep the states, shape (k, size), at the starts of mesh periods, those of the last."""
-        values = self.problem.observe(TURN * (periods % self.problem.repeats), states)
-        self.strobes[:, periods - self.strobe] = np.transpose(values, (2, 1, 0))
+    def _excitation_phase(self, period: Any) -> Any:
+        """Return the excitation phase at the start of a mesh period, its number or an array."""
+        return MESH_PERIOD * (period % self.problem.repeats)
 
-    def record(self, n, t, z, dense, shown=()):
-        """Record steps over switches and contact, whose contact is that of the states.
+    def add_strobes(self, periods: np.ndarray, states: np.ndarray) -> None:
+        """Keep the mesh motion of states, shape (k, size), at the starts of k mesh periods."""
+        motion = self.problem.mesh_motion(self._excitation_phase(periods), states)
+        self.strobes[:, periods - self.first_strobe] = np.transpose(motion, (2, 1, 0))
 
-        Step ends lie at t, shape (k + 1,), counted from the start of mesh period n, with states z,
-        shape (k + 1, size); contact changes on straight lines between them. ``dense(phases)``
-        returns states between them; at the phases `shown` the solution is shown too.
+    def record_steps(
+        self,
+        period: int,
+        t: np.ndarray,
+        states: np.ndarray,
+        interpolate: Callable,
+        refined_phases: np.ndarray | tuple = (),
+    ) -> None:
+        """Record k steps, in which switches and changes of contact are allowed.
+
+        The step ends t, shape (k + 1,), are counted from the start of mesh period `period`; states
+        have shape (k + 1, size). `interpolate(phases)` returns states between step ends. States at
+        refined phases count for extrema. Contact changes on straight lines between step ends.
         """
-        problem, turn = self.problem, TURN * (n % self.problem.repeats)
-        kept = np.arange(max(self.strobe, n), self.periods)
-        starts = TURN * (kept - n)
-        kept = kept[(starts > t[0] - SAME_PHASE) & (starts < t[-1])]
-        if kept.size:
-            self.add_strobes(kept, dense(TURN * (kept - n)))
-        begin = TURN * (self.first - n)
-        if t[-1] <= begin:
+        problem, start_phase = self.problem, self._excitation_phase(period)
+        strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
+        strobe_phases = MESH_PERIOD * (strobe_periods - period)
+        is_inside = (strobe_phases > t[0] - _PERIOD_START_TOLERANCE) & (strobe_phases < t[-1])
+        strobe_periods = strobe_periods[is_inside]
+        if strobe_periods.size:
+            strobe_states = interpolate(MESH_PERIOD * (strobe_periods - period))
+            self.add_strobes(strobe_periods, strobe_states)
+        record_start = MESH_PERIOD * (self.first_recorded - period)
+        if t[-1] <= record_start:
             return
-        skipped = max(int(np.searchsorted(t, begin, side="right")) - 1, 0)
-        t, z = t[skipped:], z[skipped:]
-        nodes, states = t.copy(), z.copy()
-        if t[0] < begin:
-            nodes[0], states[0] = begin, dense(np.array([begin]))[0]
-        self._add_samples(n, t[-1], dense)
-        lines = problem.lines(turn + t, z)
-        codes = codes_of(lines)
-        # At the end of a step the stiffness just before it.
-        before = problem.segment(turn + t[1:] - 2.0 * SIDE)
-        after = np.append(problem.segment(turn + nodes[:-1]), before[-1])
-        self._add_steps(turn + nodes, states, before, after, problem.codes(turn + nodes, states))
-        if len(shown):
-            shown = shown[shown > nodes[0]]
-            self._add_points(turn + shown, dense(shown), problem.segment(turn + shown - 2.0 * SIDE))
-        for j in self.meshes:
-            same = codes[:-1, j] == codes[1:, j]
-            unchanged = nodes[:-1][same], t[1:][same], codes[1:, j][same]
-            stretches = [
-                stretch
-                for i in np.flatnonzero(~same).tolist()
-                for stretch in self._changes(n, j, i, float(nodes[i]), t, z, lines, codes)
-            ]
-            changed = np.array(stretches).reshape(-1, 3).T
-            begins, ends, during = (np.append(*a) for a in zip(unchanged, changed, strict=True))
-            self._add_times(j, turn + begins, turn + ends, during)
+        skipped = max(int(np.searchsorted(t, record_start, side="right")) - 1, 0)
+        t, states = t[skipped:], states[skipped:]
+        recorded_t, recorded_states = t.copy(), states.copy()
+        if t[0] < record_start:
+            recorded_t[0] = record_start
+            recorded_states[0] = interpolate(np.array([record_start]))[0]
+        self._add_samples(period, t[-1], interpolate)
+        # A step ends with the segment before its end and starts with the segment after its start.
+        before = problem.segment_before(start_phase + t[1:])
+        after = np.append(problem.segment_after(start_phase + recorded_t[:-1]), before[-1])
+        contact_codes = problem.contact_codes(start_phase + recorded_t, recorded_states)
+        self._add_steps(start_phase + recorded_t, recorded_states, before, after, contact_codes)
+        if len(refined_phases):
+            refined_phases = refined_phases[refined_phases > recorded_t[0]]
+            phases, refined_states = start_phase + refined_phases, interpolate(refined_phases)
+            refined_codes = problem.contact_codes(phases, refined_states)
+            self._add_states(phases, refined_states, problem.segment_before(phases), refined_codes)
+        distances = problem.flank_distances(start_phase + t, states)
+        for mesh in self.meshes:
+            self._add_contact_times(period, mesh, recorded_t[:-1], t, states, distances)
 
-    def record_phase(self, n, t, z, dense, segment, codes):
-        """Record steps that begin and end within one segment and one phase of contact."""
-        turn = TURN * (n % self.problem.repeats)
+    def record_branch(
+        self,
+        period: int,
+        t: np.ndarray,
+        states: np.ndarray,
+        interpolate: Callable,
+        segment: int,
+        contact_codes: np.ndarray,
+    ) -> None:
+        """Record k steps within one stiffness segment, without a change of contact.
+
+        The step ends t, shape (k + 1,), are counted from the start of mesh period `period`; states
+        have shape (k + 1, size). `interpolate(phases)` returns states between step ends.
+        """
+        phases = self._excitation_phase(period) + t
         segments = np.full(len(t), segment)
-        # A sample that rounding puts just before the phase is one at its start.
-        self._add_samples(n, t[-1], lambda s: dense(np.clip(s, t[0], t[-1])), segment, codes)
-        self._add_steps(turn + t, z, segments[1:], segments, np.tile(codes, (len(t), 1)))
-        for j in self.meshes:
-            self._add_times(j, turn + t[:1], turn + t[-1:], codes[j : j + 1])
 
-    def _add_samples(self, n, end, dense, segment=None, codes=None):
-        """Fill the samples before `end`; segment and codes by default those of the state."""
-        problem, turn = self.problem, TURN * (n % self.problem.repeats)
-        before = (self.first - n) * self.per_period
-        most = min(len(self.samples), int(end / TURN * self.per_period) - before + 2)
-        phases = TURN * (np.arange(self.taken, most) + before) / max(self.per_period, 1)
-        phases = phases[phases < end - SIDE]
-        if not phases.size:
+        def interpolate_inside(sample_phases: np.ndarray) -> np.ndarray:
+            """Return states at phases, which rounding may put just before the first step."""
+            return interpolate(np.clip(sample_phases, t[0], t[-1]))
+
+        self._add_samples(period, t[-1], interpolate_inside, segment, contact_codes)
+        step_codes = np.tile(contact_codes, (len(t), 1))
+        self._add_steps(phases, states, segments[1:], segments, step_codes)
+        for mesh in self.meshes:
+            self._add_times(mesh, phases[:1], phases[-1:], contact_codes[mesh : mesh + 1])
+
+    def _add_samples(
+        self,
+        period: int,
+        end: float,
+        interpolate: Callable,
+        segment: int | None = None,
+        contact_codes: np.ndarray | None = None,
+    ) -> None:
+        """Fill the samples before the phase `end`, counted from the start of a mesh period.
+
+        `interpolate(phases)` returns states. Without a segment and contact codes those of the
+        states are used.
+        """
+        problem = self.problem
+        skipped = (self.first_recorded - period) * self.samples_per_period
+        next_sample = int(end / MESH_PERIOD * self.samples_per_period) - skipped + 2
+        numbers = np.arange(self.sample_count, min(len(self.samples), next_sample))
+        phases = MESH_PERIOD * (numbers + skipped) / max(self.samples_per_period, 1)
+        phases = phases[phases < end - SAME_PHASE_TOLERANCE]
+        count = len(phases)
+        if not count:
             return
-        t, z = turn + phases, dense(phases)
-        segments = problem.segment(t) if segment is None else np.full(len(t), segment)
-        codes = problem.codes(t, z) if codes is None else np.tile(codes, (len(t), 1))
-        self._add_points(t, z, segments, codes)
-        rows = self.samples[self.taken : self.taken + len(t)]
-        problem.fill(rows, t, z, segments, codes)
-        self.taken += len(t)
+        t, states = self._excitation_phase(period) + phases, interpolate(phases)
+        segments = problem.segment_after(t) if segment is None else np.full(count, segment)
+        if contact_codes is None:
+            codes = problem.contact_codes(t, states)
+        else:
+            codes = np.tile(contact_codes, (count, 1))
+        self._add_states(t, states, segments, codes)
+        new_samples = self.samples[self.sample_count : self.sample_count + count]
+        problem.fill_samples(new_samples, t, states, segments, codes)
+        self.sample_count += count
 
-    def _add_points(self, t, z, segments, codes=None):
-        """Add states to the extrema; return their forces and the rates of these, shape (k, m)."""
-        codes = self.problem.codes(t, z) if codes is None else codes
-        forces, rates = self.problem.forces(t, z, segments, codes)
-        s = self.summary
-        for values, high, low in (
-            (self.problem.observe(t, z)[0], orbit.X_MAX, orbit.X_MIN),
+    def _add_states(
+        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Add k states to the extrema; return (mesh forces, their rates by phase), shape (k, m).
+
+        Segments of the stiffness have shape (k,), contact codes (k, m).
+        """
+        forces, force_rates = self.problem.mesh_forces(t, states, segments, contact_codes)
+        displacements = self.problem.mesh_motion(t, states)[0]
+        for values, max_column, min_column in (
+            (displacements, orbit.X_MAX, orbit.X_MIN),
             (forces, orbit.FORCE_MAX, orbit.FORCE_MIN),
         ):
-            s[:, high] = np.maximum(s[:, high], values.max(axis=0, initial=-math.inf))
-            s[:, low] = np.minimum(s[:, low], values.min(axis=0, initial=math.inf))
-        return forces, rates
+            max_values = values.max(axis=0, initial=-math.inf)
+            min_values = values.min(axis=0, initial=math.inf)
+            maxima, minima = self.summary[:, max_column], self.summary[:, min_column]
+            self.summary[:, max_column] = np.maximum(maxima, max_values)
+            self.summary[:, min_column] = np.minimum(minima, min_values)
+        return forces, force_rates
 
-    def _add_steps(self, t, z, before, after, codes):
-        """Add steps to extrema and mean force, which takes forces and rates at their ends.
+    def _add_steps(
+        self,
+        t: np.ndarray,
+        states: np.ndarray,
+        segments_before: np.ndarray,
+        segments_after: np.ndarray,
+        contact_codes: np.ndarray,
+    ) -> None:
+        """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
-        Segments just before and after a step end may differ.
+        The step ends t have shape (k + 1,), their states (k + 1, size), contact codes (k + 1, m).
+        At a switch the segment before a step end, shape (k,), differs from that after, (k + 1,).
         """
-        h, (forces, rates) = np.diff(t)[:, None], self._add_points(t, z, after, codes)
-        last, last_rates = forces[1:].copy(), rates[1:].copy()
-        i = np.flatnonzero(before != after[1:])
+        h = np.diff(t)[:, None]
+        forces, rates = self._add_states(t, states, segments_after, contact_codes)
+        end_forces, end_rates = forces[1:].copy(), rates[1:].copy()
+        i = np.flatnonzero(segments_before != segments_after[1:])
         if i.size:
-            points = t[i + 1], z[i + 1], before[i], codes[i + 1]
-            last[i], last_rates[i] = self._add_points(*points)
-        areas = h / 2.0 * (forces[:-1] + last) + h * h / 12.0 * (rates[:-1] - last_rates)
+            end_forces[i], end_rates[i] = self._add_states(
+                t[i + 1], states[i + 1], segments_before[i], contact_codes[i + 1]
+            )
+        areas = h / 2.0 * (forces[:-1] + end_forces) + h * h / 12.0 * (rates[:-1] - end_rates)
         self.summary[:, FORCE_SUM] += areas.sum(axis=0)
 
-    def _add_times(self, j, start, end, codes):
-        """Add the times of mesh j at contact codes, each from a start to an end."""
-        for code, column in _TIMES.items():
-            a, b = start[codes == code], end[codes == code]
-            self.summary[j, column] += (b - a).sum()
-            if code != BACKLASH:
-                low = self._time_below(j, code, b) - self._time_below(j, code, a)
-                self.summary[j, orbit.TIME_LOW] += low.sum()
+    def _add_contact_times(
+        self,
+        period: int,
+        mesh: int,
+        recorded_starts: np.ndarray,
+        t: np.ndarray,
+        states: np.ndarray,
+        distances: np.ndarray,
+    ) -> None:
+        """Add the times at each contact code and the changes of contact of one mesh in k steps.
 
-    def _time_below(self, j, code, t):
-        """Return the time below the mean stiffness since phase 0, of a mesh at a contact code."""
-        starts, table = self.problem.starts, self._below[code + 1, :, j]
-        turns, inside = np.divmod(t, starts[-1])
-        return turns * table[-1] + np.interp(inside, starts, table)
-
-    def _changes(self, n, j, i, opening, t, z, lines, codes):
-        """Note the changes of contact of mesh j in step i, which is recorded from `opening`.
-
-        Returns rows (begin, end, contact code) of the stretches between them.
+        Steps with ends t, (k + 1,), are recorded from `recorded_starts`, (k,), on; both are counted
+        from the start of a mesh period. The flank distances have shape (k + 1, 2, m).
         """
-        code, last = int(codes[i, j]), int(codes[i + 1, j])
-        start, end, stretches = float(t[i]), float(t[i + 1]), []
-        while code != last:
-            after = next_code(code, last, self.problem.gaps[j])
-            line = NEAR if NORMAL in (code, after) else FAR
-            a, b = float(lines[i, line, j]), float(lines[i + 1, line, j])
-            share = a / (a - b) if a != b else 0.0
-            crossing = start + share * (end - start)
-            if crossing > opening:
-                self.add_event(n, crossing, z[i] + share * (z[i + 1] - z[i]), j, code, after)
-                stretches.append((opening, crossing, code))
-                opening = crossing
-            code = after
-        return [*stretches, (opening, end, code)]
+        start_phase = self._excitation_phase(period)
+        codes = contact_codes_at(distances[:, :, mesh : mesh + 1])[:, 0]
+        is_unchanged = codes[:-1] == codes[1:]
+        intervals = []
+        for i in np.flatnonzero(~is_unchanged).tolist():
+            start = float(recorded_starts[i])
+            ends = slice(i, i + 2)
+            intervals += self._add_changes(
+                period, mesh, start, t[ends], states[ends], distances[ends, :, mesh]
+            )
+        changed_starts, changed_ends, changed_codes = np.array(intervals).reshape(-1, 3).T
+        starts = np.append(recorded_starts[is_unchanged], changed_starts)
+        ends = np.append(t[1:][is_unchanged], changed_ends)
+        interval_codes = np.append(codes[1:][is_unchanged], changed_codes)
+        self._add_times(mesh, start_phase + starts, start_phase + ends, interval_codes)
 
-    def add_event(self, n, t, z, j, before, after):
-        """Note a change of contact of mesh j."""
-        if before == NORMAL:
-            self.summary[j, orbit.BOUNCES] += 1.0
+    def _add_times(
+        self, mesh: int, starts: np.ndarray, ends: np.ndarray, contact_codes: np.ndarray
+    ) -> None:
+        """Add intervals of phase, each with one contact code of a mesh, to the times in contact."""
+        for code, column in _TIME_COLUMNS.items():
+            start, end = starts[contact_codes == code], ends[contact_codes == code]
+            self.summary[mesh, column] += (end - start).sum()
+            if code != BACKLASH:
+                end_time = self._time_below_mean_until(mesh, code, end)
+                low_time = end_time - self._time_below_mean_until(mesh, code, start)
+                self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
+
+    def _time_below_mean_until(self, mesh: int, contact_code: int, t: np.ndarray) -> np.ndarray:
+        """Return the time from phase 0 to t in which the mesh stiffness is below its mean.
+
+        The stiffness is that of one mesh at a contact code.
+        """
+        bounds = self.problem.segment_bounds
+        time_until_bounds = self._time_below_mean[contact_code + 1, :, mesh]
+        repetitions, phase = np.divmod(t, bounds[-1])
+        return repetitions * time_until_bounds[-1] + np.interp(phase, bounds, time_until_bounds)
+
+    def _add_changes(
+        self,
+        period: int,
+        mesh: int,
+        recorded_start: float,
+        t: np.ndarray,
+        states: np.ndarray,
+        distances: np.ndarray,
+    ) -> list[tuple]:
+        """Add the changes of contact of a mesh in one step; return the intervals between them.
+
+        The step has the ends t, (2,), with states, (2, size), and flank distances, (2, 2). It is
+        recorded from `recorded_start` on. Intervals are (start, end, contact code).
+        """
+        code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
+        start, end = t.tolist()
+        intervals = []
+        while code != final_code:
+            next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
+            flank = DRIVE_FLANK if NORMAL in (code, next_code) else COAST_FLANK
+            distance, end_distance = distances[:, flank].tolist()
+            share = 0.0
+            if distance != end_distance:
+                share = distance / (distance - end_distance)
+            crossing = start + share * (end - start)
+            if crossing > recorded_start:
+                state = states[0] + share * (states[1] - states[0])
+                self.add_event(period, crossing, state, mesh, code, next_code)
+                intervals.append((recorded_start, crossing, code))
+                recorded_start = crossing
+            code = next_code
+        return [*intervals, (recorded_start, end, code)]
+
+    def add_event(
+        self, period: int, t: float, state: np.ndarray, mesh: int, code_before: int, code_after: int
+    ) -> None:
+        """Add a change of contact of a mesh at the phase t, counted from the start of a period."""
+        if code_before == NORMAL:
+            self.summary[mesh, orbit.BOUNCES] += 1.0
         if self.keep_events:
-            more = int(t // TURN)
-            turn = TURN * (n % self.problem.repeats)
-            speed = float(self.problem.observe(turn + t, z)[1][j])
-            self.events.append((n + more, t - more * TURN, before, after, speed, j))
+            passed_periods = int(t // MESH_PERIOD)
+            phase = t - passed_periods * MESH_PERIOD
+            motion = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
+            speed = float(motion[1][mesh])
+            event = (period + passed_periods, phase, code_before, code_after, speed, mesh)
+            self.events.append(event)

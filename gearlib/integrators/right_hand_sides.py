@@ -1,15 +1,17 @@
 """Models as right-hand sides for methods with steps: dimensionless, over the phase of the run.
 
 A branch of a model is one segment of constant stiffness with one contact code for each of its m
-meshes. Where t is an array, shape (k,), states have a row for each, shape (k, size), and so has
-what a problem returns. Both classes have the attributes
+meshes. If t is an array, shape (k,), states have a row for each phase, shape (k, size), and so have
+the results. Both classes have the attributes
 
-``starts, first, low``
-    phases that bound the segments, where the mesh periods begin among them, and which segments lie
-    below the mean: by contact code + 1, segment and mesh;
-``repeats, gaps, closing``
-    mesh periods after which the excitation repeats; of each mesh its backlash in static
-    deflections, and whether both flanks might touch at once.
+``segment_bounds, first_segment``
+    phases that bound the segments, and the index of the first segment of each mesh period;
+``below_mean``
+    whether the stiffness is below its mean, by contact code + 1, segment and mesh;
+``repeats``
+    mesh periods after which the excitation repeats;
+``backlashes, may_jam``
+    backlash of each mesh in static deflections, and whether both flanks might touch at once.
 """
 
 from typing import Any
@@ -22,251 +24,343 @@ from gearlib.engines.linear.train_run import set_contacts
 from gearlib.engines.linear.train_system import matrix_of, set_harmonics
 from gearlib.engines.pair.motion import contact_between
 from gearlib.integrators.steps import equation_of_motion
-from gearlib.integrators.steps.equation_of_motion import SIDE
+from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
-#: Flank lines of a mesh.
-NEAR, FAR = 0, 1
+#: Indices of the flanks of a mesh in arrays of distances.
+DRIVE_FLANK, COAST_FLANK = 0, 1
 
 
-def problem_of(model, tuning):
+def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
     """Return the right-hand side of a model at one tuning."""
-    return Linear(model, tuning) if model.equation is None else OneDegree(model, tuning)
+    return PiecewiseLinear(model, tuning) if model.equation is None else OneDegree(model, tuning)
 
 
-def codes_of(lines):
-    """Return the contact codes of distances from near and far flanks, shape (..., 2, m)."""
-    near, far = lines[..., NEAR, :], lines[..., FAR, :]
-    return np.where(near >= 0.0, NORMAL, np.where(far <= 0.0, INVERSE, BACKLASH))
+def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
+    """Return contact codes, shape (..., m), of distances from both flanks, shape (..., 2, m)."""
+    drive = flank_distances[..., DRIVE_FLANK, :]
+    coast = flank_distances[..., COAST_FLANK, :]
+    return np.where(drive >= 0.0, NORMAL, np.where(coast <= 0.0, INVERSE, BACKLASH))
 
 
-class _Problem:
+class _RightHandSide:
     """Segments and contact of a right-hand side."""
 
-    starts: Any
-    lines: Any
-    speeds: Any
+    segment_bounds: Any
+    flank_distances: Any
+    flank_distance_rates: Any
 
-    def segment(self, t):
-        """Return the segment of constant stiffness just after a phase."""
-        after = np.searchsorted(self.starts, (t + SIDE) % self.starts[-1], side="right")
-        return np.minimum(after, len(self.starts) - 1) - 1
+    def segment_after(self, t: float | np.ndarray) -> np.ndarray:
+        """Return the index of the segment of constant stiffness just after the phase t."""
+        phase = (t + SAME_PHASE_TOLERANCE) % self.segment_bounds[-1]
+        next_bound = np.searchsorted(self.segment_bounds, phase, side="right")
+        return np.minimum(next_bound, len(self.segment_bounds) - 1) - 1
 
-    def codes(self, t, z):
-        """Return the contact codes of a state, int, shape (m,)."""
-        return codes_of(self.lines(t, z))
+    def segment_before(self, t: float | np.ndarray) -> np.ndarray:
+        """Return the index of the segment of constant stiffness just before the phase t."""
+        return self.segment_after(t - 2.0 * SAME_PHASE_TOLERANCE)
 
-    def due(self, t, z, exits, distance):
-        """Return which exit z is beyond, or before by less than a distance, going out; or None."""
-        lines, speeds = self.lines(t, z).tolist(), None
-        for i, leave in enumerate(exits):
-            if leave.direction * lines[leave.line][leave.mesh] > -distance:
-                speeds = self.speeds(t, z) if speeds is None else speeds
-                if leave.direction * speeds[leave.line][leave.mesh] > 0.0:
+    def contact_codes(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the contact codes of the meshes, shape (..., m), in a state at the phase t."""
+        return contact_codes_at(self.flank_distances(t, state))
+
+    def reached_crossing(
+        self, t: float, state: np.ndarray, crossings: list, tolerance: float
+    ) -> int | None:
+        """Return the index of the first flank crossing that a state has reached, or None.
+
+        A state has reached a `FlankCrossing` if it is beyond the flank line, or before it by less
+        than the tolerance, and moves in the direction of the crossing.
+        """
+        distances, rates = self.flank_distances(t, state).tolist(), None
+        for i, crossing in enumerate(crossings):
+            distance = distances[crossing.flank][crossing.mesh]
+            if crossing.direction * distance > -tolerance:
+                rates = self.flank_distance_rates(t, state) if rates is None else rates
+                if crossing.direction * rates[crossing.flank][crossing.mesh] > 0.0:
                     return i
         return None
 
 
-class OneDegree(_Problem):
-    """One degree of freedom, any damping, stiffness and excitation; z = (x, x').
+class OneDegree(_RightHandSide):
+    """One degree of freedom, any damping, stiffness and excitation, with the state (x, x').
 
-    With a `sharpness` the contact law is smoothed.
+    With a `sharpness` above 0 the contact law is smoothed.
     """
 
-    def __init__(self, model, tuning, sharpness=0.0):
+    def __init__(self, model, tuning: float, sharpness: float = 0.0):
         self.law = law = model.law(tuning)
-        self.contact = equation_of_motion.contact_law(law, sharpness)
-        self.starts, self.first = law.breaks, np.array([0, len(law.low)])
-        self.low = np.repeat(law.low[None, :, None], 3, axis=0)
-        self.repeats, self.gaps = 1, np.array([law.gap])
-        self.closing = np.array([False])
-        self._edges = np.array([law.upper, law.lower])
+        self.contact_law = equation_of_motion.contact_law_of(law, sharpness)
+        self.segment_bounds = law.segment_bounds
+        self.first_segment = np.array([0, len(law.below_mean)])
+        self.below_mean = np.repeat(law.below_mean[None, :, None], 3, axis=0)
+        self.repeats, self.backlashes = 1, np.array([law.backlash])
+        self.may_jam = np.array([False])
+        self._flank_lines = np.array([law.drive_line, law.coast_line])
         self.tuning = tuning
 
-    def start(self, state):
-        """Return (z, contact codes) at phase 0."""
-        return np.array(state, dtype=float), np.array([contact_between(*self._edges, *state)])
+    def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
+        """Return (state, contact codes) at phase 0 for a displacement and dx/dtau."""
+        contact_code = contact_between(*self._flank_lines, *state)
+        return np.array(state, dtype=float), np.array([contact_code])
 
-    def ends(self, t, z):
-        """Return what a run returns of a state: displacement and velocity."""
-        return float(z[0]), float(z[1])
+    def final_state(self, t: float, state: np.ndarray) -> tuple[float, float]:
+        """Return displacement and velocity of a state at the phase t, as results report them."""
+        return float(state[0]), float(state[1])
 
-    def lines(self, t, z):
-        """Return the distances from near and far flanks, shape (2, m)."""
-        return (z[..., :1] - self._edges)[..., None]
+    def flank_distances(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the distances of the mesh from drive and coast flank, shape (..., 2, 1)."""
+        return (state[..., :1] - self._flank_lines)[..., None]
 
-    def speeds(self, t, z):
-        """Return the rates of `lines` by phase, the same on every branch."""
-        return np.full((2, 1), z[1])
+    def flank_distance_rates(self, t: float, state: np.ndarray) -> np.ndarray:
+        """Return the rates by phase of the flank distances, shape (2, 1)."""
+        return np.full((2, 1), state[1])
 
-    def observe(self, t, z):
-        """Return (displacements, velocities) of the meshes."""
-        return z[..., :1], z[..., 1:]
+    def mesh_motion(self, t: float | np.ndarray, state: np.ndarray) -> tuple:
+        """Return (displacement, velocity) of the mesh, each of shape (..., 1)."""
+        return state[..., :1], state[..., 1:]
 
-    def put(self, t, z, mesh, line, distance):
-        """Move z to a distance from a line."""
-        z[0] += distance - (z[0] - self._edges[line])
+    def set_distance(
+        self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
+    ) -> None:
+        """Move a state, in place, to a distance from a flank line; there is only one mesh."""
+        state[0] += distance - (state[0] - self._flank_lines[flank])
 
-    def jammed(self, t, z):
-        """Return whether both flanks touch at once: those of one mesh stand still."""
+    def is_jammed(self, t: float, state: np.ndarray) -> bool:
+        """Return False: the flanks of one degree of freedom stand still and never touch at once."""
         return False
 
-    def rate(self, t, z, segment, codes):
-        """Return z' on a branch."""
-        branch = np.array([t]), z[None], np.array([segment]), codes[None]
-        return np.array([z[1], self._on_branches(*branch)[2, 0]])
+    def branch_derivative(
+        self, t: float, state: np.ndarray, segment: int, contact_codes: np.ndarray
+    ) -> np.ndarray:
+        """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
+        branch = np.array([t]), state[None], np.array([segment]), contact_codes[None]
+        return np.array([state[1], self._branch_forces(*branch)[2, 0]])
 
-    def field(self, t, z):
-        """Return z' on the branch of a state."""
-        return np.array([z[1], equation_of_motion.rate(self.contact, self.law, t, *z)])
+    def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
+        """Return the derivative of a state by phase, with the contact that the state has."""
+        x, v = state
+        acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.law, t, x, v)
+        return np.array([v, acceleration])
 
-    def _on_branches(self, t, z, segments, codes):
-        """Return stiffness, elastic deflection, acceleration, shape (3, k)."""
-        # Of one layout, since kernels are compiled for each.
-        rows = [np.ascontiguousarray(a) for a in (t, segments, codes[:, 0], z)]
-        return equation_of_motion.on_branches(self.contact, self.law, *rows).T
+    def _branch_forces(
+        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
+    ) -> np.ndarray:
+        """Return stiffness, spring force over stiffness, and acceleration of k states, (3, k).
 
-    def rates_of_steps(self, start, z, end, new):
-        """Return z' at the starts and ends of steps, each with the stiffness inside the step."""
-        first, last = self.segment(start), self.segment(end - 2.0 * SIDE)
-        ends = (start, z, first), (end, new, last)
-        accelerations = [self._on_branches(t, y, p, self.codes(t, y))[2] for t, y, p in ends]
-        return np.stack([[z[:, 1], new[:, 1]], accelerations], axis=-1)
+        Contact codes have shape (k, 1), states (k, 2).
+        """
+        # numba compiles a kernel for each memory layout, so all arrays get the same one.
+        arguments = [
+            np.ascontiguousarray(array) for array in (t, segments, contact_codes[:, 0], states)
+        ]
+        return equation_of_motion.forces_and_accelerations(self.contact_law, self.law, *arguments).T
 
-    def forces(self, t, z, segments, codes):
-        """Return (elastic force, 0): nobody asks one mesh for its mean force."""
-        c, g, _ = self._on_branches(t, z, segments, codes)
-        forces = (self.tuning**2 * c * g)[:, None]
+    def rates_at_step_ends(
+        self, start: np.ndarray, states: np.ndarray, end: np.ndarray, new_states: np.ndarray
+    ) -> np.ndarray:
+        """Return derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
+
+        The steps lead from states at the phases `start` to new states at the phases `end`. Both
+        derivatives use the stiffness inside the step.
+        """
+        accelerations = [
+            self._branch_forces(t, z, segments, self.contact_codes(t, z))[2]
+            for t, z, segments in (
+                (start, states, self.segment_after(start)),
+                (end, new_states, self.segment_before(end)),
+            )
+        ]
+        return np.stack([[states[:, 1], new_states[:, 1]], accelerations], axis=-1)
+
+    def mesh_forces(
+        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return (elastic forces, zeros) of k states on branches, shape (k, 1).
+
+        The zeros stand for force rates, which only the mean force of trains needs.
+        """
+        stiffness, spring, _ = self._branch_forces(t, states, segments, contact_codes)
+        forces = (self.tuning**2 * stiffness * spring)[:, None]
         return forces, np.zeros_like(forces)
 
-    def fill(self, samples, t, z, segments, codes):
-        """Fill the sample table, shape (k, 6), with states on branches."""
-        c, g, a = self._on_branches(t, z, segments, codes)
-        c = self.tuning**2 * c
-        samples[:] = np.stack([z[:, 0], z[:, 1], a, codes[:, 0], c, c * g], axis=1)
+    def fill_samples(
+        self,
+        samples: np.ndarray,
+        t: np.ndarray,
+        states: np.ndarray,
+        segments: np.ndarray,
+        contact_codes: np.ndarray,
+    ) -> None:
+        """Fill the sample table, shape (k, 6), with states on stiffness segments and contacts."""
+        stiffness, spring, acceleration = self._branch_forces(t, states, segments, contact_codes)
+        stiffness = self.tuning**2 * stiffness
+        x, v = states[:, 0], states[:, 1]
+        columns = [x, v, acceleration, contact_codes[:, 0], stiffness, stiffness * spring]
+        samples[:] = np.stack(columns, axis=1)
 
 
-class Linear(_Problem):
-    """A piecewise-linear system; its constant and its harmonics are given, not solved.
+class PiecewiseLinear(_RightHandSide):
+    """A piecewise-linear system, whose constant and harmonics are given functions of the phase.
 
-    Rates are by phase; those of a train by theta, reference frequency times time.
+    A full state is a state followed by the constant 1 and the harmonics. Rates are by phase; rates
+    of a train system are by theta, reference frequency times time.
     """
 
-    def __init__(self, model, tuning):
+    def __init__(self, model, tuning: float):
         self.propagator = model.propagator(tuning)
         self.system, self._grid = self.propagator.whole()
         system, size = self.system, model.size
-        self.starts, self.first, self.low = system.starts, system.first_segment, system.low
+        self.segment_bounds, self.first_segment = system.starts, system.first_segment
+        self.below_mean = system.low
         lines = np.atleast_2d(np.array(model.flank_lines).reshape(2, -1))
-        self.gaps, self.closing = lines[0] - lines[1], self._grid.may_jam
+        self.backlashes, self.may_jam = lines[0] - lines[1], self._grid.may_jam
         self.repeats = system.repeats
-        self.tuning, self.size, self._train = tuning, size, bool(model.mesh_names)
-        #: From states to those of the system, all components.
-        self.unit = np.ones(len(system.base_matrix))
-        if not self._train:
-            self.unit[:size] = self.propagator.scale
-        self.distances = self.unit * np.stack([system.drive_lines, system.coast_lines])
-        self._columns = np.moveaxis(self.distances, 2, 1).copy()
-        self._rates = (
-            self.unit * np.stack([self._grid.drive_rates, self._grid.coast_rates]) / tuning
+        self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
+        #: Factors from full states to those of the system.
+        self.scale = np.ones(len(system.base_matrix))
+        if not self._is_train:
+            self.scale[:size] = self.propagator.scale
+        #: Functionals of the full state: distances from both flanks, shape (2, m, full size).
+        self.distances = self.scale * np.stack([system.drive_lines, system.coast_lines])
+        self._distance_columns = np.moveaxis(self.distances, 2, 1).copy()
+        self._distance_rates = (
+            self.scale * np.stack([self._grid.drive_rates, self._grid.coast_rates]) / tuning
         )
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.drive_lines))
         # Moves of the coordinates that change the distance of one mesh only.
-        self._apart = [np.linalg.pinv(rows[:, : size // 2]) for rows in self.distances]
+        self._separate_moves = [
+            np.linalg.pinv(mesh_vectors[:, : size // 2]) for mesh_vectors in self.distances
+        ]
 
-    def full(self, t, z):
-        """Return z with the constant and the harmonics at a phase."""
-        whole = np.empty((*np.shape(t), self.unit.size))
-        whole[..., : self.size] = z
-        fill = set_harmonics if whole.ndim == 1 else equation_of_motion.set_harmonics_of_rows
-        fill(self.system.harmonics, whole, t)
-        return whole
+    def full_state(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return a state followed by the constant 1 and the harmonics at the phase t."""
+        full = np.empty((*np.shape(t), self.scale.size))
+        full[..., : self.size] = state
+        if full.ndim == 1:
+            set_harmonics(self.system.harmonics, full, t)
+        else:
+            equation_of_motion.set_harmonics_of_states(self.system.harmonics, full, t)
+        return full
 
-    def start(self, state):
-        """Return (z, contact codes) at phase 0."""
-        z = self.propagator.start(state) * (self.propagator.scale / self.unit[: self.size])
-        n, m = self.unit.size, self._meshes.size
-        work = new_work(n, n, m)
-        work.state[:] = self.unit * self.full(0.0, z)
+    def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
+        """Return (state, contact codes) at phase 0 for a start of the model."""
+        state_scale = self.scale[: self.size]
+        z = self.propagator.start(state) * (self.propagator.scale / state_scale)
+        full_size, mesh_count = self.scale.size, self._meshes.size
+        work = new_work(full_size, full_size, mesh_count)
+        work.state[:] = self.scale * self.full_state(0.0, z)
         set_contacts(self.system, self._grid.no_coast_side, work, 0)
         return z, work.contact.copy()
 
-    def ends(self, t, z):
-        """Return what a run returns of a state: that of one mesh, coordinates of a train."""
-        if self._train:
+    def final_state(self, t: float, state: np.ndarray) -> tuple:
+        """Return (displacements, velocities) as results report them.
+
+        Those of a train are of all coordinates, those of one mesh two floats.
+        """
+        if self._is_train:
             half = self.size // 2
-            state = z / self.propagator.scale
-            return state[:half], state[half:]
-        return tuple(float(values[0]) for values in self.observe(t, z))
+            scaled_state = state / self.propagator.scale
+            return scaled_state[:half], scaled_state[half:]
+        return tuple(float(values[0]) for values in self.mesh_motion(t, state))
 
-    def lines(self, t, z):
-        """Return the distances from near and far flanks."""
-        lines = self.full(t, z) @ self._columns
-        return np.moveaxis(lines, 0, 1) if isinstance(t, np.ndarray) else lines
+    def flank_distances(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return distances of the meshes from drive and coast flank, shape (..., 2, m)."""
+        distances = self.full_state(t, state) @ self._distance_columns
+        return np.moveaxis(distances, 0, 1) if isinstance(t, np.ndarray) else distances
 
-    def speeds(self, t, z):
-        """Return the rates of `lines` by phase, the same on every branch."""
-        return self._rates @ self.full(t, z)
+    def flank_distance_rates(self, t: float, state: np.ndarray) -> np.ndarray:
+        """Return the rates by phase of the flank distances, shape (2, m)."""
+        return self._distance_rates @ self.full_state(t, state)
 
-    def observe(self, t, z):
-        """Return (displacements, velocities) of the meshes."""
-        full = self.full(t, z)
-        return full @ self.distances[NEAR].T, full @ self._rates[NEAR].T
+    def mesh_motion(self, t: float | np.ndarray, state: np.ndarray) -> tuple:
+        """Return (displacements, velocities) of the meshes, each of shape (..., m)."""
+        full = self.full_state(t, state)
+        return full @ self.distances[DRIVE_FLANK].T, full @ self._distance_rates[DRIVE_FLANK].T
 
-    def put(self, t, z, mesh, line, distance):
-        """Move z to a distance from a line."""
-        distance = distance - float(self.distances[line, mesh] @ self.full(t, z))
-        z[: self.size // 2] += self._apart[line][:, mesh] * distance
+    def set_distance(
+        self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
+    ) -> None:
+        """Move a state, in place, to a distance of one mesh from a flank line."""
+        present_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
+        move = self._separate_moves[flank][:, mesh]
+        state[: self.size // 2] += move * (distance - present_distance)
 
-    def jammed(self, t, z):
-        """Return whether both flanks touch at once in a mesh."""
-        return equation_of_motion.jammed(self.system, self.closing, t, z * self.unit[: self.size])
+    def is_jammed(self, t: float, state: np.ndarray) -> bool:
+        """Return whether both flanks of a mesh touch at once in a state at the phase t."""
+        system_state = state * self.scale[: self.size]
+        return equation_of_motion.is_jammed(self.system, self.may_jam, t, system_state)
 
-    def couplings(self):
-        """Return which entries of `matrix` differ from zero on any branch, bool."""
-        push, grip = (
-            self.system.force_input[..., : self.size, None],
-            self.system.force_output[..., None, :],
+    def nonzero_entries(self) -> np.ndarray:
+        """Return which entries of `branch_matrix` differ from zero on any branch, bool."""
+        system = self.system
+        force_input = system.force_input[..., : self.size, None]
+        force_output = system.force_output[..., None, :]
+        has_force = (force_input * force_output != 0.0).any(axis=(0, 1, 2))
+        return (system.base_matrix[: self.size] != 0.0) | has_force
+
+    def branch_matrix(self, segment: int, contact_codes: np.ndarray) -> np.ndarray:
+        """Return the matrix that maps full states to derivatives of the state by phase.
+
+        It belongs to a segment of the stiffness and the contact codes of the meshes.
+        """
+        branch = segment, contact_codes.tobytes()
+        if branch not in self._matrices:
+            matrix = np.empty_like(self.system.base_matrix)
+            effects = self.system.effect[contact_codes + 1, segment, self._meshes]
+            matrix_of(self.system, effects, matrix)
+            scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
+            self._matrices[branch] = scaled_matrix * self.scale / self.tuning
+        return self._matrices[branch]
+
+    def branch_derivative(
+        self, t: float, state: np.ndarray, segment: int, contact_codes: np.ndarray
+    ) -> np.ndarray:
+        """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
+        return self.branch_matrix(segment, contact_codes) @ self.full_state(t, state)
+
+    def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
+        """Return the derivative of a state by phase, with the contact that the state has."""
+        scale = self.scale[: self.size]
+        return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
+
+    def rates_at_step_ends(
+        self, start: np.ndarray, states: np.ndarray, end: np.ndarray, new_states: np.ndarray
+    ) -> np.ndarray:
+        """Return the slopes of straight lines over k steps, twice, shape (2, k, size).
+
+        The steps lead from states at the phases `start` to new states at the phases `end`.
+        """
+        return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
+
+    def mesh_forces(
+        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
+    ) -> np.ndarray:
+        """Return (elastic forces of the meshes, their rates by phase), shape (2, k, m).
+
+        States have shape (k, size), contact codes (k, m).
+        """
+        full = self.full_state(t, states)
+        stiffness = self.system.stiffness[contact_codes + 1, segments[:, None], self._meshes]
+        stiffness = stiffness * (contact_codes != BACKLASH)
+        drive, coast = (
+            np.stack(
+                [full @ vectors[flank].T for vectors in (self.distances, self._distance_rates)]
+            )
+            for flank in (DRIVE_FLANK, COAST_FLANK)
         )
-        return (self.system.base_matrix[: self.size] != 0.0) | (push * grip != 0.0).any(
-            axis=(0, 1, 2)
-        )
+        # A missing coast flank has infinite distances, which `where` never selects.
+        return stiffness * np.where(contact_codes == NORMAL, drive, coast)
 
-    def matrix(self, segment, codes):
-        """Return the matrix of a branch, from z, the constant and the harmonics to z'."""
-        key = segment, codes.tobytes()
-        if key not in self._matrices:
-            whole = np.empty_like(self.system.base_matrix)
-            matrix_of(self.system, self.system.effect[codes + 1, segment, self._meshes], whole)
-            rows = whole[: self.size] / self.unit[: self.size, None]
-            self._matrices[key] = rows * self.unit / self.tuning
-        return self._matrices[key]
-
-    def rate(self, t, z, segment, codes):
-        """Return z' on a branch."""
-        return self.matrix(segment, codes) @ self.full(t, z)
-
-    def field(self, t, z):
-        """Return z' on the branch of a state."""
-        unit = self.unit[: self.size]
-        return equation_of_motion.train_rate(self.system, t, z * unit) / unit
-
-    def rates_of_steps(self, start, z, end, new):
-        """Return the slope of the straight line, for the starts and ends of steps."""
-        return np.stack(2 * [(new - z) / (end - start)[:, None]])
-
-    def forces(self, t, z, segments, codes):
-        """Return (elastic forces of the meshes, their rates by phase)."""
-        full = self.full(t, z)
-        c = self.system.stiffness[codes + 1, segments[:, None], self._meshes] * (codes != BACKLASH)
-        near, far = (
-            np.stack([full @ rows[line].T for rows in (self.distances, self._rates)])
-            for line in (NEAR, FAR)
-        )
-        # Nothing is far behind a flank that is not there.
-        return c * np.where(codes == NORMAL, near, far)
-
-    def fill(self, samples, t, z, segments, codes):
-        """Fill the samples of the model."""
-        raw = np.concatenate([self.unit * self.full(t, z), codes, segments[:, None]], axis=1)
-        self.propagator.fill(raw, samples, self.system)
+    def fill_samples(
+        self,
+        samples: np.ndarray,
+        t: np.ndarray,
+        states: np.ndarray,
+        segments: np.ndarray,
+        contact_codes: np.ndarray,
+    ) -> None:
+        """Fill the sample table of the model with k states on stiffness segments and contacts."""
+        system_states = self.scale * self.full_state(t, states)
+        table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
+        self.propagator.fill(table, samples, self.system)

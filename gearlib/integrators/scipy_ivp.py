@@ -1,9 +1,8 @@
-"""scipy's solvers of initial-value problems, as they come or split at switches and contact.
+"""scipy's solvers of initial-value problems, without events or split at switches and contact.
 
-``events=False``: one run over the whole span, the loop of `scipy.integrate.solve_ivp` step by step,
-so that dense output is kept only where it is looked at. ``events=True``: what a careful user
-writes; `solve_ivp` ends at every switch of stiffness, and at contact by terminal events, and is
-started again.
+``events=False``: one run over the whole span, in the steps of `scipy.integrate.solve_ivp`; dense
+output is kept only where it is recorded. ``events=True``: `solve_ivp` ends at every switch of
+stiffness, and by terminal events at every change of contact, and is started again.
 """
 
 from functools import partial
@@ -12,10 +11,11 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
+from gearlib.engines.orbit import Span
 from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
-from gearlib.integrators.recording import TURN, Run, within_range
-from gearlib.integrators.right_hand_sides import problem_of
-from gearlib.integrators.split import Phase, Split, Stall
+from gearlib.integrators.recording import MESH_PERIOD, Run, within_range
+from gearlib.integrators.right_hand_sides import right_hand_side
+from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
 
 SOLVERS = ("RK45", "DOP853", "Radau", "LSODA")
 #: Number of steps that are taken before they are recorded together.
@@ -38,99 +38,129 @@ class Scipy(Integrator):
         ),
     }
 
-    def takes(self, model):
+    def takes(self, model) -> bool:
         """Return True: the method can run all models."""
         return True
 
-    def solver(self, model, tuning, span, solver, rtol, atol, events):
-        """Return the `Run` of a model at one tuning over a span of mesh periods."""
-        kind = _Split if events else _Whole
-        return kind(problem_of(model, tuning), method=solver, rtol=rtol, atol=atol)
+    def solver(
+        self,
+        model,
+        tuning: float,
+        span: Span,
+        solver: str,
+        rtol: float,
+        atol: float,
+        events: bool,
+    ) -> Run:
+        """Return the `Run` of a model at one tuning by the scipy solver with a name.
+
+        With `events` the run is split at switches of stiffness and at changes of contact.
+        """
+        run_class = _SplitRun if events else _WholeRun
+        return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
 
 
-class _Whole(Run):
+class _WholeRun(Run):
     """One run over the whole span."""
 
-    def go(self, z, codes):
-        """Integrate over the whole span from state z; return the final state and the status."""
-        from scipy import integrate
-
-        def rate(t, z):
-            self.evaluations += 1
-            return self.problem.field(t, z)
-
-        tolerances = dict(self.settings)
-        kind = getattr(integrate, tolerances.pop("method"))
-        solver = kind(rate, 0.0, z, TURN * self.periods, **tolerances)
-        counted, period, steps = 0, 0, []
-        if self.strobe == 0:
-            self.add_strobes(np.array([0]), z[None])
+    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        solver = self._create_solver(state)
+        steps_in_period, period, steps = 0, 0, []
+        if self.first_strobe == 0:
+            self.add_strobes(np.array([0]), state[None])
         while solver.status == "running":
             t, z = solver.t, solver.y.copy()
-            if int(t // TURN) > period:
-                period, counted = int(t // TURN), 0
-            if counted >= self.limit:
+            if int(t // MESH_PERIOD) > period:
+                period, steps_in_period = int(t // MESH_PERIOD), 0
+            if steps_in_period >= self.max_events:
                 return z, status.EVENT_LIMIT
-            counted += 1
+            steps_in_period += 1
             solver.step()
             if not within_range(solver.y):
                 return solver.y, status.OVERFLOW
-            if self.problem.jammed(solver.t, solver.y):
+            if self.problem.is_jammed(solver.t, solver.y):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return z, status.STALLED
-            recorded = solver.t > TURN * self.first
-            if recorded or solver.t // TURN > max(t // TURN, self.strobe - 1):
+            is_recorded = solver.t > MESH_PERIOD * self.first_recorded
+            passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
+            if is_recorded or passes_strobe:
                 steps.append((t, z, solver.dense_output()))
-            if steps and (not recorded or len(steps) == _STEPS_PER_RECORD):
-                self._record(steps, solver)
+            if steps and (not is_recorded or len(steps) == _STEPS_PER_RECORD):
+                self._record_solver_steps(steps, solver)
                 steps = []
         if steps:
-            self._record(steps, solver)
+            self._record_solver_steps(steps, solver)
         return solver.y, status.OK
 
-    def _record(self, steps, solver):
-        """Record steps (phase, state, dense output) up to the present state of a solver."""
+    def _create_solver(self, state: np.ndarray):
+        """Return the scipy solver, which starts from a state at phase 0 and counts evaluations."""
+        from scipy import integrate
+
+        def derivative(t, z):
+            self.evaluations += 1
+            return self.problem.derivative(t, z)
+
+        solver_class = getattr(integrate, self.settings["method"])
+        tolerances = {"rtol": self.settings["rtol"], "atol": self.settings["atol"]}
+        return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
+
+    def _record_solver_steps(self, steps: list[tuple], solver) -> None:
+        """Record steps (start phase, start state, dense output) up to the state of the solver."""
         from scipy.integrate import OdeSolution
 
-        starts, states, outputs = zip(*steps, strict=True)
-        t, n = np.array([*starts, solver.t]), int(starts[0] // TURN)
-        solution, turn = OdeSolution(t, outputs), TURN * n
-        states = np.array([*states, solver.y])
-        self.record(n, t - turn, states, lambda phases: solution(phases + turn).T)
+        phases = np.array([step[0] for step in steps] + [solver.t])
+        states = np.array([step[1] for step in steps] + [solver.y])
+        solution = OdeSolution(phases, [step[2] for step in steps])
+        period = int(steps[0][0] // MESH_PERIOD)
+        start = MESH_PERIOD * period
+        self.record_steps(period, phases - start, states, lambda t: solution(t + start).T)
 
 
-class _Split(Split):
-    """Runs of `solve_ivp` with terminal events."""
+class _SplitRun(Split):
+    """A run by `solve_ivp` with terminal events."""
 
-    def _distance(self, turn, leave, t, z):
-        """Return the distance from the line of an exit, in the mesh period from `turn` on."""
-        return self.problem.lines(turn + t, z)[leave.line][leave.mesh]
+    def _flank_distance(
+        self, period_start: float, crossing: FlankCrossing, t: float, state: np.ndarray
+    ) -> float:
+        """Return the distance of a state from the flank of a crossing.
 
-    def solve(self, turn, start, end, z, segment, codes, exits):
-        """Take one phase; see `Split`."""
+        The phase t is counted from the phase `period_start`.
+        """
+        distances = self.problem.flank_distances(period_start + t, state)
+        return distances[crossing.flank][crossing.mesh]
+
+    def solve(self, branch: Branch, state: np.ndarray) -> Arc:
+        """Return the `Arc` from a state to a crossing or the end of a branch, or raise `Stall`."""
         from scipy.integrate import solve_ivp
 
-        def rate(t, z):
-            self.evaluations += 1
-            return self.problem.rate(turn + t, z, segment, codes)
+        period_start, start, end, segment, contact_codes, crossings = branch
 
-        events = [partial(self._distance, turn, leave) for leave in exits]
-        for event, leave in zip(events, exits, strict=True):
-            vars(event).update(terminal=True, direction=leave.direction)
-        done = solve_ivp(
-            rate,
+        def derivative(t, z):
+            self.evaluations += 1
+            return self.problem.branch_derivative(period_start + t, z, segment, contact_codes)
+
+        events = []
+        for crossing in crossings:
+            event = partial(self._flank_distance, period_start, crossing)
+            vars(event).update(terminal=True, direction=crossing.direction)
+            events.append(event)
+        solution = solve_ivp(
+            derivative,
             (start, end),
-            z,
-            dense_output=self.keep and self.taken < len(self.samples),
+            state,
+            dense_output=self.is_recording and self.sample_count < len(self.samples),
             events=events,
             **self.settings,
         )
-        if done.status < 0:
+        if solution.status < 0:
             raise Stall
-        hit = next((i for i, times in enumerate(done.t_events) if times.size), None)
-        dense = (lambda times: done.sol(times).T) if done.sol is not None else None
-        return Phase(done.t, done.y.T, hit, dense)
+        reached = [i for i, times in enumerate(solution.t_events) if times.size]
+        interpolate = None
+        if solution.sol is not None:
+            interpolate = lambda phases: solution.sol(phases).T  # noqa: E731
+        return Arc(solution.t, solution.y.T, reached[0] if reached else None, interpolate)
 
 
 METHODS = {"scipy": Scipy()}

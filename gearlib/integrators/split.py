@@ -1,6 +1,6 @@
-"""Runs that are split at switches of stiffness and at contact of any mesh.
+"""Runs that are split at switches of stiffness and at changes of contact of any mesh.
 
-A subclass of `Split` says how its solver takes one phase, which no event interrupts.
+A subclass of `Split` defines how its solver integrates one arc, which no switch interrupts.
 """
 
 import itertools
@@ -12,26 +12,42 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines.codes import BACKLASH, BOTH, INVERSE, NORMAL
-from gearlib.integrators.recording import TURN, Run, next_code, within_range
-from gearlib.integrators.right_hand_sides import FAR, NEAR
+from gearlib.integrators.recording import MESH_PERIOD, Run, next_contact_code, within_range
+from gearlib.integrators.right_hand_sides import (
+    COAST_FLANK,
+    DRIVE_FLANK,
+    OneDegree,
+    PiecewiseLinear,
+)
 
 
-class Exit(NamedTuple):
-    """A flank line whose crossing ends the present contact of a mesh."""
+class FlankCrossing(NamedTuple):
+    """A crossing of a flank line that ends the present contact of a mesh."""
 
     mesh: int
-    line: int  #: NEAR or FAR
-    direction: int  #: sign of the rate of its distance at the crossing
-    after: int  #: contact code of the mesh after the crossing
+    flank: int  #: DRIVE_FLANK or COAST_FLANK
+    direction: int  #: sign of the rate of the flank distance at the crossing
+    code_after: int  #: contact code of the mesh after the crossing
 
 
-class Phase(NamedTuple):
-    """The solution between two events."""
+class Branch(NamedTuple):
+    """An arc with constant contact on one segment, before it is integrated."""
+
+    period_start: float  #: phase of the excitation at the start of the mesh period
+    start: float  #: phase of the start, counted from `period_start`
+    end: float  #: phase of the end of the segment, counted from `period_start`
+    segment: int  #: index of the segment of constant stiffness
+    contact_codes: np.ndarray  #: of the meshes, shape (m,)
+    crossings: list[FlankCrossing]  #: crossings that end the arc early
+
+
+class Arc(NamedTuple):
+    """The solution on an arc."""
 
     t: np.ndarray  #: mesh phases of the step ends, counted from the start of the mesh period
-    z: np.ndarray  #: states at the step ends
-    hit: int | None = None  #: index of the exit that ended it; None: it reached the end
-    dense: Callable | None = None  #: ``dense(phases)`` returns states; None: it is not recorded
+    states: np.ndarray  #: states at the step ends
+    crossing: int | None = None  #: index of the crossing that ended the arc, None at its end
+    interpolate: Callable | None = None  #: returns states at phases; None if it is not recorded
 
 
 class Stall(Exception):
@@ -44,92 +60,135 @@ class Split(Run):
     Simultaneous events of several meshes are treated one after the other.
     """
 
-    #: Distance from the flank line after a crossing, as a share of the norm of the state. An event
-    #: function must not start at zero.
-    OFF = 1e-14
+    #: Distance from the flank line after a crossing, as a share of the norm of the state. It is
+    #: needed because an event function must not start at zero.
+    RESTART_DISTANCE = 1e-14
 
-    def __init__(self, problem, **settings):
+    def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
         super().__init__(problem, **settings)
-        starts, first = problem.starts, problem.first.tolist()
-        #: Of each mesh period: rows (segment, its start, its end).
-        self._pieces = []
-        for a, b in itertools.pairwise(first):
-            bounds = (starts[a : b + 1] - starts[a]).tolist()
-            bounds[-1] = TURN
-            self._pieces.append(list(zip(range(a, b), bounds, bounds[1:], strict=False)))
+        #: For each mesh period: (segment, start, end) of its segments.
+        self._segments = []
+        for first, next_first in itertools.pairwise(problem.first_segment.tolist()):
+            phases = problem.segment_bounds[first : next_first + 1]
+            bounds = (phases - phases[0]).tolist()
+            bounds[-1] = MESH_PERIOD
+            segments = zip(range(first, next_first), bounds[:-1], bounds[1:], strict=True)
+            self._segments.append(list(segments))
 
-    def away(self, z):
-        """Return the distance from the flank line after a crossing at state z."""
-        return self.OFF * max(1.0, math.sqrt(z @ z))
+    def restart_distance(self, state: np.ndarray) -> float:
+        """Return the distance from the flank line at which a state restarts after a crossing."""
+        return self.RESTART_DISTANCE * max(1.0, math.sqrt(state @ state))
 
-    def solve(self, turn, start, end, z, segment, codes, exits):
-        """Return the `Phase` from state z at `start` to an exit or to `end`, or raise `Stall`.
+    def solve(self, branch: Branch, state: np.ndarray) -> Arc:
+        """Return the `Arc` from a state to a crossing or to the end of a branch, or raise `Stall`.
 
-        `start` and `end` are mesh phases counted from `turn`, the start of the mesh period. All
-        steps and the dense output are returned if `self.keep` is true.
+        If `self.is_recording`, the arc has all steps and an interpolation.
         """
         raise NotImplementedError
 
-    def exits(self, codes):
-        """Return the `Exit`s that are possible at the contact codes of the meshes."""
-        exits = []
-        for j, code in enumerate(codes.tolist()):
-            gap = self.problem.gaps[j]
+    def possible_crossings(self, contact_codes: np.ndarray) -> list[FlankCrossing]:
+        """Return the flank crossings that can end the contacts of the meshes, codes (m,)."""
+        crossings = []
+        for mesh, code in enumerate(contact_codes.tolist()):
+            backlash = self.problem.backlashes[mesh]
             if code == BACKLASH:
-                exits.append(Exit(j, NEAR, 1, NORMAL))
-                if gap < math.inf:
-                    exits.append(Exit(j, FAR, -1, INVERSE))
+                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, 1, NORMAL))
+                if backlash < math.inf:
+                    crossings.append(FlankCrossing(mesh, COAST_FLANK, -1, INVERSE))
             else:
-                after, line = next_code(code, BACKLASH, gap), NEAR if code == NORMAL else FAR
-                exits.append(Exit(j, line, -code, after))
-                if self.problem.closing[j]:
-                    exits.append(Exit(j, FAR - line, -code, BOTH))
-        return exits
+                code_after = next_contact_code(code, BACKLASH, backlash)
+                is_drive = code == NORMAL
+                flank, other_flank = (
+                    (DRIVE_FLANK, COAST_FLANK) if is_drive else (COAST_FLANK, DRIVE_FLANK)
+                )
+                crossings.append(FlankCrossing(mesh, flank, -code, code_after))
+                if self.problem.may_jam[mesh]:
+                    crossings.append(FlankCrossing(mesh, other_flank, -code, BOTH))
+        return crossings
 
-    def go(self, z, codes):
-        """Integrate over the whole span from state z; return the final state and the status."""
+    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         problem = self.problem
-        if problem.jammed(0.0, z):
-            return z, status.JAMMED
-        exits = self.exits(codes)
-        for leave in exits:
-            if problem.lines(0.0, z)[leave.line][leave.mesh] == 0.0:
-                problem.put(0.0, z, *leave[:2], -leave.direction * self.away(z))
-        for n in range(self.periods):
-            turn = TURN * (n % problem.repeats)
-            if n >= self.strobe:
-                self.add_strobes(np.array([n]), z[None])
-            self.keep, runs = n >= self.first, 0
-            for segment, t, end in self._pieces[n % len(self._pieces)]:
-                while t < end:
-                    runs += 1
-                    if runs > self.limit:
-                        return z, status.EVENT_LIMIT
-                    # On a flank within rounding: the solver may see no change of sign.
-                    hit = problem.due(turn + t, z, exits, 0.5 * self.away(z))
-                    if hit is None:
-                        try:
-                            phase = self.solve(turn, t, end, z, segment, codes, exits)
-                        except Stall:
-                            return z, status.STALLED if within_range(z) else status.OVERFLOW
-                        if self.keep:
-                            self.record_phase(n, phase.t, phase.z, phase.dense, segment, codes)
-                        t, z, hit = phase.t[-1], phase.z[-1].copy(), phase.hit
-                    if hit is not None:
-                        codes = self._change(n, t, z, codes, exits[hit])
-                        exits = self.exits(codes)
-                        if BOTH in codes:
-                            return z, status.JAMMED
-            if not within_range(z):
-                return z, status.OVERFLOW
-        return z, status.OK
+        if problem.is_jammed(0.0, state):
+            return state, status.JAMMED
+        for crossing in self.possible_crossings(contact_codes):
+            mesh, flank, direction, _ = crossing
+            if problem.flank_distances(0.0, state)[flank][mesh] == 0.0:
+                distance = -direction * self.restart_distance(state)
+                problem.set_distance(0.0, state, mesh, flank, distance)
+        for period in range(self.periods):
+            if period >= self.first_strobe:
+                self.add_strobes(np.array([period]), state[None])
+            self.is_recording, self.arc_count = period >= self.first_recorded, 0
+            for segment, start, end in self._segments[period % len(self._segments)]:
+                state, contact_codes, code = self._integrate_segment(
+                    period, segment, start, end, state, contact_codes
+                )
+                if code != status.OK:
+                    return state, code
+            if not within_range(state):
+                return state, status.OVERFLOW
+        return state, status.OK
 
-    def _change(self, n, t, z, codes, leave):
-        """Move state z just beyond the flank line that was crossed; return the contact codes."""
-        turn = TURN * (n % self.problem.repeats)
-        self.problem.put(turn + t, z, *leave[:2], leave.direction * self.away(z))
-        if self.keep:
-            self.add_event(n, t, z, leave.mesh, int(codes[leave.mesh]), leave.after)
-        codes = codes.copy()
-        codes[leave.mesh] = leave.after
-        return codes
+    def _integrate_segment(
+        self,
+        period: int,
+        segment: int,
+        start: float,
+        end: float,
+        state: np.ndarray,
+        contact_codes: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """Integrate over a segment of constant stiffness; return (state, contact codes, status).
+
+        The phases `start` and `end` are counted from the start of the mesh period.
+        """
+        t, period_start = start, self._excitation_phase(period)
+        crossings = self.possible_crossings(contact_codes)
+        while t < end:
+            self.arc_count += 1
+            if self.arc_count > self.max_events:
+                return state, contact_codes, status.EVENT_LIMIT
+            # The solver may see no change of sign if the state is on a flank within rounding.
+            tolerance = 0.5 * self.restart_distance(state)
+            index = self.problem.reached_crossing(period_start + t, state, crossings, tolerance)
+            if index is None:
+                branch = Branch(period_start, t, end, segment, contact_codes, crossings)
+                try:
+                    arc = self.solve(branch, state)
+                except Stall:
+                    code = status.STALLED if within_range(state) else status.OVERFLOW
+                    return state, contact_codes, code
+                if self.is_recording:
+                    self.record_branch(
+                        period, arc.t, arc.states, arc.interpolate, segment, contact_codes
+                    )
+                t, state, index = arc.t[-1], arc.states[-1].copy(), arc.crossing
+            if index is not None:
+                contact_codes = self._cross(period, t, state, contact_codes, crossings[index])
+                crossings = self.possible_crossings(contact_codes)
+                if BOTH in contact_codes:
+                    return state, contact_codes, status.JAMMED
+        return state, contact_codes, status.OK
+
+    def _cross(
+        self,
+        period: int,
+        t: float,
+        state: np.ndarray,
+        contact_codes: np.ndarray,
+        crossing: FlankCrossing,
+    ) -> np.ndarray:
+        """Move a state just beyond the flank line that it crosses; return the new contact codes.
+
+        The phase t is counted from the start of the mesh period.
+        """
+        mesh, flank, direction, code_after = crossing
+        phase = self._excitation_phase(period) + t
+        distance = direction * self.restart_distance(state)
+        self.problem.set_distance(phase, state, mesh, flank, distance)
+        if self.is_recording:
+            self.add_event(period, t, state, mesh, int(contact_codes[mesh]), code_after)
+        contact_codes = contact_codes.copy()
+        contact_codes[mesh] = code_after
+        return contact_codes

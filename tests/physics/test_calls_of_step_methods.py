@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.engines.pair.stiffness import levels
-from gearlib.integrators.steps.equation_of_motion import Contact
+from gearlib.integrators.steps.equation_of_motion import ContactLaw
 from gearlib.integrators.steps.fixed import Scheme, alpha_step
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
 
@@ -85,7 +85,7 @@ def test_spectral_radius_is_what_is_left_per_step(rho):
 def test_a_step_end_in_the_jump_of_the_damping_lies_on_the_flank():
     # Damping in contact only: with it the step would end below the flank, without it above.
     none, linear = (0.0, 0.0, 0.0), (20.0, 0.0, 0.0)
-    contact = Contact(linear, none, linear, (0.0, 0.0), 0.0, -4.0, 0.0)
+    contact = ContactLaw(linear, none, linear, (0.0, 0.0), 0.0, -4.0, 0.0)
     newmark = Scheme(False, True, 0.0, 0.0, 0.25, 0.5)
     x, v, a, _, converged = alpha_step(contact, newmark, 0.1, 1.0, 0.0, -0.01, 0.1005, 0.0)
     assert converged and abs(x) < 1e-15

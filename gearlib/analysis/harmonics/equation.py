@@ -52,19 +52,20 @@ class MeshEquation:
         self.samples = samples or default_samples(harmonics)
         law, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
         self.law = law._replace(
-            material=law.material + linear_damping, oil=law.oil + linear_damping
+            drive_damping=law.drive_damping + linear_damping,
+            backlash_damping=law.backlash_damping + linear_damping,
         )
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
-        for order, cosine, sine in law.force:
+        for order, cosine, sine in law.force_harmonics:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
         #: Mean mesh stiffness, and the load: 1 / nu^2.
         self.unit = 1.0 / tuning**2
         #: Linear damping 2 beta / nu of the flanks in contact.
-        self.rate = float(self.law.material[0])
+        self.rate = float(self.law.drive_damping[0])
         #: The mean-stiffness oscillator on the harmonics, 1 / nu^2 - k^2 + 2 i beta k / nu.
         self.symbol = self.unit - self.orders**2 + 1j * self.rate * self.orders
 
@@ -93,11 +94,11 @@ class MeshEquation:
         """Return the `Force` on the grid, damping and mesh, of a motion given by its harmonics."""
         law, (x, v) = self.law, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        contact = _flank(x, v, step) + _FAR_SIGNS * _flank(-(x + law.gap), -v, step)
+        contact = _flank(x, v, step) + _FAR_SIGNS * _flank(-(x + law.backlash), -v, step)
         share, share_x, share_v, depth, depth_x, depth_v = contact
-        material, material_v = _damping(law.material, v)
-        oil, oil_v = _damping(law.oil, v)
-        p2, p3 = law.powers
+        material, material_v = _damping(law.drive_damping, v)
+        oil, oil_v = _damping(law.backlash_damping, v)
+        p2, p3 = law.stiffness_powers
         mesh = depth * (1.0 + p2 * np.abs(depth) + p3 * depth**2)
         slope = self.stiffness * (1.0 + 2.0 * p2 * np.abs(depth) + 3.0 * p3 * depth**2)
         return Force(
@@ -120,10 +121,11 @@ class MeshEquation:
         """
         force, law = self.force(coefficients), self.law
         v, share = self.motion(coefficients)[1], force.share
-        jump = law.material - law.oil
+        jump = law.drive_damping - law.backlash_damping
         acceleration = self.on_grid(self.excitation) - force.value
         return (
-            _damping(law.oil, v)[1] + share * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
+            _damping(law.backlash_damping, v)[1]
+            + share * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
             share * (jump[0] + jump[1] * np.abs(v) + jump[2] * v**2),
             force.slope - share * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
         )
@@ -211,16 +213,16 @@ def _stiffness_coefficients(law: Any, highest: int) -> np.ndarray:
     They follow from the jumps of value and slope between the linear pieces.
     """
     n = np.arange(1, highest + 1)
-    lengths = np.diff(law.breaks)
-    ends = law.pieces[:, 0] + law.pieces[:, 1] * lengths
+    lengths = np.diff(law.segment_bounds)
+    ends = law.stiffness_lines[:, 0] + law.stiffness_lines[:, 1] * lengths
     coefficients = np.zeros(highest + 1, complex)
-    coefficients[0] = np.sum((law.pieces[:, 0] + ends) / 2.0 * lengths) / (2.0 * np.pi)
-    jumps = law.pieces[:, 0] - np.roll(ends, 1)
-    slope_jumps = law.pieces[:, 1] - np.roll(law.pieces[:, 1], 1)
-    for phase, jump, slope_jump in zip(law.breaks[:-1], jumps, slope_jumps, strict=True):
+    coefficients[0] = np.sum((law.stiffness_lines[:, 0] + ends) / 2.0 * lengths) / (2.0 * np.pi)
+    jumps = law.stiffness_lines[:, 0] - np.roll(ends, 1)
+    slope_jumps = law.stiffness_lines[:, 1] - np.roll(law.stiffness_lines[:, 1], 1)
+    for phase, jump, slope_jump in zip(law.segment_bounds[:-1], jumps, slope_jumps, strict=True):
         wave = np.exp(-1j * n * phase) / (2.0 * np.pi)
         coefficients[1:] += wave * (jump / (1j * n) - slope_jump / n**2)
-    for order, cosine, sine in law.stiffness:
+    for order, cosine, sine in law.stiffness_harmonics:
         if order <= highest:
             coefficients[int(order)] += (cosine - 1j * sine) / 2.0
     return coefficients

@@ -130,7 +130,7 @@ def run_period(
         work.progress[0] = grid.lengths[first]
         work.progress[1] = 0.0
         if grid.sample_starts.shape[0] == 0:
-            orbit.equal_steps(samples, n + m, system.starts[last] - system.starts[first])
+            orbit.fill_sample_phases(samples, n + m, system.starts[last] - system.starts[first])
     while work.counters[SEGMENT] < last:
         segment, combination, remaining = work.counters[SEGMENT], -1, work.progress[0]
         while remaining > 0.0:

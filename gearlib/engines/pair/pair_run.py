@@ -160,7 +160,7 @@ def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, su
             )
         if per_period > 0:
             rows = samples[i * per_period : (i + 1) * per_period]
-            orbit.equal_steps(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+            orbit.fill_sample_phases(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
             recorded_arcs.sample_arcs(mesh, arcs, count, rows)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):

@@ -36,8 +36,8 @@ _W, _RATE, _ACCELERATION, _DRAG, _STIFF, _SLOPE = range(6)
 @inlined
 def max_stiffness(law):
     """Return a bound of the mesh stiffness of both flanks over the mesh period."""
-    near = _max_of_waves(law.pieces, law.stiffness)
-    return max(near, _max_of_waves(law.far_pieces, law.far_stiffness))
+    near = _max_of_waves(law.stiffness_lines, law.stiffness_harmonics)
+    return max(near, _max_of_waves(law.coast_stiffness_lines, law.coast_stiffness_harmonics))
 
 
 @inlined

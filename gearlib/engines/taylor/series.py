@@ -43,31 +43,31 @@ class Law(NamedTuple):
     """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
 
     tuning: float
-    gap: float  #: backlash in static deflections, upper - lower
-    material: np.ndarray  #: d1, d2, d3 in normal contact, shape (3,)
-    oil: np.ndarray  #: d1, d2, d3 in the backlash, shape (3,)
-    powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
-    breaks: np.ndarray  #: phases that bound the pieces of c(tau), shape (m + 1,), 0 to 2 pi
-    pieces: np.ndarray  #: c at the start of a piece and its slope, shape (m, 2)
-    low: np.ndarray  #: bool, whether c lies below its mean on a piece, shape (m,)
-    stiffness: np.ndarray  #: harmonics added to c: order, cosine, sine, shape (j, 3)
-    force: np.ndarray  #: harmonics of F (order 0 the mean): order, cosine, sine, shape (k, 3)
+    backlash: float  #: in static deflections, drive_line - coast_line
+    drive_damping: np.ndarray  #: d1, d2, d3 in drive-side contact, shape (3,)
+    backlash_damping: np.ndarray  #: d1, d2, d3 in the backlash, shape (3,)
+    stiffness_powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
+    segment_bounds: np.ndarray  #: phases that bound the segments of c(tau), (m + 1,), 0 to 2 pi
+    stiffness_lines: np.ndarray  #: c at the start of a segment and its slope, shape (m, 2)
+    below_mean: np.ndarray  #: bool, whether c lies below its mean on a segment, shape (m,)
+    stiffness_harmonics: np.ndarray  #: added to c: order, cosine, sine, shape (j, 3)
+    force_harmonics: np.ndarray  #: of F (order 0 the mean): order, cosine, sine, shape (k, 3)
     tolerance: float  #: truncation error of a step, in static deflections
-    # In gear pairs the normal flank lies at 0, both flanks have the same laws, and ground = 0.
-    upper: float  #: displacement of the normal flank
-    lower: float  #: displacement of the far flank
-    ground: float  #: e, stiffness towards x = 0 in all contacts
-    far_damping: np.ndarray  #: d1, d2, d3 in inverse contact, shape (3,)
-    far_pieces: np.ndarray  #: as `pieces`, of the far flank
-    far_stiffness: np.ndarray  #: as `stiffness`, of the far flank
+    # In gear pairs the drive flank lies at 0, both flanks have the same laws, and e = 0.
+    drive_line: float  #: displacement of the drive flank
+    coast_line: float  #: displacement of the coast flank
+    ground_stiffness: float  #: e, stiffness towards x = 0 in all contacts
+    coast_damping: np.ndarray  #: d1, d2, d3 in back-side contact, shape (3,)
+    coast_stiffness_lines: np.ndarray  #: as `stiffness_lines`, of the coast flank
+    coast_stiffness_harmonics: np.ndarray  #: as `stiffness_harmonics`, of the coast flank
 
 
 @inlined
 def damping_of(law, contact):
     """Return the damping coefficients d1, d2, d3 of a contact code, shape (3,)."""
     if contact == BACKLASH:
-        return law.oil
-    return law.material if contact == NORMAL else law.far_damping
+        return law.backlash_damping
+    return law.drive_damping if contact == NORMAL else law.coast_damping
 
 
 @inlined
@@ -98,26 +98,34 @@ def tables(law):
     The shapes are (3, m, COLUMNS), by contact code + 1 and piece, and (4, n, ORDER + 4), whose rows
     end with zeros.
     """
-    most = max(law.stiffness.shape[0], law.far_stiffness.shape[0], law.force.shape[0])
-    constants = np.empty((3, law.pieces.shape[0], COLUMNS))
+    most = max(
+        law.stiffness_harmonics.shape[0],
+        law.coast_stiffness_harmonics.shape[0],
+        law.force_harmonics.shape[0],
+    )
+    constants = np.empty((3, law.stiffness_lines.shape[0], COLUMNS))
     harmonics = np.zeros((4, most + 1, ORDER + 4))
-    load = _fill_harmonics(law.force, harmonics[EXCITATION])
+    load = _fill_harmonics(law.force_harmonics, harmonics[EXCITATION])
     for contact in (INVERSE, BACKLASH, NORMAL):
         # In the backlash the stiffness is recorded, but exerts no force.
         far = contact == INVERSE
-        waves = law.far_stiffness if far else law.stiffness
+        waves = law.coast_stiffness_harmonics if far else law.stiffness_harmonics
         mean = _fill_harmonics(waves, harmonics[contact + 1])
-        pieces = law.far_pieces if far else law.pieces
+        pieces = law.coast_stiffness_lines if far else law.stiffness_lines
         damping = damping_of(law, contact)
         side = 1.0 if contact == NORMAL else -1.0
         for piece in range(pieces.shape[0]):
             row = constants[contact + 1, piece]
             row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
-            row[P2], row[P3] = side * law.powers[0], law.powers[1]
-            row[LINE] = law.lower if far else law.upper
+            row[P2], row[P3] = side * law.stiffness_powers[0], law.stiffness_powers[1]
+            row[LINE] = law.coast_line if far else law.drive_line
             row[LEVEL], row[SLOPE] = pieces[piece, 0] + mean, pieces[piece, 1]
-            row[START], row[GROUND], row[LOAD] = law.breaks[piece], law.ground, load
-            row[UPPER], row[LOWER], row[TUNING] = law.upper, law.lower, law.tuning
+            row[START], row[GROUND], row[LOAD] = (
+                law.segment_bounds[piece],
+                law.ground_stiffness,
+                load,
+            )
+            row[UPPER], row[LOWER], row[TUNING] = law.drive_line, law.coast_line, law.tuning
             row[STEP_SCALE] = law.tolerance ** (1.0 / ORDER)
     return constants, harmonics
 

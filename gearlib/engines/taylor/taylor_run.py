@@ -14,7 +14,7 @@ from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OV
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
 from gearlib.engines.pair.motion import contact_between
-from gearlib.engines.polynomial import WORK_ROWS, first_fall, horner, lowest_of_parabola
+from gearlib.engines.polynomial import WORK_ROWS, first_fall, horner, min_of_parabola
 from gearlib.engines.taylor.deviations import (
     longest_deviation_step,
     map_crossing,
@@ -68,7 +68,7 @@ def first_crossing(series, row, line, side, h, to_bernstein, work):
     """
     tail, curve = _fill_scaled(series, row, line, side, h), series[SCALED]
     # Most steps are far from the line, as their parabola and the other terms show.
-    if lowest_of_parabola(curve[0], curve[1], curve[2]) > tail:
+    if min_of_parabola(curve[0], curve[1], curve[2]) > tail:
         return 2.0
     return first_fall(curve, to_bernstein, work)
 
@@ -170,7 +170,7 @@ def samples_of(samples, recorded_period, record_periods):
     """Return the rows of samples of a recorded mesh period, with the phases to be sampled."""
     count = samples.shape[0] // max(record_periods, 1)
     rows = samples[max(recorded_period, 0) * count : (recorded_period + 1) * count]
-    orbit.equal_steps(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+    orbit.fill_sample_phases(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
     return rows
 
 
@@ -188,11 +188,16 @@ def run_nonlinear(
     series, work = np.zeros((ROWS, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     deviation, stiffest = np.zeros((6, ORDER + 1)), max_stiffness(law)
     # Fields are read once, because each access to a named tuple counts references.
-    breaks, low, tuning, with_maps = law.breaks, law.low, law.tuning, maps.shape[0] > 0
+    breaks, low, tuning, with_maps = (
+        law.segment_bounds,
+        law.below_mean,
+        law.tuning,
+        maps.shape[0] > 0,
+    )
     strobe_count = min(periods, orbit.STROBE_PERIODS) if record_periods else 0
     strobes = np.empty((strobe_count + 1, 2))
     event_rows, steps = 0, 0
-    contact, sign = contact_between(law.upper, law.lower, x, v), math.copysign(1.0, v)
+    contact, sign = contact_between(law.drive_line, law.coast_line, x, v), math.copysign(1.0, v)
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW, steps
     for period in range(periods):

@@ -12,10 +12,10 @@ import numpy as np
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW, STALLED
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
-from gearlib.integrators.steps.equation_of_motion import rate_at
+from gearlib.integrators.steps.equation_of_motion import acceleration_at
 
 _NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
-_WEIGHTS = np.array(
+_STAGE_WEIGHTS = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -26,9 +26,12 @@ _WEIGHTS = np.array(
         [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
     ]
 )
-_ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-#: Dense output: rows of stages, columns of powers 1 to 4 of the share of the step.
-DENSE = np.array(
+_ERROR_WEIGHTS = np.array(
+    [71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]
+)
+#: Weights of the dense output: a row for each stage, columns for the powers 1 to 4 of the share
+#: of the step.
+DENSE_WEIGHTS = np.array(
     [
         [1.0, -183 / 64, 37 / 12, -145 / 128],
         [0.0, 0.0, 0.0, 0.0],
@@ -41,105 +44,127 @@ DENSE = np.array(
 )
 
 
-class Control(NamedTuple):
-    """Step control."""
+class StepControl(NamedTuple):
+    """Tolerances and longest step of the step control."""
 
     rtol: float
     atol: float  #: static deflections, and dx/dtau
-    max_step: float  #: phase
+    max_step: float  #: rad of mesh phase
 
 
 @inlined
-def _take_step(breaks, lines, waves, force, m, t, h, x, v, stages):
-    """Fill stages 2 to 7, rows (x', x''), from the first; return the state at the end."""
+def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
+    """Return the displacement and velocity after a Runge-Kutta step of length h from phase t.
+
+    Stages, shape (7, 2), are rates (x', x''): the first is given, the others are filled. The
+    excitation holds the arguments of `acceleration_at` up to the force harmonics.
+    """
+    segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics = excitation
     new_x, new_v = x, v
     for i in range(1, 7):
         dx, dv = 0.0, 0.0
         for j in range(i):
-            dx += _WEIGHTS[i, j] * stages[j, 0]
-            dv += _WEIGHTS[i, j] * stages[j, 1]
+            dx += _STAGE_WEIGHTS[i, j] * stages[j, 0]
+            dv += _STAGE_WEIGHTS[i, j] * stages[j, 1]
         new_x, new_v = x + h * dx, v + h * dv
         stages[i, 0] = new_v
-        stages[i, 1] = rate_at(breaks, lines, waves, force, m, t + _NODES[i] * h, new_x, new_v)
+        stages[i, 1] = acceleration_at(
+            segment_bounds,
+            stiffness_lines,
+            stiffness_harmonics,
+            force_harmonics,
+            contact_law,
+            t + _NODES[i] * h,
+            new_x,
+            new_v,
+        )
     return new_x, new_v
 
 
 @inlined
-def _error(control, h, x, v, new_x, new_v, stages):
-    """Return the estimated error over what the tolerances allow, times rtol."""
+def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
+    """Return the relative error of a step of length h, which must not exceed the rtol of control.
+
+    The step leads from (x, v) to (new_x, new_v) with the stages (x', x''), shape (7, 2).
+    """
     threshold = control.atol / control.rtol
-    ex, ev = 0.0, 0.0
+    x_error, v_error = 0.0, 0.0
     for j in range(7):
-        ex += _ERROR[j] * stages[j, 0]
-        ev += _ERROR[j] * stages[j, 1]
-    ex = abs(ex) / max(abs(x), abs(new_x), threshold)
-    ev = abs(ev) / max(abs(v), abs(new_v), threshold)
-    return h * max(ex, ev)
+        x_error += _ERROR_WEIGHTS[j] * stages[j, 0]
+        v_error += _ERROR_WEIGHTS[j] * stages[j, 1]
+    x_error = abs(x_error) / max(abs(x), abs(new_x), threshold)
+    v_error = abs(v_error) / max(abs(v), abs(new_v), threshold)
+    return h * max(x_error, v_error)
 
 
 @inlined
-def _first_step(control, end, x, v, a):
-    """Return the length of the first step, as ode45 chooses it."""
+def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
+    """Return the length of the first step from (x, v) with acceleration a, as ode45 chooses it.
+
+    The run starts at phase 0 and ends at the phase `end`.
+    """
     threshold, rtol = control.atol / control.rtol, control.rtol
-    speed = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
-    speed /= 0.8 * rtol**0.2
+    relative_rate = max(abs(v) / max(abs(x), threshold), abs(a) / max(abs(v), threshold))
+    relative_rate /= 0.8 * rtol**0.2
     h = min(control.max_step, end)
-    return 1.0 / speed if h * speed > 1.0 else h
+    return 1.0 / relative_rate if h * relative_rate > 1.0 else h
 
 
 @kernel
-def take_embedded_steps(law, m, control, wanted, end, limit, place, times, states, stages):
-    """Take steps until arrays are full or the end is reached; return (steps, status, evaluations).
+def take_embedded_steps(equation, record_start, end, max_attempts, progress, times, states, stages):
+    """Take steps until the tables are full or the phase `end`; return (steps, status, evaluations).
 
-    Fills `times`, shape (k + 1,), and `states`, shape (k + 1, 2), from the first, and `stages`,
-    shape (k, 7, 2), with the rates (x', x''); steps before the phase `wanted` need not be kept.
-    `place`, shape (3,), has the length of the next step, 0 at the start of the run, the number of
-    the mesh period and its steps so far, rejected ones included, of which there are `limit` at
-    most.
+    The equation is (Law, ContactLaw, StepControl). Fills times, (k + 1,), and states, (k + 1, 2),
+    from the first, and stages, (k, 7, 2), rates (x', x''). Steps before `record_start` are
+    overwritten. `progress` holds the next step length (0 at the start), the mesh period, and the
+    attempted steps in it, `max_attempts` at most.
     """
-    # Local names: every attribute access counts references.
-    breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
-    rtol, turn = control.rtol, 2.0 * math.pi
+    law, contact_law, control = equation
+    # Each attribute access counts references, so the loop uses local names.
+    bounds, lines = law.segment_bounds, law.stiffness_lines
+    excitation = bounds, lines, law.stiffness_harmonics, law.force_harmonics
+    rtol, mesh_period = control.rtol, 2.0 * math.pi
     t, x, v, evaluations = times[0], states[0, 0], states[0, 1], 0
-    a = rate_at(breaks, lines, waves, force, m, t, x, v)
-    if place[0] == 0.0:
-        place[0], evaluations = _first_step(control, end, x, v, a), 1
-    h = place[0]
+    a = acceleration_at(*excitation, contact_law, t, x, v)
+    if progress[0] == 0.0:
+        progress[0], evaluations = _first_step(control, end, x, v, a), 1
+    h = progress[0]
     i = 0
     while i < stages.shape[0]:
         rates = stages[i]
         rates[0, 0], rates[0, 1] = v, a
-        shortest = 16.0 * np.spacing(t)
-        h = min(control.max_step, max(shortest, h))
+        min_step = 16.0 * np.spacing(t)
+        h = min(control.max_step, max(min_step, h))
         # The last step is stretched by a tenth rather than followed by a tiny one.
-        last = 1.1 * h >= end - t
-        h = end - t if last else h
-        failed = False
+        is_last = 1.1 * h >= end - t
+        h = end - t if is_last else h
+        has_failed = False
         while True:
-            if place[2] >= limit:
+            if progress[2] >= max_attempts:
                 return i, EVENT_LIMIT, evaluations
-            place[2] += 1
-            new_x, new_v = _take_step(breaks, lines, waves, force, m, t, h, x, v, rates)
+            progress[2] += 1
+            new_x, new_v = _take_step(excitation, contact_law, t, h, x, v, rates)
             evaluations += 6
-            error = _error(control, h, x, v, new_x, new_v, rates)
+            error = _step_error(control, h, x, v, new_x, new_v, rates)
             if not error > rtol:
                 break
-            if h <= shortest:
+            if h <= min_step:
                 return i, STALLED, evaluations
-            h = max(shortest, h * (0.5 if failed else max(0.1, 0.8 * (rtol / error) ** 0.2)))
-            failed, last = True, False
-        if int(t / turn) > place[1]:
-            place[1], place[2] = int(t / turn), 0
-        t, x, v, a = end if last else t + h, new_x, new_v, rates[6, 1]
-        if t > wanted:
+            reduction = 0.5 if has_failed else max(0.1, 0.8 * (rtol / error) ** 0.2)
+            h = max(min_step, h * reduction)
+            has_failed, is_last = True, False
+        if int(t / mesh_period) > progress[1]:
+            progress[1], progress[2] = int(t / mesh_period), 0
+        t, x, v, a = end if is_last else t + h, new_x, new_v, rates[6, 1]
+        if t > record_start:
             i += 1
         times[i], states[i, 0], states[i, 1] = t, x, v
         if not within_range(x, v):
             return i, OVERFLOW, evaluations
-        if last:
+        if is_last:
             return i, OK, evaluations
-        if not failed:
+        if not has_failed:
             growth = 1.25 * (error / rtol) ** 0.2
             h = h / growth if growth > 0.2 else 5.0 * h
-        place[0] = h
+        progress[0] = h
     return i, OK, evaluations

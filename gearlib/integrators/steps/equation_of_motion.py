@@ -1,12 +1,12 @@
 """Equations of motion at one phase and state, for methods with steps.
 
-That of one degree of freedom is, in static deflections and mesh phase,
+The equation of one degree of freedom is, in static deflections and mesh phase,
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact where the displacement lies beyond a flank, or, smoothed, with the shares
-H1 = (1 + tanh(sharpness (x - upper))) / 2 and H2 = (1 - tanh(sharpness (x - lower))) / 2 of both
-flanks in spring force and damping.
+with contact where the displacement lies beyond a flank. In the smoothed law the shares
+H1 = (1 + tanh(sharpness (x - drive_line))) / 2 and H2 = (1 - tanh(sharpness (x - coast_line))) / 2
+of both flanks multiply spring force and damping.
 """
 
 import math
@@ -16,229 +16,290 @@ import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.linear.train_system import dot, is_behind, set_harmonics
+from gearlib.engines.linear.train_system import TrainSystem, dot, is_behind, set_harmonics
+from gearlib.engines.taylor.series import Law
 
-#: Phases this close to a switch of stiffness count as the switch: far above the rounding of a
-#: phase, far below any step.
-SIDE = 1e-12
+#: Phases this close to a switch of stiffness count as the switch. The tolerance is far above the
+#: rounding of a phase and far below any step.
+SAME_PHASE_TOLERANCE = 1e-12
 
 
-class Contact(NamedTuple):
+class ContactLaw(NamedTuple):
     """The contact law as plain floats, which kernels pass on at no cost."""
 
-    normal_damping: tuple  #: d1, d2, d3 while the normal flanks touch
+    drive_damping: tuple  #: d1, d2, d3 in drive-side contact
     backlash_damping: tuple  #: d1, d2, d3 in the backlash
-    inverse_damping: tuple  #: d1, d2, d3 while the inverse flanks touch
-    powers: tuple  #: p2, p3 of the contact stiffness
-    upper: float  #: displacement of the normal flank, static deflections
-    lower: float  #: displacement of the inverse flank
-    ground: float  #: e, stiffness towards x = 0 that never parts
-    sharpness: float = 0.0  #: of the smoothed law, per static deflection; 0: not smoothed
-    plain: bool = False  #: whether the law is sharp, its damping and stiffness linear
+    coast_damping: tuple  #: d1, d2, d3 in back-side contact
+    stiffness_powers: tuple  #: p2, p3 of the contact stiffness
+    drive_line: float  #: displacement of the drive-side flank, static deflections
+    coast_line: float  #: displacement of the back-side flank
+    ground_stiffness: float  #: e, stiffness towards x = 0 that acts without contact, too
+    sharpness: float = 0.0  #: sharpness of the smoothed law, per static deflection; 0: not smoothed
+    is_simple: bool = False  #: whether the law is sharp and its damping and stiffness linear
 
 
-def contact_law(law, sharpness=0.0):
-    """Return the `Contact` of a `gearlib.engines.taylor.series.Law`."""
-    damping = [tuple(row.tolist()) for row in (law.material, law.oil, law.far_damping)]
-    powers = tuple(law.powers.tolist())
-    curved = any(powers) or any(any(row[1:]) for row in damping)
-    plain = sharpness == 0.0 and not curved and damping[0] == damping[2] and law.ground == 0.0
-    edges = float(law.upper), float(law.lower), float(law.ground)
-    return Contact(*damping, powers, *edges, float(sharpness), plain)
+def contact_law_of(law: Law, sharpness: float = 0.0) -> ContactLaw:
+    """Return the contact law of a mesh law, smoothed if `sharpness` is positive."""
+    damping = [tuple(d.tolist()) for d in (law.drive_damping, law.backlash_damping)]
+    damping.append(tuple(law.coast_damping.tolist()))
+    powers = tuple(law.stiffness_powers.tolist())
+    is_nonlinear = any(powers) or any(any(coefficients[1:]) for coefficients in damping)
+    is_simple = (
+        sharpness == 0.0
+        and not is_nonlinear
+        and damping[0] == damping[2]
+        and law.ground_stiffness == 0.0
+    )
+    lines = float(law.drive_line), float(law.coast_line)
+    return ContactLaw(
+        *damping, powers, *lines, float(law.ground_stiffness), float(sharpness), is_simple
+    )
 
 
 @inlined
-def side_of(m, x):
+def contact_code_at(contact_law: ContactLaw, x: float) -> int:
     """Return the contact code of a displacement; a flank line belongs to contact."""
-    if x >= m.upper:
+    if x >= contact_law.drive_line:
         return NORMAL
-    return INVERSE if x <= m.lower else BACKLASH
+    return INVERSE if x <= contact_law.coast_line else BACKLASH
 
 
 @inlined
-def damping_force(coefficients, v):
-    """Return d1 v + d2 |v| v + d3 v^3."""
+def damping_force(coefficients: tuple, v: float) -> float:
+    """Return the damping force d1 v + d2 |v| v + d3 v^3 for the coefficients (d1, d2, d3)."""
     return (coefficients[0] + (coefficients[1] + coefficients[2] * abs(v)) * abs(v)) * v
 
 
 @inlined
-def _spring(m, u):
-    return u + (m.powers[0] * abs(u) + m.powers[1] * u * u) * u
+def _spring_force(contact_law: ContactLaw, deflection: float) -> float:
+    """Return g, the contact force over the stiffness c, at an elastic deflection."""
+    p2, p3 = contact_law.stiffness_powers
+    return deflection + (p2 * abs(deflection) + p3 * deflection * deflection) * deflection
 
 
 @inlined
-def branch_of(m, code):
-    """Return (1 in contact, else 0; displacement of its flank; damping) of a contact code."""
-    if code == NORMAL:
-        return 1.0, m.upper, m.normal_damping
-    if code == INVERSE:
-        return 1.0, m.lower, m.inverse_damping
-    return 0.0, m.upper, m.backlash_damping
+def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
+    """Return (1 in contact, else 0; displacement of the flank; damping d1, d2, d3)."""
+    if contact_code == NORMAL:
+        return 1.0, contact_law.drive_line, contact_law.drive_damping
+    if contact_code == INVERSE:
+        return 1.0, contact_law.coast_line, contact_law.coast_damping
+    return 0.0, contact_law.drive_line, contact_law.backlash_damping
 
 
 @inlined
-def forces_at(m, code, x, v):
-    """Return (g, damping force) of a contact code, of the sharp law."""
-    touching, line, damping = branch_of(m, code)
-    return touching * _spring(m, x - line), damping_force(damping, v)
+def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
+    """Return (spring force g, damping force) of the sharp law for a contact code."""
+    is_touching, line, damping = contact_terms(contact_law, contact_code)
+    return is_touching * _spring_force(contact_law, x - line), damping_force(damping, v)
 
 
 @inlined
-def _smoothed(m, x):
-    """Return g and the share of contact, H1 + H2, both smoothed."""
-    near, far = 0.5 * (1.0 + math.tanh(m.sharpness * (x - m.upper))), 0.0
-    total = near * _spring(m, x - m.upper)
-    if m.lower > -math.inf:
-        far = 0.5 * (1.0 - math.tanh(m.sharpness * (x - m.lower)))
-        total += far * _spring(m, x - m.lower)
-    return total, near + far
+def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
+    """Return (spring force g, share of contact H1 + H2) of the smoothed law at displacement x."""
+    sharpness, drive_line = contact_law.sharpness, contact_law.drive_line
+    coast_line, coast_share = contact_law.coast_line, 0.0
+    drive_share = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_line)))
+    force = drive_share * _spring_force(contact_law, x - drive_line)
+    if coast_line > -math.inf:
+        coast_share = 0.5 * (1.0 - math.tanh(sharpness * (x - coast_line)))
+        force += coast_share * _spring_force(contact_law, x - coast_line)
+    return force, drive_share + coast_share
 
 
 @inlined
-def on_branch(m, code, c, f, x, v):
-    """Return (g, x'') of a contact code (if not smoothed) at stiffness c and force f."""
-    if m.sharpness > 0.0:
-        g, share = _smoothed(m, x)
-        drag = share * damping_force(m.normal_damping, v)
-        return g, f - drag - (1.0 - share) * damping_force(m.backlash_damping, v) - c * g
-    g, drag = forces_at(m, code, x, v)
-    return g, f - m.ground * x - drag - c * g
+def force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v) -> tuple:
+    """Return (spring force g, acceleration x'') for a contact code, which the smoothed law ignores.
+
+    Mesh stiffness and external force are those of the present phase.
+    """
+    if contact_law.sharpness > 0.0:
+        spring, share = _smoothed_contact(contact_law, x)
+        drag = share * damping_force(contact_law.drive_damping, v)
+        free_drag = (1.0 - share) * damping_force(contact_law.backlash_damping, v)
+        return spring, external_force - drag - free_drag - stiffness * spring
+    spring, drag = contact_forces(contact_law, contact_code, x, v)
+    ground_force = contact_law.ground_stiffness * x
+    return spring, external_force - ground_force - drag - stiffness * spring
 
 
 @inlined
-def acceleration(m, c, f, x, v):
-    """Return x'' at stiffness c and force f, with the contact of the displacement."""
-    if m.plain:
-        # Half the time of the general law, which comparisons of methods should not pay for.
-        if x >= m.upper:
-            return f - m.normal_damping[0] * v - c * (x - m.upper)
-        if x <= m.lower:
-            return f - m.normal_damping[0] * v - c * (x - m.lower)
-        return f - m.backlash_damping[0] * v
-    return on_branch(m, side_of(m, x), c, f, x, v)[1]
+def acceleration(
+    contact_law: ContactLaw, stiffness: float, external_force: float, x: float, v: float
+) -> float:
+    """Return x'' with the contact that the displacement x has.
+
+    Mesh stiffness and external force are those of the present phase.
+    """
+    if contact_law.is_simple:
+        # This branch takes half the time of the general law. Comparisons of methods need it.
+        damping = contact_law.drive_damping[0]
+        if x >= contact_law.drive_line:
+            return external_force - damping * v - stiffness * (x - contact_law.drive_line)
+        if x <= contact_law.coast_line:
+            return external_force - damping * v - stiffness * (x - contact_law.coast_line)
+        return external_force - contact_law.backlash_damping[0] * v
+    contact_code = contact_code_at(contact_law, x)
+    return force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v)[1]
 
 
 @inlined
-def waves_at(table, phase):
-    """Return the sum of the harmonics in `table`, rows (order, cosine, sine)."""
+def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
+    """Return the sum at a phase of harmonics, shape (k, 3): order, cosine, sine coefficient."""
     total = 0.0
-    for j in range(table.shape[0]):
-        n = table[j, 0]
-        if n == 0.0:
-            total += table[j, 1]
+    for j in range(harmonics.shape[0]):
+        order = harmonics[j, 0]
+        if order == 0.0:
+            total += harmonics[j, 1]
         else:
-            total += table[j, 1] * math.cos(n * phase) + table[j, 2] * math.sin(n * phase)
+            cosine, sine = math.cos(order * phase), math.sin(order * phase)
+            total += harmonics[j, 1] * cosine + harmonics[j, 2] * sine
     return total
 
 
 @inlined
-def stiffness_at(breaks, lines, waves, phase, side):
-    """Return c just after (`side` = SIDE) or just before (-SIDE) a phase from 0 to 2 pi."""
-    p = phase + side
-    if p < 0.0:
-        p += 2.0 * math.pi
-    elif p >= 2.0 * math.pi:
-        p -= 2.0 * math.pi
-    i = 0
-    while i + 2 < breaks.shape[0] and p >= breaks[i + 1]:
-        i += 1
-    return lines[i, 0] + lines[i, 1] * (p - side - breaks[i]) + waves_at(waves, phase)
+def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> float:
+    """Return c(phase + side): straight lines on segments plus harmonics, phase from 0 to 2 pi.
 
-
-@inlined
-def rate_at(breaks, lines, waves, force, m, t, x, v):
-    """Return x'' at a phase of the run and a state, with the contact of the displacement."""
-    phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
-    c = stiffness_at(breaks, lines, waves, phase, SIDE)
-    return acceleration(m, c, waves_at(force, phase), x, v)
-
-
-@kernel
-def rate(m, law, t, x, v):
-    """Return x'' at a phase of the run and a state, with the contact of the displacement."""
-    if m.sharpness == 0.0 and x <= m.lower:
-        return rate_at(law.breaks, law.far_pieces, law.far_stiffness, law.force, m, t, x, v)
-    return rate_at(law.breaks, law.pieces, law.stiffness, law.force, m, t, x, v)
-
-
-@inlined
-def _stiffness_on(breaks, lines, waves, piece, t):
-    """Return c on a piece, also where rounding puts t just before it."""
-    inside = (t - breaks[piece] + 1e-6) % (2.0 * math.pi) - 1e-6
-    return lines[piece, 0] + lines[piece, 1] * inside + waves_at(waves, t)
-
-
-@kernel
-def on_branches(m, law, phases, pieces, codes, states):
-    """Return rows (c, g, x'') of states, shape (k, 2), on pieces of the stiffness.
-
-    Contact codes are given; a smoothed law does not ask for them.
+    At a switch `side`, +-SAME_PHASE_TOLERANCE, selects the segment after or before it. The lines,
+    shape (m, 2), are (start value, slope), their bounds have shape (m + 1,).
     """
-    # Local names: every attribute access counts references.
-    breaks, lines, waves, force = law.breaks, law.pieces, law.stiffness, law.force
-    far_lines, far_waves = law.far_pieces, law.far_stiffness
+    shifted_phase = phase + side
+    if shifted_phase < 0.0:
+        shifted_phase += 2.0 * math.pi
+    elif shifted_phase >= 2.0 * math.pi:
+        shifted_phase -= 2.0 * math.pi
+    i = 0
+    while i + 2 < segment_bounds.shape[0] and shifted_phase >= segment_bounds[i + 1]:
+        i += 1
+    line_value = stiffness_lines[i, 0] + stiffness_lines[i, 1] * (
+        shifted_phase - side - segment_bounds[i]
+    )
+    return line_value + harmonic_sum(harmonics, phase)
+
+
+@inlined
+def acceleration_at(
+    segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
+) -> float:
+    """Return x'' at the phase t of the run, with the contact that the displacement x has.
+
+    The mesh stiffness is a line (start value, slope) on each segment plus harmonics, the force a
+    sum of harmonics; harmonics have the columns order, cosine, sine.
+    """
+    phase = t - 2.0 * math.pi * math.floor(t * (0.5 / math.pi))
+    stiffness = stiffness_at(
+        segment_bounds, stiffness_lines, stiffness_harmonics, phase, SAME_PHASE_TOLERANCE
+    )
+    return acceleration(contact_law, stiffness, harmonic_sum(force_harmonics, phase), x, v)
+
+
+@kernel
+def mesh_acceleration(contact_law: ContactLaw, law: Law, t: float, x: float, v: float) -> float:
+    """Return x'' of one mesh at the phase t, with the contact that the displacement x has."""
+    if contact_law.sharpness == 0.0 and x <= contact_law.coast_line:
+        lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
+    else:
+        lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
+    bounds, force_harmonics = law.segment_bounds, law.force_harmonics
+    return acceleration_at(bounds, lines, harmonics, force_harmonics, contact_law, t, x, v)
+
+
+@inlined
+def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
+    """Return c at the phase t on a segment, also where rounding puts t just before its start.
+
+    The lines, shape (m, 2), are (start value, slope) of the segments.
+    """
+    offset = (t - segment_bounds[segment] + 1e-6) % (2.0 * math.pi) - 1e-6
+    line_value = stiffness_lines[segment, 0] + stiffness_lines[segment, 1] * offset
+    return line_value + harmonic_sum(harmonics, t)
+
+
+@kernel
+def forces_and_accelerations(
+    contact_law, law, phases, segments, contact_codes, states
+) -> np.ndarray:
+    """Return (stiffness c, spring force g, x'') of states, shape (k, 2), as an array (k, 3).
+
+    Phases, segments of the stiffness and contact codes have shape (k,). A smoothed law ignores
+    contact codes.
+    """
+    # Each attribute access counts references, so the loop uses local names.
+    bounds, force_harmonics = law.segment_bounds, law.force_harmonics
+    lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
+    coast_lines, coast_harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
     table = np.empty((phases.shape[0], 3))
     for i in range(phases.shape[0]):
-        t, piece, code = phases[i], pieces[i], codes[i]
-        if code == INVERSE and m.sharpness == 0.0:
-            c = _stiffness_on(breaks, far_lines, far_waves, piece, t)
+        t, segment, contact_code = phases[i], segments[i], contact_codes[i]
+        if contact_code == INVERSE and contact_law.sharpness == 0.0:
+            stiffness = _segment_stiffness(bounds, coast_lines, coast_harmonics, segment, t)
         else:
-            c = _stiffness_on(breaks, lines, waves, piece, t)
-        f = waves_at(force, t)
-        g, a = on_branch(m, code, c, f, states[i, 0], states[i, 1])
-        table[i, 0], table[i, 1], table[i, 2] = c, g, a
+            stiffness = _segment_stiffness(bounds, lines, harmonics, segment, t)
+        external_force = harmonic_sum(force_harmonics, t)
+        x, v = states[i, 0], states[i, 1]
+        table[i, 0] = stiffness
+        table[i, 1], table[i, 2] = force_and_acceleration(
+            contact_law, contact_code, stiffness, external_force, x, v
+        )
     return table
 
 
 @kernel
-def train_rate(system, t, z):
-    """Return dz/dtau of a `TrainSystem` at a phase, z of shape (2 N,); contact is that of z."""
-    size = z.shape[0]
-    full, out = np.empty(system.base_matrix.shape[0]), np.empty(size)
+def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.ndarray:
+    """Return d(state)/dtau of a gear train at the phase t, with the contact of the state.
+
+    The state, shape (2 N,), holds displacements, then velocities.
+    """
+    size = state.shape[0]
+    full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
     for i in range(size):
-        full[i] = z[i]
-    set_harmonics(system.harmonics, full, t)
-    place, segment = (t + SIDE) % system.starts[-1], 0
-    while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= place:
+        full_state[i] = state[i]
+    set_harmonics(system.harmonics, full_state, t)
+    phase, segment = (t + SAME_PHASE_TOLERANCE) % system.starts[-1], 0
+    while segment < system.starts.shape[0] - 2 and system.starts[segment + 1] <= phase:
         segment += 1
-    for r in range(size):
-        out[r] = dot(system.base_matrix[r], full)
-    for j in range(system.drive_lines.shape[0]):
-        code = BACKLASH
-        if dot(system.drive_lines[j], full) >= 0.0:
-            code = NORMAL
-        elif dot(system.coast_lines[j], full) <= 0.0:
-            code = INVERSE
-        effect = system.effect[code + 1, segment, j]
+    for i in range(size):
+        derivative[i] = dot(system.base_matrix[i], full_state)
+    for mesh in range(system.drive_lines.shape[0]):
+        contact_code = BACKLASH
+        if dot(system.drive_lines[mesh], full_state) >= 0.0:
+            contact_code = NORMAL
+        elif dot(system.coast_lines[mesh], full_state) <= 0.0:
+            contact_code = INVERSE
+        effect = system.effect[contact_code + 1, segment, mesh]
         for k in range(2):
-            force = dot(system.force_output[j, effect, k], full)
-            for r in range(size):
-                out[r] += system.force_input[j, effect, k, r] * force
-    for r in range(size):
-        out[r] /= system.tuning
-    return out
+            force = dot(system.force_output[mesh, effect, k], full_state)
+            for i in range(size):
+                derivative[i] += system.force_input[mesh, effect, k, i] * force
+    for i in range(size):
+        derivative[i] /= system.tuning
+    return derivative
 
 
 @kernel
-def jammed(system, closing, t, z):
-    """Return whether both flanks touch at once in one of the meshes in which they might."""
-    if not closing.any():
+def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndarray) -> bool:
+    """Return whether both flanks of a mesh touch at once at the phase t.
+
+    `may_jam`, bool, tells for each mesh whether that is possible.
+    """
+    if not may_jam.any():
         return False
-    full = np.empty(system.base_matrix.shape[0])
-    full[: z.shape[0]] = z
-    set_harmonics(system.harmonics, full, t)
-    for j in range(closing.shape[0]):
+    full_state = np.empty(system.base_matrix.shape[0])
+    full_state[: state.shape[0]] = state
+    set_harmonics(system.harmonics, full_state, t)
+    for mesh in range(may_jam.shape[0]):
         if (
-            closing[j]
-            and dot(system.drive_lines[j], full) >= 0.0
-            and is_behind(system.coast_lines[j], full)
+            may_jam[mesh]
+            and dot(system.drive_lines[mesh], full_state) >= 0.0
+            and is_behind(system.coast_lines[mesh], full_state)
         ):
             return True
     return False
 
 
 @kernel
-def set_harmonics_of_rows(frequencies, states, phases):
-    """Set the constant and the harmonics of rows of states, shape (k, n), at phases."""
+def set_harmonics_of_states(frequencies: np.ndarray, states: np.ndarray, phases: np.ndarray):
+    """Set the constant 1 and the harmonics in full states, shape (k, n), at phases, shape (k,)."""
     for i in range(phases.shape[0]):
         set_harmonics(frequencies, states[i], phases[i])

@@ -1,9 +1,9 @@
-"""Fixed steps over switches and contact: classical Runge-Kutta, generalised-alpha, Newmark.
+"""Fixed steps across switches and contact: classical Runge-Kutta, generalised-alpha, Newmark.
 
-Every mesh period is cut into the same steps, so stiffness and force at their nodes are tabulated
-once. Where a switch of stiffness falls on a step end, the step before it takes the stiffness
-before it and the step after it that after it: the methods keep their order there. Switches and
-contact inside a step are met by nothing.
+Every mesh period has the same steps, so stiffness and force at their nodes are tabulated once. If
+a switch of stiffness falls on a step end, the step before it uses the stiffness before the switch
+and the step after it the stiffness after the switch, so that the methods keep their order there.
+Steps do not end at switches and contacts inside them.
 """
 
 import math
@@ -14,30 +14,32 @@ import numpy as np
 from gearlib.engines.codes import JAMMED, NOT_CONVERGED, OK, OVERFLOW
 from gearlib.engines.jit import inlined, kernel
 from gearlib.engines.overflow import within_range
+from gearlib.engines.taylor.series import Law
 from gearlib.integrators.steps.equation_of_motion import (
-    SIDE,
+    SAME_PHASE_TOLERANCE,
+    ContactLaw,
     acceleration,
-    branch_of,
+    contact_code_at,
+    contact_forces,
+    contact_terms,
     damping_force,
-    forces_at,
-    jammed,
-    side_of,
+    harmonic_sum,
+    is_jammed,
     stiffness_at,
-    train_rate,
-    waves_at,
+    train_derivative,
 )
 
-#: Most iterations on the contact force in one step: a linear contact takes 2 or 3.
+#: Largest number of iterations of the contact force in a step. A linear contact needs 2 or 3.
 MAX_ITERATIONS = 50
-#: A residual of this share of its terms is rounding.
-_ROUNDING = 1e-14
+#: A residual below this share of the size of its terms is due to rounding.
+_RESIDUAL_TOLERANCE = 1e-14
 
 
 class Scheme(NamedTuple):
-    """Which fixed-step method, and its constants."""
+    """A fixed-step method and its constants."""
 
-    runge_kutta: bool  #: else generalised-alpha with the constants below
-    iterated: bool = False  #: contact at the step end, by iteration; else that of the step start
+    runge_kutta: bool  #: classical Runge-Kutta, else generalised-alpha with the constants below
+    iterated: bool = False  #: contact of the step end, by iteration; else that of the step start
     alpha_m: float = 0.0
     alpha_f: float = 0.0
     beta: float = 0.0
@@ -45,119 +47,161 @@ class Scheme(NamedTuple):
 
 
 @kernel
-def nodes(law, steps, share):
-    """Return stiffness, force, shape (steps, 3), and jumps, shape (steps,), of one mesh period.
+def tabulate_excitation(law: Law, steps: int, middle_share: float) -> tuple:
+    """Return stiffness and force, shape (steps, 3), of the steps of a mesh period, and the jumps.
 
-    Columns: start of the step, `share` of it, end. `jumps`: whether the stiffness jumps at the
-    start of the step.
+    The columns hold the values at the start, at `middle_share` of the step and at the end. The
+    jumps, shape (steps,), tell whether the stiffness jumps at the start of a step.
     """
-    c, f = np.empty((steps, 3)), np.empty((steps, 3))
+    stiffness, force = np.empty((steps, 3)), np.empty((steps, 3))
     for k in range(steps):
-        for j, part in enumerate((0.0, share, 1.0)):
-            phase = 2.0 * math.pi * ((k + part) / steps)
-            side = -SIDE if part == 1.0 else SIDE
-            c[k, j] = stiffness_at(law.breaks, law.pieces, law.stiffness, phase, side)
-            f[k, j] = waves_at(law.force, phase)
-    # The profile is periodic.
-    jumps = np.abs(c[:, 0] - np.roll(c[:, 2], 1)) > 1e-9 * c[:, 0]
-    return c, f, jumps
+        for column, share in enumerate((0.0, middle_share, 1.0)):
+            phase = 2.0 * math.pi * ((k + share) / steps)
+            side = -SAME_PHASE_TOLERANCE if share == 1.0 else SAME_PHASE_TOLERANCE
+            stiffness[k, column] = stiffness_at(
+                law.segment_bounds, law.stiffness_lines, law.stiffness_harmonics, phase, side
+            )
+            force[k, column] = harmonic_sum(law.force_harmonics, phase)
+    # The stiffness is periodic, so the first step follows the last one.
+    jumps = np.abs(stiffness[:, 0] - np.roll(stiffness[:, 2], 1)) > 1e-9 * stiffness[:, 0]
+    return stiffness, force, jumps
 
 
 @inlined
-def runge_kutta_step(m, h, c, f, k, x, v):
-    """Return (x, v) after step k of the classical Runge-Kutta method."""
-    half = 0.5 * h
-    k1 = acceleration(m, c[k, 0], f[k, 0], x, v)
-    v2 = v + half * k1
-    k2 = acceleration(m, c[k, 1], f[k, 1], x + half * v, v2)
-    v3 = v + half * k2
-    k3 = acceleration(m, c[k, 1], f[k, 1], x + half * v2, v3)
-    v4 = v + h * k3
-    k4 = acceleration(m, c[k, 2], f[k, 2], x + h * v3, v4)
-    sixth = h / 6.0
-    return x + sixth * (v + 2.0 * (v2 + v3) + v4), v + sixth * (k1 + 2.0 * (k2 + k3) + k4)
+def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
+    """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
-
-@inlined
-def alpha_step(m, scheme, h, c, f, x0, v0, a0):
-    """Take one step of the generalised-alpha method; c and f at share 1 - alpha_f of it.
-
-    Returns (x, v, a, evaluations, converged) at the end; a is the method's own acceleration.
+    Mesh stiffness and external force are those at the start, the middle and the end of the step.
     """
+    half = 0.5 * h
+    a1 = acceleration(contact_law, stiffness[0], force[0], x, v)
+    v2 = v + half * a1
+    a2 = acceleration(contact_law, stiffness[1], force[1], x + half * v, v2)
+    v3 = v + half * a2
+    a3 = acceleration(contact_law, stiffness[1], force[1], x + half * v2, v3)
+    v4 = v + h * a3
+    a4 = acceleration(contact_law, stiffness[2], force[2], x + h * v3, v4)
+    sixth = h / 6.0
+    return x + sixth * (v + 2.0 * (v2 + v3) + v4), v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@inlined
+def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
+    """Return the acceleration at the end of a generalised-alpha step with frozen contact.
+
+    Contact, stiffness and damping are those of the `start`, (x, v, a). The middle state without
+    the new acceleration is `middle`, (x, v).
+    """
+    start_x, start_v, start_a = start
+    middle_x, middle_v = middle
     am, af = scheme.alpha_m, scheme.alpha_f
-    p2, p3 = m.powers
-    # The middle state is x_p + bx a, v_p + bv a with the acceleration a at the step end.
-    bx, bv = (1.0 - af) * scheme.beta * h * h, (1.0 - af) * scheme.gamma * h
-    vp = v0 + (1.0 - af) * h * (1.0 - scheme.gamma) * a0
-    xp = x0 + (1.0 - af) * h * (v0 + h * (0.5 - scheme.beta) * a0)
-    evaluations, converged = 1, True
-    if not scheme.iterated:
-        touching, line, d = branch_of(m, side_of(m, x0))
-        size, speed = abs(x0 - line), abs(v0)
-        stiffness = c * touching * (1.0 + (p2 + p3 * size) * size)
-        damping = d[0] + (d[1] + d[2] * speed) * speed
-        force = f - am * a0 - damping * vp - stiffness * (xp - line)
-        a = force / (1.0 - am + damping * bv + stiffness * bx)
+    p2, p3 = contact_law.stiffness_powers
+    x_factor, v_factor = (1.0 - af) * scheme.beta * h * h, (1.0 - af) * scheme.gamma * h
+    is_touching, line, d = contact_terms(contact_law, contact_code_at(contact_law, start_x))
+    deflection, speed = abs(start_x - line), abs(start_v)
+    secant_stiffness = stiffness * is_touching * (1.0 + (p2 + p3 * deflection) * deflection)
+    secant_damping = d[0] + (d[1] + d[2] * speed) * speed
+    net_force = force - am * start_a - secant_damping * middle_v
+    net_force = net_force - secant_stiffness * (middle_x - line)
+    return net_force / (1.0 - am + secant_damping * v_factor + secant_stiffness * x_factor)
+
+
+@inlined
+def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
+    """Return the acceleration at the end of a generalised-alpha step by Newton's method.
+
+    Arguments are those of `_frozen_acceleration`. Returns (acceleration, iterations, whether they
+    converged).
+    """
+    start_x, start_v, start_a = start
+    middle_x, middle_v = middle
+    am, af = scheme.alpha_m, scheme.alpha_f
+    p2, p3 = contact_law.stiffness_powers
+    x_factor, v_factor = (1.0 - af) * scheme.beta * h * h, (1.0 - af) * scheme.gamma * h
+    a, iterations = start_a, 0
+    while iterations < MAX_ITERATIONS:
+        x, v = middle_x + x_factor * a, middle_v + v_factor * a
+        contact_code = contact_code_at(contact_law, x)
+        spring, drag = contact_forces(contact_law, contact_code, x, v)
+        residual = (1.0 - am) * a + am * start_a + drag + stiffness * spring - force
+        is_touching, line, d = contact_terms(contact_law, contact_code)
+        u, speed = is_touching * abs(x - line), abs(v)
+        tangent_stiffness = stiffness * is_touching * (1.0 + (2.0 * p2 + 3.0 * p3 * u) * u)
+        tangent_damping = d[0] + (2.0 * d[1] + 3.0 * d[2] * speed) * speed
+        iterations += 1
+        size = abs(a) + abs(am * start_a) + abs(force) + abs(drag)
+        size += tangent_stiffness * (abs(x) + u + abs(start_x) + h * abs(start_v))
+        if abs(residual) <= _RESIDUAL_TOLERANCE * size:
+            return a, iterations, True
+        a -= residual / (1.0 - am + tangent_damping * v_factor + tangent_stiffness * x_factor)
+    # If the damping jumps with contact, the residual may jump over zero. Then the state lies on
+    # the flank line, with a damping between those of both sides.
+    for line in (contact_law.drive_line, contact_law.coast_line):
+        if abs(line) < math.inf:
+            a_on_line = (line - middle_x) / x_factor
+            v = middle_v + v_factor * a_on_line
+            residual = (1.0 - am) * a_on_line + am * start_a - force
+            contact_residual = residual + damping_force(contact_law.drive_damping, v)
+            backlash_residual = residual + damping_force(contact_law.backlash_damping, v)
+            iterations += 1
+            if contact_residual * backlash_residual <= 0.0:
+                return a_on_line, iterations, True
+    return a, iterations, False
+
+
+@inlined
+def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
+    """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
+
+    Mesh stiffness and external force are those at the share 1 - alpha_f of the step of length h.
+    The accelerations `start_a` and a are those of the method, not of the equation of motion.
+    """
+    share = 1.0 - scheme.alpha_f
+    # The middle state is linear in a: these are its displacement and velocity for a = 0.
+    middle_v = start_v + share * h * (1.0 - scheme.gamma) * start_a
+    middle_x = start_x + share * h * (start_v + h * (0.5 - scheme.beta) * start_a)
+    start, middle = (start_x, start_v, start_a), (middle_x, middle_v)
+    a, evaluations, converged = 0.0, 1, True
+    if scheme.iterated:
+        a, evaluations, converged = _iterated_acceleration(
+            contact_law, scheme, h, stiffness, force, start, middle
+        )
     else:
-        a, converged, evaluations = a0, False, 0
-        while evaluations < MAX_ITERATIONS:
-            x, v = xp + bx * a, vp + bv * a
-            code = side_of(m, x)
-            g, drag = forces_at(m, code, x, v)
-            residual = (1.0 - am) * a + am * a0 + drag + c * g - f
-            touching, line, d = branch_of(m, code)
-            u, speed = touching * abs(x - line), abs(v)
-            stiffness = c * touching * (1.0 + (2.0 * p2 + 3.0 * p3 * u) * u)
-            damping = d[0] + (2.0 * d[1] + 3.0 * d[2] * speed) * speed
-            evaluations += 1
-            size = abs(a) + abs(am * a0) + abs(f) + abs(drag)
-            size += stiffness * (abs(x) + u + abs(x0) + h * abs(v0))
-            if abs(residual) <= _ROUNDING * size:
-                converged = True
-                break
-            a -= residual / (1.0 - am + damping * bv + stiffness * bx)
-        if not converged:
-            # Where the damping jumps with contact, the residual may jump over zero: then the
-            # state lies on the line, with a damping between the two.
-            for line in (m.upper, m.lower):
-                if abs(line) < math.inf and not converged:
-                    at = (line - xp) / bx
-                    v = vp + bv * at
-                    residual = (1.0 - am) * at + am * a0 - f
-                    inside = residual + damping_force(m.normal_damping, v)
-                    outside = residual + damping_force(m.backlash_damping, v)
-                    evaluations += 1
-                    if inside * outside <= 0.0:
-                        a, converged = at, True
-    x = x0 + h * (v0 + h * ((0.5 - scheme.beta) * a0 + scheme.beta * a))
-    v = v0 + h * ((1.0 - scheme.gamma) * a0 + scheme.gamma * a)
+        a = _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle)
+    x = start_x + h * (start_v + h * ((0.5 - scheme.beta) * start_a + scheme.beta * a))
+    v = start_v + h * ((1.0 - scheme.gamma) * start_a + scheme.gamma * a)
     return x, v, a, evaluations, converged
 
 
 @kernel
-def take_steps(m, scheme, tables, a, states):
-    """Fill states, shape (k + 1, 2), from the first, at the start of a mesh period.
+def take_steps(
+    contact_law: ContactLaw, scheme: Scheme, excitation: tuple, a: float, states: np.ndarray
+) -> tuple:
+    """Fill states, shape (k + 1, 2), from the first one, the state at the start of a mesh period.
 
-    `tables` are those of `nodes`; `a` is the acceleration of generalised-alpha at the first state,
-    NaN if it is that of the equation of motion.
-
-    Returns (status, evaluations, a at the last state).
+    The excitation comes from `tabulate_excitation`. The acceleration `a` of generalised-alpha at
+    the first state is NaN if it is that of the equation of motion. Returns (status, evaluations,
+    acceleration at the last state).
     """
-    c, f, jumps = tables
-    steps = c.shape[0]
+    stiffness, force, jumps = excitation
+    steps = stiffness.shape[0]
     h = 2.0 * math.pi / steps
     x, v, evaluations, converged = states[0, 0], states[0, 1], 0, True
     for i in range(states.shape[0] - 1):
         k = i % steps
         if scheme.runge_kutta:
-            x, v = runge_kutta_step(m, h, c, f, k, x, v)
+            stiffness_k = stiffness[k, 0], stiffness[k, 1], stiffness[k, 2]
+            force_k = force[k, 0], force[k, 1], force[k, 2]
+            x, v = runge_kutta_step(contact_law, h, stiffness_k, force_k, x, v)
             evaluations += 4
         else:
             if jumps[k] or math.isnan(a):
                 # The acceleration jumps with the stiffness.
-                a = acceleration(m, c[k, 0], f[k, 0], x, v)
+                a = acceleration(contact_law, stiffness[k, 0], force[k, 0], x, v)
                 evaluations += 1
-            x, v, a, count, converged = alpha_step(m, scheme, h, c[k, 1], f[k, 1], x, v, a)
+            x, v, a, count, converged = alpha_step(
+                contact_law, scheme, h, stiffness[k, 1], force[k, 1], x, v, a
+            )
             evaluations += count
         states[i + 1, 0], states[i + 1, 1] = x, v
         if not within_range(x, v):
@@ -168,22 +212,22 @@ def take_steps(m, scheme, tables, a, states):
 
 
 @kernel
-def take_train_steps(system, closing, period, steps, states, largest):
-    """Fill states, shape (k + 1, size), from the first, at the start of a mesh period.
+def take_train_steps(system, may_jam, period, steps, states, limit) -> tuple:
+    """Fill states of a train, shape (k + 1, size), from the first; return (status, evaluations).
 
-    Returns (status, evaluations): the run ends where a state leaves `largest`, or is NaN, and
-    where flanks are `jammed`.
+    They start with mesh period `period` and lie `steps` per mesh period apart. The run ends early
+    if a component exceeds the limit or both flanks touch in a mesh that `may_jam`, bool.
     """
     h = 2.0 * math.pi / steps
     for i in range(states.shape[0] - 1):
         t, z = 2.0 * math.pi * (period + i // steps) + (i % steps) * h, states[i]
-        k1 = train_rate(system, t, z)
-        k2 = train_rate(system, t + h / 2.0, z + h / 2.0 * k1)
-        k3 = train_rate(system, t + h / 2.0, z + h / 2.0 * k2)
-        k4 = train_rate(system, t + h, z + h * k3)
+        k1 = train_derivative(system, t, z)
+        k2 = train_derivative(system, t + h / 2.0, z + h / 2.0 * k1)
+        k3 = train_derivative(system, t + h / 2.0, z + h / 2.0 * k2)
+        k4 = train_derivative(system, t + h, z + h * k3)
         states[i + 1] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        if jammed(system, closing, t + h, states[i + 1]):
+        if is_jammed(system, may_jam, t + h, states[i + 1]):
             return JAMMED, 4 * (i + 1)
-        if not np.abs(states[i + 1]).max() < largest:
+        if not np.abs(states[i + 1]).max() < limit:
             return OVERFLOW, 4 * (i + 1)
     return OK, 4 * (states.shape[0] - 1)
