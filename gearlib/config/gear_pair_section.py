@@ -1,5 +1,7 @@
 """Sections that describe the gear pair, its damping, its bodies and the length of the runs."""
 
+import math
+
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
@@ -8,7 +10,7 @@ from gearlib.config import IN_PLACE_OF
 from gearlib.config import types as t
 from gearlib.config.types import Section, entry, like, several
 from gearlib.models.geometry.drawings import renaming
-from gearlib.models.geometry.mesh import coefficient, drawn_damping
+from gearlib.models.geometry.mesh import damping_coefficient, drawn_damping
 from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
 from gearlib.parameters import RUN_OUT
 
@@ -68,8 +70,9 @@ class Damping(_Coefficients):
                 with renaming(lambda name, part: f".{name}"):
                     drawn_damping(name, value, pair.mean_stiffness, pair.reduced_mass)
             if pair and name != key:
-                decrement = name == "logarithmic_decrement"
-                value = coefficient(value, pair.mean_stiffness, pair.reduced_mass, decrement)
+                if name == "logarithmic_decrement":
+                    value /= math.hypot(math.tau, value)
+                value = damping_coefficient(value, pair.mean_stiffness, pair.reduced_mass)
                 value = rounded(value)
             coefficients[key] = value
         return Damping.model_construct(**coefficients) if pair else self

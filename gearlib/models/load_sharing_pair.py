@@ -26,10 +26,10 @@ from gearlib.models.geometry.load_sharing import (
     MIN_LINES,
     SAME_PLACE,
     checked_errors,
-    face_of,
+    corner_zones,
+    face_slices,
     pairs_at,
     tooth_pairs,
-    zone_of_contact,
 )
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.mesh_stiffness import PairCompliance
@@ -197,12 +197,12 @@ class LoadSharingPair(WithPair):
     @cached_property
     def _corner_zone(self):
         """Lengths of corner contact before and behind the path of contact in base pitches."""
-        return zone_of_contact(self.drawing, self.corner_contact, self.load, self.pitch_errors)
+        return corner_zones(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
     def _breaks(self):
         """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
         mesh = self.drawing
-        if lines := face_of(mesh, self.repeats).lines:
+        if lines := face_slices(mesh, self.repeats).lines:
             lines *= math.ceil(self.phases / MIN_LINES)
             return (self._shift + np.arange(lines) / lines) % 1.0
         start, end = mesh.path
@@ -229,7 +229,9 @@ class LoadSharingPair(WithPair):
 
     def _pair_numbers(self, pitches):
         """Return the number of the last pair of teeth in mesh at phases in base pitches."""
-        return np.floor(pitches + self._corner_zone[0] + face_of(self.drawing, self.repeats).reach)
+        return np.floor(
+            pitches + self._corner_zone[0] + face_slices(self.drawing, self.repeats).reach
+        )
 
     @cached_property
     def tables(self):

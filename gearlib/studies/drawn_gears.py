@@ -117,10 +117,8 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     plain, torque = drawings.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
     long = optimum_relief(plain, torque, length="long", **options)
-    halved = [
-        replace(gear.tip_relief, length=gear.tip_relief.length / 2.0)
-        for gear in (long.pinion, long.wheel)
-    ]
+    full: list = [gear.tip_relief for gear in (long.pinion, long.wheel)]
+    halved = [replace(relief, length=relief.length / 2.0) for relief in full]
     errors, amounts = [], []
     for mesh in (plain, long.with_reliefs(*halved), long):
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))

@@ -1,8 +1,8 @@
-"""Time courses as observations: mesh orders at constant speed, and of run-ups with their jumps.
+"""Time histories as observations: mesh orders at constant speed and in run-ups with their jumps.
 
 Regressions take the complex amplitudes of the mesh orders from the samples of each revolution, so
-that offset and eccentricity do not enter. A course begins at the mesh phase ``known.phase`` (rad),
-by default 0.
+that offset and eccentricity do not enter. A time history begins at the mesh phase ``known.phase``
+in rad, by default 0.
 """
 
 import json
@@ -29,7 +29,7 @@ from gearlib.uncertainty.observation import (
 
 #: Measured direction -> direction of the sweep, its first speed as a share, number of speeds.
 _SWEEPS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
-#: Number of mesh orders of a time course that are compared.
+#: Number of mesh orders of a time history that are compared.
 ORDERS = 4
 _ORDER_NUMBERS = np.arange(1, ORDERS + 1)
 _SHAFT_ORDERS, _MIN_SAMPLES_PER_ORDER = 3, 2.5
@@ -43,21 +43,28 @@ _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_stat
 
 
 def course_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured set with time courses."""
-    courses = [data]
+    """Return one observation for each condition of a measured set with time histories.
+
+    `data` has the displacement over time in samples; `mesh` is the index of the measured mesh in
+    the model.
+    """
+    histories = [data]
     if "condition" in data.coords:
-        names = data.condition.values
-        courses = [data.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
-    steady = ["speed" in c.coords and np.ptp(c.speed.values) == 0.0 for c in courses]
-    if len(courses) > 1 and not all(steady):
-        raise ValueError(
-            f"data has {len(courses)} conditions with time courses: each must have one speed; "
-            "give run-ups as sets of their own"
-        )
-    return [
-        (_steady_observation if is_steady else _run_up_observation)(model, course, mesh)
-        for course, is_steady in zip(courses, steady, strict=True)
-    ]
+        conditions = data.condition.values
+        unique_conditions = dict.fromkeys(conditions.tolist())
+        histories = [data.isel(sample=conditions == name) for name in unique_conditions]
+    observations = []
+    for history in histories:
+        if "speed" in history.coords and np.ptp(history.speed.values) == 0.0:
+            observations.append(_steady_observation(model, history, mesh))
+        elif len(histories) == 1:
+            observations.append(_run_up_observation(model, history, mesh))
+        else:
+            raise ValueError(
+                f"data has {len(histories)} conditions with time courses: each must have one "
+                "speed; give run-ups as sets of their own"
+            )
+    return observations
 
 
 def _rig_facts(data: Any) -> dict:
@@ -71,8 +78,11 @@ def _rig_facts(data: Any) -> dict:
     return facts
 
 
-def _speed_course(facts: dict) -> tuple[list, dict]:
-    """Return the course of a run-up, rows of s and rpm, and further arguments of `run_up`."""
+def _speed_profile(facts: dict) -> tuple[list, dict]:
+    """Return the speed profile of a run-up, rows of s and rpm, and further arguments of `run_up`.
+
+    They are the entries "course" and "options" of `facts`, the known facts about a rig.
+    """
     if "course" not in facts:
         raise ValueError(
             "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
@@ -88,7 +98,10 @@ def _speed_course(facts: dict) -> tuple[list, dict]:
 
 
 def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return displacements, phase factors of the model's mesh orders, and teeth per revolution."""
+    """Return measured displacements, phase factors of mesh orders, and teeth per revolution.
+
+    The factors, (ORDERS,), turn the orders of a model by the mesh phase at which `data` begin.
+    """
     phase = _rig_facts(data).get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
     displacements = np.asarray(data.displacement.values, float)
@@ -107,7 +120,11 @@ def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray,
 def _order_channel(
     kind: str, displacement: Any, orders: np.ndarray, variance_shares: np.ndarray
 ) -> Channel:
-    """Return the channel of complex mesh orders, (blocks, ORDERS), with their deviations."""
+    """Return the channel of complex mesh orders, (blocks, ORDERS), with their deviations.
+
+    `kind` names the channel, `displacement` is the measured variable, and `variance_shares`,
+    (blocks,), are the variances of the orders over that of a sample.
+    """
     noise = float(displacement.attrs.get("noise_std", 0.0))
     deviations = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * variance_shares)
     values = _real_and_imaginary(orders)
@@ -127,16 +144,19 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a time course at constant speed: the mesh orders of its orbit."""
+    """Return the observation of a time history at constant speed: the mesh orders of its orbit.
+
+    `data` has displacement, time and speed over samples; `mesh` is the index of the measured mesh.
+    """
     displacements, phase_factors, teeth = _displacement_signal(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     sign = int(data.direction.values[0]) if "direction" in data.coords else 0
     direction, first_share, count = _SWEEPS[sign]
-    # The known phase is the phase at the time 0.
-    turns = data.time.values * speed / 60.0
-    bounds = np.array([turns[0], np.nextafter(turns[-1], np.inf)])
-    measured_orders = regress_mesh_orders(turns, displacements, bounds, teeth)
+    # The known phase is the mesh phase at the time 0.
+    revolutions = data.time.values * speed / 60.0
+    edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
+    measured_orders = regress_mesh_orders(revolutions, displacements, edges, teeth)
     channel = _order_channel("time course", data.displacement, *measured_orders)
 
     def predict(model: Any) -> tuple:
@@ -144,15 +164,16 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         tunings = np.sort(np.linspace(first_share * tuning, tuning, count))
         curve = sweep(model, tunings, direction=direction, **SETTLING)
         state = curve.final_state.values[0 if direction == "down" else -1]
-        point = orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
-        orders = point[ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
-        depth = max(0.0, -point["displacement_min"].min())
-        return [_real_and_imaginary(orders * phase_factors)], depth
+        quantities = orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
+        orders = quantities[ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
+        backlash_depth = max(0.0, -quantities["displacement_min"].min())
+        return [_real_and_imaginary(orders * phase_factors)], backlash_depth
 
     def draw(sensed: list) -> list:
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
-        heights = [2.0 * (waves @ x.view(complex)).real for x in (channel.values, sensed[0])]
+        orders = channel.values.view(complex), sensed[0].view(complex)
+        heights = [2.0 * (waves @ amplitudes).real for amplitudes in orders]
         name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
         return [Curve(name, units, "phase", phase, (*heights,), np.zeros(phase.size, bool))]
 
@@ -160,15 +181,19 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps."""
+    """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps.
+
+    `data` has the displacement over time in samples and the speed profile among its known facts;
+    `mesh` is the index of the measured mesh in the model.
+    """
     displacements, phase_factors, teeth = _displacement_signal(model, data)
-    rows, options = _speed_course(_rig_facts(data))
-    turning = Turning(rows)
-    turns = turning.revolutions(data.time.values)
-    blocks = _count_revolutions(turning, rows, data.time.values, turns)
-    orders, shares, warning = _orders_of_revolutions(turns, displacements, teeth, blocks)
+    profile, options = _speed_profile(_rig_facts(data))
+    turning = Turning(profile)
+    revolutions = turning.revolutions(data.time.values)
+    count = _count_revolutions(turning, profile, data.time.values, revolutions)
+    orders, shares, warning = _orders_of_revolutions(revolutions, displacements, teeth, count)
     compared, amplitudes, jumps = _compared_revolutions(orders, shares)
-    speeds = turning.at(np.arange(blocks) + 0.5)[1]
+    speeds = turning.at(np.arange(count) + 0.5)[1]
     channels = [_order_channel("run-up", data.displacement, orders[compared], shares[compared])]
     if jumps:
         jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
@@ -177,17 +202,20 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         channels.append(Channel("jumps", jump_speeds, np.array(widths), noise_known, joined=True))
 
     def predict(model: Any) -> tuple:
-        run = run_up(model, speed=rows, samples_per_period=_RUN_UP_SAMPLES_PER_PERIOD, **options)
+        settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
+        run = run_up(model, speed=profile, **settings)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
-        orders = _integrate_orders(run.phase.values, displacement, blocks, math.tau * teeth)
+        orders = _integrate_orders(run.phase.values, displacement, count, math.tau * teeth)
         values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
-            predicted = np.abs(orders[:, 0]) * (channels[0].sensed(values[0])[1] or 1.0)
+            gain = channels[0].sensed(values[0])[1] or 1.0
+            predicted = np.abs(orders[:, 0]) * gain
             values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
-        minima = run.displacement_min.values[:blocks]
-        return values, max(0.0, -float(minima[compared[: minima.shape[0]]].min()))
+        minima = run.displacement_min.values[:count]
+        backlash_depth = max(0.0, -float(minima[compared[: minima.shape[0]]].min()))
+        return values, backlash_depth
 
     def draw(sensed: list) -> list:
         fitted = np.full(orders.shape, complex(np.nan))
@@ -208,20 +236,24 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
 
 
 def _orders_of_revolutions(
-    turns: np.ndarray, displacements: np.ndarray, teeth: float, blocks: int
+    revolutions: np.ndarray, displacements: np.ndarray, teeth: float, count: int
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return mesh orders and variance shares of each revolution, and a warning about gaps."""
-    bounds, count = np.arange(blocks + 1), blocks - _SKIPPED_AT_START
-    complete = complete_blocks(turns, bounds, teeth)
+    """Return mesh orders and variance shares of `count` revolutions, and a warning about gaps.
+
+    `revolutions` are the angles of the samples of displacement in revolutions; a revolution has as
+    many mesh periods as `teeth`.
+    """
+    edges, compared_count = np.arange(count + 1), count - _SKIPPED_AT_START
+    complete = complete_blocks(revolutions, edges, teeth)
     allowed = f"of one without a gap behind the first {_SKIPPED_AT_START}"
-    gaps = f"of {count} revolutions with gaps"
+    gaps = f"of {compared_count} revolutions with gaps"
     checks.require(complete[_SKIPPED_AT_START:].any(), "time", gaps, allowed)
-    orders, shares = regress_mesh_orders(turns, displacements, bounds, teeth, complete)
+    orders, shares = regress_mesh_orders(revolutions, displacements, edges, teeth, complete)
     missing, warning = int(np.isnan(shares[_SKIPPED_AT_START:]).sum()), ""
     if missing:
         warning = (
-            f"{missing} of {count} revolutions are left out of the run-up: they have gaps or too "
-            "few samples"
+            f"{missing} of {compared_count} revolutions are left out of the run-up: they have gaps "
+            "or too few samples"
         )
     return orders, shares, warning
 
@@ -231,12 +263,14 @@ def _compared_revolutions(
 ) -> tuple[np.ndarray, np.ndarray, list]:
     """Return a mask of compared revolutions, amplitudes of the first order, and jump revolutions.
 
-    Deviations of a motion grow around a jump, so only the speed of the jump is compared there.
+    `orders`, (revolutions, ORDERS), are complex mesh orders; `variance_shares`, (revolutions,),
+    are NaN for revolutions without enough samples. Deviations of a motion grow around a jump, so
+    only the speed of the jump is compared there.
     """
-    present, numbers = np.isfinite(variance_shares), np.arange(variance_shares.size)
-    compared = present & (numbers >= _SKIPPED_AT_START)
+    measured, numbers = np.isfinite(variance_shares), np.arange(variance_shares.size)
+    compared = measured & (numbers >= _SKIPPED_AT_START)
     # A revolution without samples takes the amplitude of the revolution before it.
-    source = np.maximum.accumulate(np.where(present, numbers, present.argmax()))
+    source = np.maximum.accumulate(np.where(measured, numbers, measured.argmax()))
     amplitudes = np.abs(orders[source, 0])
     steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
     for i in np.argsort(-steps):
@@ -249,18 +283,24 @@ def _compared_revolutions(
     return compared, amplitudes, sorted(jumps)
 
 
-def _count_revolutions(turning: Turning, rows: list, times: np.ndarray, turns: np.ndarray) -> int:
-    """Return the number of whole revolutions of a run-up; refuse samples outside its course."""
-    end, blocks = rows[-1][0], int(turns[-1])
+def _count_revolutions(
+    turning: Turning, profile: list, times: np.ndarray, revolutions: np.ndarray
+) -> int:
+    """Return the number of whole revolutions of a run-up, or refuse samples outside its profile.
+
+    `turning` gives the revolutions at times of the speed profile, rows of s and rpm; `revolutions`
+    are the angles at the `times` of the samples.
+    """
+    end, count = profile[-1][0], int(revolutions[-1])
     interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
-    course_turns = float(turning.revolutions(np.array([end]))[0])
-    within = turns[0] < 1.0 and blocks <= course_turns + 1e-9
+    profile_revolutions = float(turning.revolutions(np.array([end]))[0])
+    within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
     checks.require(within, "time", interval, allowed)
     minimum = 2 * _SKIPPED_AT_START
-    allowed = f"of more than {minimum} whole revolutions of known.course, not {blocks}"
-    checks.require(blocks > minimum, "time", interval, allowed)
-    return blocks
+    allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
+    checks.require(count > minimum, "time", interval, allowed)
+    return count
 
 
 def _jump_speed(
@@ -269,7 +309,8 @@ def _jump_speed(
     """Return the speed at which a model jumps next to a measured jump, NaN if it does not jump.
 
     The jump of the model is where its predicted amplitude of the first mesh order crosses the
-    middle of the measured amplitudes before and after the revolution `jump`.
+    middle of the measured amplitudes before and after the revolution with the index `jump`. Both
+    amplitudes and the speeds, in rpm, are arrays over revolutions.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
@@ -289,9 +330,13 @@ def _jump_speed(
 def _integrate_orders(
     phase: np.ndarray, displacements: np.ndarray, blocks: int, block_length: float
 ) -> np.ndarray:
-    """Return mesh orders, (blocks, ORDERS), of a sampled run by the trapezoidal rule."""
+    """Return the complex mesh orders, (blocks, ORDERS), of displacements sampled over mesh phases.
+
+    Fourier integrals by the trapezoidal rule are taken over successive blocks of the same length in
+    rad.
+    """
     edges = block_length * np.arange(blocks + 1)
-    # The last sample is repeated at the last edge if the course ends before it.
+    # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))
     displacements = np.append(displacements, displacements[-1])
     waves = displacements * np.cumprod([np.exp(-1j * phase)] * ORDERS, axis=0)
@@ -300,57 +345,59 @@ def _integrate_orders(
     return np.add.reduceat(areas[:, : starts[-1]], starts[:-1], axis=1).T / block_length
 
 
-def complete_blocks(turns: np.ndarray, bounds: np.ndarray, teeth: float) -> np.ndarray:
-    """Return a mask of the blocks between successive bounds whose samples have no gap.
+def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, teeth: float) -> np.ndarray:
+    """Return a mask of the blocks between successive edges whose samples have no gap.
 
-    A gap is longer than one mesh period and longer than three median sampling steps.
+    `revolutions` are the angles of the samples; edges are in revolutions, too. A gap is longer than
+    one mesh period, 1 / teeth, and longer than three median sampling steps.
     """
-    steps, complete = np.diff(turns), np.ones(len(bounds) - 1, bool)
+    steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / teeth, 3.0 * np.median(steps))):
-        first, last = np.searchsorted(bounds, turns[i : i + 2], "right") - 1
+        first, last = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1
         complete[max(first, 0) : last + 1] = False
     return complete
 
 
 def regress_mesh_orders(
-    turns: np.ndarray,
-    values: np.ndarray,
-    bounds: np.ndarray,
+    revolutions: np.ndarray,
+    displacements: np.ndarray,
+    edges: np.ndarray,
     teeth: float,
     complete: np.ndarray | bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return complex mesh orders of blocks of samples, (blocks, ORDERS), and their noise variance.
+    """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance shares.
 
-    The samples may lie at any angles `turns`, in revolutions; a block reaches from one of the
-    `bounds` to the next. A weighted regression on an offset, the first shaft orders and the mesh
-    orders is made for each block. The variance of the real and of the imaginary part of an order
-    is half of the returned share times the variance of the samples. Blocks that are not complete
-    or have too few samples have NaN.
+    The samples may lie at any angles `revolutions`; a block reaches from one of the `edges`, in
+    revolutions, to the next. A weighted regression on an offset, the first shaft orders and the
+    mesh orders is made for each block. The variance of the real and of the imaginary part of an
+    order is half of the share, (blocks,), times the variance of the samples. Blocks that are not
+    `complete`, a mask, or have too few samples have NaN.
     """
-    blocks, minimum = len(bounds) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
-    density = np.diff(np.searchsorted(turns, bounds)) / np.diff(bounds) / teeth
+    blocks, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
+    # Samples in a mesh period.
+    density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / teeth
     dense = complete & (density >= minimum)
     lowest = f"{density.min():.3g} samples in a mesh period"
     checks.require(dense.any(), "displacement", lowest, f"of {minimum:g} or more")
     count = min(2 * ORDERS, int(density[dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be told from the offset in less than one revolution.
-    shaft = _SHAFT_ORDERS if bounds[1] - bounds[0] >= 1.0 else 0
-    frequencies = np.array([*range(1, shaft + 1), *(teeth * np.arange(1, count + 1))])
-    # A sample weighs as much as the part of the block that is nearest to it: this approaches the
+    shaft_orders = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
+    frequencies = np.array([*range(1, shaft_orders + 1), *(teeth * np.arange(1, count + 1))])
+    # The weight of a sample is the length of the block that is nearest to it. This approaches the
     # Fourier integral if amplitudes change within the block.
-    cells = np.concatenate([[-np.inf], 0.5 * (turns[1:] + turns[:-1]), [np.inf]])
+    cells = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
     orders, shares = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
-    real = np.arange(ORDERS) + 1 + shaft
+    real = np.arange(ORDERS) + 1 + shaft_orders
     imaginary = real + frequencies.size
     for k in np.flatnonzero(dense):
-        low, high = bounds[k : k + 2]
-        inside = slice(np.searchsorted(cells, low, "right") - 1, np.searchsorted(cells, high))
-        weights = np.diff(np.clip(cells[inside.start : inside.stop + 1], low, high))[:, None]
-        waves = np.exp(2j * np.pi * np.outer(turns[inside], frequencies))
+        start, end = edges[k : k + 2]
+        inside = slice(np.searchsorted(cells, start, "right") - 1, np.searchsorted(cells, end))
+        weights = np.diff(np.clip(cells[inside.start : inside.stop + 1], start, end))[:, None]
+        waves = np.exp(2j * np.pi * np.outer(revolutions[inside], frequencies))
         columns = np.hstack([np.ones((len(waves), 1)), waves.real, waves.imag])
         weighted = weights * columns
         inverse = np.linalg.inv(columns.T @ weighted)
-        coefficients = inverse @ (weighted.T @ values[inside])
+        coefficients = inverse @ (weighted.T @ displacements[inside])
         orders[k] = 0.5 * (coefficients[real] - 1j * coefficients[imaginary])
         variances = np.diag(inverse @ (weighted.T @ weighted) @ inverse)
         shares[k] = 0.5 * variances[[*real, *imaginary]].mean()

@@ -21,7 +21,7 @@ from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 
 #: Residual of a measured speed that the model does not have.
 MISSING_SPEED_RESIDUAL = 100.0
-#: Least step between successive measured values that counts as a jump, as a share of the value.
+#: Smallest step between successive measured values that counts as a jump, as a share of the value.
 JUMP_SHARE = 0.15
 START_REFUSAL = (
     "model is not allowed: a motion with its values, where the fit starts, could not be run to the "
@@ -68,20 +68,24 @@ class Channel(NamedTuple):
         return self.unknown_gain + self.unknown_offset
 
     def sensed(self, predicted: np.ndarray) -> tuple:
-        """Return predicted values as the sensor shows them, and the gain of the sensor.
+        """Return predicted values, (n,), as the sensor shows them, and the gain of the sensor.
 
         An unknown gain and offset enter linearly, so linear least squares eliminate them
         (variable projection, Golub and Pereyra 1973).
         """
-        columns = [predicted] * self.unknown_gain + [np.ones(predicted.size)] * self.unknown_offset
+        columns = []  # of the factors gain and offset
+        if self.unknown_gain:
+            columns.append(predicted)
+        if self.unknown_offset:
+            columns.append(np.ones(predicted.size))
         if not columns:
             return predicted, 1.0
         constant = 0.0 if self.unknown_gain else predicted
         matrix = np.stack(columns, axis=1) / self.deviations[:, None]
-        sizes = np.linalg.norm(matrix, axis=0)
-        sizes[sizes == 0.0] = 1.0
+        norms = np.linalg.norm(matrix, axis=0)
+        norms[norms == 0.0] = 1.0
         target = (self.values - constant) / self.deviations
-        coefficients = np.linalg.lstsq(matrix / sizes, target, rcond=None)[0] / sizes
+        coefficients = np.linalg.lstsq(matrix / norms, target, rcond=None)[0] / norms
         gain = float(coefficients[0]) if self.unknown_gain else 1.0
         return constant + np.stack(columns, axis=1) @ coefficients, gain
 
@@ -101,17 +105,20 @@ class Observation(NamedTuple):
             predicted = self.predict(model)[0]
         except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
             return None
-        pairs = zip(self.channels, predicted, strict=True)
-        return [channel.sensed(values)[0] for channel, values in pairs]
+        channel_values = zip(self.channels, predicted, strict=True)
+        return [channel.sensed(values)[0] for channel, values in channel_values]
 
     def residuals(self, model: Any) -> np.ndarray | None:
         """Return (predicted - measured) / deviation, None if a run of the model fails."""
         sensed = self.sensed(model)
         if sensed is None:
             return None
-        pairs = zip(self.channels, sensed, strict=True)
-        rows = [(values - channel.values) / channel.deviations for channel, values in pairs]
-        return np.nan_to_num(np.concatenate(rows), nan=MISSING_SPEED_RESIDUAL)
+        residuals = [
+            (values - channel.values) / channel.deviations
+            for channel, values in zip(self.channels, sensed, strict=True)
+        ]
+        # A speed of a jump that the model does not have is NaN.
+        return np.nan_to_num(np.concatenate(residuals), nan=MISSING_SPEED_RESIDUAL)
 
 
 class Curve(NamedTuple):
@@ -135,22 +142,24 @@ class MeasuredSpeed(NamedTuple):
 
 
 def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
-    """Return the quantities of the periodic orbit at a speed in rpm: name -> values by mesh, SI.
+    """Return the quantities of the periodic orbit at a speed in rpm, in SI units.
 
-    The orbit next to the state `guess` is taken. `ORDER_AMPLITUDE` has complex amplitudes, shape
+    The dict maps names to values of each mesh. The orbit next to the state `guess`, (2 N,), is
+    taken, with `samples` in each mesh period. "order_amplitude" has complex amplitudes, shape
     (orders, meshes); twice the real part of their sum is the displacement.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
-    n = orbit.period
+    n = orbit.period  # in mesh periods
     settings = {"periods": n, "record_periods": n, "initial_state": tuple(orbit.state)}
     recorded = run(model, orbit.tuning, samples, **settings)
     if recorded.status:
         raise NoOrbit(f"the motion at {speed:g} rpm could not go on")
     counts = np.array([n, OK])
     table = summary.variables(model, (), recorded.summary, recorded.final, counts, n)
-    units = {"displacement": model.static_deflection, "dynamic": model.load}
+    # Displacements are in static deflections, dynamic forces in loads.
+    scales = {"displacement": model.static_deflection, "dynamic": model.load}
     quantities = {
-        name: np.atleast_1d(values) * units.get(name.partition("_")[0], 1.0)
+        name: np.atleast_1d(values) * scales.get(name.partition("_")[0], 1.0)
         for name, (_, values) in table.items()
     }
     end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS
@@ -160,7 +169,10 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> 
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return one quantity of one mesh of an orbit, such as `order_amplitude_2`."""
+    """Return one quantity of an orbit, such as "order_amplitude_2", for the mesh with an index.
+
+    `quantities` maps names to values of each mesh; an amplitude is that of the real displacement.
+    """
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
         return 2.0 * abs(quantities[ORDER_AMPLITUDE][int(number), mesh])
@@ -174,37 +186,47 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
     Jumps are folds of the branch of orbits, the onset is a grazing. They are those of the main
     resonance of a model with one degree of freedom; otherwise the branch is followed.
     """
-    rate = float(model.speed(1.0))
+    resonance_speed = float(model.speed(1.0))
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.lost:
             raise ContinuationFailed
         tunings = {name: getattr(resonance, RESONANCE_NAMES[name]) for name in measured}
-        return {name: rate * tuning for name, tuning in tunings.items() if np.isfinite(tuning)}
+        speeds = {name: resonance_speed * tuning for name, tuning in tunings.items()}
+        return {name: speed for name, speed in speeds.items() if np.isfinite(speed)}
     jumps = {name: speed for name, speed in measured.items() if name.startswith("jump")}
     speeds = fold_speeds(model, jumps) if jumps else {}
     if "onset_of_contact_loss" in measured:
         onset = _onset(model, measured["onset_of_contact_loss"])
-        speeds |= {} if math.isnan(onset) else {"onset_of_contact_loss": onset}
+        if not math.isnan(onset):
+            speeds["onset_of_contact_loss"] = onset
     return speeds
 
 
 def fold_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of the folds of a model next to measured jumps, rpm, by name."""
-    rate, speeds = float(model.speed(1.0)), {}
-    orbit = periodic_orbit(model, _BRANCH_START_SHARE * max(measured.values()) / rate)
-    branch = continue_orbit(orbit, to=_BRANCH_END_SHARE * min(measured.values()) / rate)
-    folds = branch.tuning.values[branch.label.values == FOLD] * rate
-    # The branch comes from higher speeds: the first fold of each pair is that of the jump down.
+    """Return the speeds of the folds of a model next to measured jumps, rpm, by name.
+
+    `measured` maps "jump_up" or "jump_down" to the measured speed in rpm.
+    """
+    resonance_speed, speeds = float(model.speed(1.0)), {}
+    orbit = periodic_orbit(model, _BRANCH_START_SHARE * max(measured.values()) / resonance_speed)
+    branch = continue_orbit(orbit, to=_BRANCH_END_SHARE * min(measured.values()) / resonance_speed)
+    folds = branch.tuning.values[branch.label.values == FOLD] * resonance_speed
+    # The branch comes from higher speeds, so the first fold of each pair is the jump down.
+    pair_count = folds.size // 2
+    fold_pairs = folds[: 2 * pair_count].reshape(pair_count, 2)
     for name, speed in measured.items():
-        candidates = folds[: 2 * (folds.size // 2)][name != "jump_down" :: 2]
+        candidates = fold_pairs[:, 0 if name == "jump_down" else 1]
         if candidates.size:
             speeds[name] = float(candidates[np.abs(candidates - speed).argmin()])
     return speeds
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to the measured one, rpm, or NaN."""
+    """Return the speed of the onset of contact loss next to the measured one, rpm, or NaN.
+
+    The onset is where the smallest displacement of a mesh passes 0 in a sweep up.
+    """
     speeds = measured * _ONSET_SHARES
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING)
     minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)

@@ -227,7 +227,7 @@ def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
         return [point.dynamic_factor.item() for point in points]
 
     found = factors()
-    for name, more in (("_MIN_SLICES", 96), ("MIN_LINES", 96), ("_MAX_ROWS", 1e7)):
+    for name, more in (("_MIN_SLICES", 96), ("MIN_LINES", 96), ("_MAX_SLICES_AT_PHASES", 1e7)):
         monkeypatch.setattr(load_sharing, name, more)
     np.testing.assert_allclose(found, factors(), atol=2e-3)
 

@@ -3,8 +3,9 @@
 import dataclasses
 import math
 import re
-from contextlib import contextmanager
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, NamedTuple
 
 from gearlib import checks
 from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
@@ -14,17 +15,18 @@ from gearlib.models.geometry.mesh import Mesh
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
 #: Key of a gear -> field of its `Rack` that it replaces.
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
-#: Names of gears and their parts in error messages.
-_PARTS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
-_PART = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PARTS})\b")
+#: Names of gears and of their parts in error messages, as in "module of the wheel".
+_OWNERS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
+_OWNED_PARAMETER = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_OWNERS})\b")
 
 
-def gear(values, mate_values=None, **default_fields):
-    """Return the `SpurGear` of a dict of plain values.
+def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
+    """Build a `SpurGear` from a dict of its fields in SI units, and return it.
 
-    Material, web and tip relief are dicts; `rack` is a letter, and the keys of `RACK_FIELDS` change
-    that rack. `mate_values` are those of a gear from which missing module, width, angles, rack and
-    material are taken.
+    Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, and the
+    keys addendum, dedendum and fillet_radius change this rack. A missing module, width, angle, rack
+    or material is taken from `mate_values`, the dict of the mating gear, and any other missing
+    field from `default_fields`.
     """
     fields = dict(values)
     if mate_values is not None:
@@ -35,39 +37,42 @@ def gear(values, mate_values=None, **default_fields):
     rack = {field: fields.pop(name) for name, field in RACK_FIELDS.items() if name in fields}
     if rack:
         fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack)
-    for name, part_class in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
+    for name, field_class in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
         if name in fields:
-            fields[name] = part_class(**fields[name])
+            fields[name] = field_class(**fields[name])
     return SpurGear(**(default_fields | fields))
 
 
-def mesh(values):
-    """Return the `Mesh` of a dict with the keys pinion, wheel, centre_distance and backlash.
+def mesh(values: dict) -> Mesh:
+    """Build a `Mesh` from a dict with pinion, wheel, centre_distance and backlash, and return it.
 
-    The wheel takes missing values from the pinion, as in `gear`; other keys are ignored.
+    Pinion and wheel are dicts of gears; the wheel takes missing values from the pinion. Lengths are
+    in m, and other keys are ignored.
     """
-    pinion, wheel = gear(values["pinion"]), gear(values["wheel"], values["pinion"])
+    pinion, wheel = gear(values["pinion"]), gear(values["wheel"], mate_values=values["pinion"])
     return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
 @contextmanager
-def renaming(rename):
-    """Replace the names of parameters in ValueErrors that are raised in this context.
+def renaming(rename: Callable[[str, str | None], str]) -> Iterator[None]:
+    """Replace the parameter at the beginning of ValueErrors that are raised in this context.
 
-    `rename` is a function from the name of a parameter and of its part, or None, to the new name.
+    `rename` returns the new text from the name of the parameter and from the object that has it:
+    for "width of the wheel = -1 ..." these are "width" and "wheel", for "width = -1 ..." "width"
+    and None.
     """
     try:
         yield
     except ValueError as error:
-        text = str(error)
-        match = _PART.match(text) or re.match(r"(sum) of the (shifts)|(\w+)", text)
-        name, part = match[1] or match[3], match[2]
-        raise ValueError(f"{rename(name, part)}{text[match.end() :]}") from None
+        message = str(error)
+        match = _OWNED_PARAMETER.match(message) or re.match(r"(sum) of the (shifts)|(\w+)", message)
+        parameter_name, owner = match[1] or match[3], match[2]
+        raise ValueError(f"{rename(parameter_name, owner)}{message[match.end() :]}") from None
 
 
-#: Largest position error of a planet in tooth pitches: angles are often rounded.
+#: Largest position error of a planet in tooth pitches, since angles are often rounded.
 _POSITION_TOLERANCE = 1e-6
-#: Largest difference of the teeth of the ring from z_s + 2 z_p with profile shifts.
+#: Largest difference of the teeth of the ring from z_s + 2 z_p that profile shifts allow.
 _MAX_SHIFTED_TEETH = 2
 
 
@@ -80,11 +85,20 @@ class Planets(NamedTuple):
 
 
 def planets_of(
-    sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
-):
-    """Return the checked meshes and planet angles of a drawn planetary set.
+    sun: SpurGear,
+    planet: SpurGear,
+    ring: SpurGear,
+    *,
+    planets: int = 3,
+    positions: Sequence | None = None,
+    centre_distance: float | None = None,
+    backlashes: Sequence | None = None,
+) -> Planets:
+    """Check a drawn planetary set, and return its meshes and the angles of its planets.
 
-    The arguments and errors are those of `gearlib.planetary_set`.
+    `planets` is their number, `positions` their angles in rad, by default equally spaced.
+    `backlashes` are the normal backlashes of the sun mesh and the ring mesh in m; by default they
+    follow from the drawings, as the centre distance in m does.
     """
     backlash = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
     internal = getattr(ring, "internal", False)
@@ -95,62 +109,77 @@ def planets_of(
         with _renaming_gears("ring mesh", **{"ring gear": "ring"}, pinion="planet", wheel="ring"):
             ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
-        _check_sum(sun, planet, ring, centre_distance)
+        _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
     count = checks.integer("planets", planets, 1)
-    total = sun.teeth + ring.teeth
+    tooth_sum = sun.teeth + ring.teeth
     positions = equal_positions(sun.teeth, ring.teeth, count) if positions is None else positions
     angles = checks.finite("positions", checks.many("positions", positions, count))
     for i, angle in enumerate(angles):
-        pitches = total * (angle - angles[0]) / math.tau
+        pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
             raise ValueError(
                 f"positions[{i}] = {angle!r} is not allowed: the planet can be assembled only a "
-                f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / total:.6g} rad from the first"
+                f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
+                "first"
             )
     _check_neighbours(sun_mesh, count, angles)
     return Planets(sun_mesh, ring_mesh, angles)
 
 
-def equal_positions(sun, ring, count):
-    """Return the angles of equally spaced planets from the tooth numbers of sun and ring."""
-    if (sun + ring) % count:
+def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
+    """Return the angles of `count` equally spaced planets in rad, or refuse their number."""
+    if (sun_teeth + ring_teeth) % count:
         raise ValueError(
-            f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun} + {ring}) / {count} must "
-            "be an integer for equal spacing"
+            f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / "
+            f"{count} must be an integer for equal spacing"
         )
     return [2.0 * math.pi * i / count for i in range(count)]
 
 
-def _check_sum(sun, planet, ring, centre_distance):
-    """Raise ValueError if the teeth of the ring differ too much from z_s + 2 z_p."""
-    if not all(isinstance(gear, SpurGear) for gear in (sun, planet, ring)):
+def _check_ring_teeth(
+    sun: SpurGear, planet: SpurGear, ring: SpurGear, centre_distance: float | None
+) -> None:
+    """Raise ValueError if the number of teeth of the ring differs too much from z_s + 2 z_p."""
+    gears = (sun, planet, ring)
+    if not all(isinstance(gear, SpurGear) for gear in gears):
         return
-    sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in (sun, planet, ring)}
+    tooth_sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in gears}
     ring_teeth = sun.teeth + 2 * planet.teeth
-    shifted = centre_distance is not None or any(gear.shift for gear in (sun, planet, ring))
+    shifted = centre_distance is not None or any(gear.shift for gear in gears)
     tolerance = _MAX_SHIFTED_TEETH if shifted else 0
-    if len(sizes) == 1 and abs(ring.teeth - ring_teeth) > tolerance:
+    if len(tooth_sizes) == 1 and abs(ring.teeth - ring_teeth) > tolerance:
         raise ValueError(
             f"teeth of the ring = {ring.teeth} is not allowed: it must be z_s + 2 z_p = "
             f"{sun.teeth} + 2 * {planet.teeth} = {ring_teeth}, or so near that profile shifts make "
-            "up for the rest"
+            "up for the difference"
         ) from None
 
 
-def _check_neighbours(mesh: Mesh, count: int, positions: tuple) -> None:
-    """Raise ValueError if the tip circles of neighbouring planets overlap."""
-    angles = sorted(angle % math.tau for angle in positions)
-    steps = [b - a for a, b in zip(angles, [*angles[1:], angles[0] + math.tau], strict=True)]
-    distance = 2.0 * mesh.centre_distance * math.sin(min(*steps, math.pi) / 2.0)
-    if count > 1 and distance <= mesh.wheel.tip_diameter:
+def _check_neighbours(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
+    """Raise ValueError if the tip circles of neighbouring planets overlap.
+
+    The planets are the wheel of `sun_mesh`; `angles` are their `count` positions in rad.
+    """
+    sorted_angles = sorted(angle % math.tau for angle in angles)
+    next_angles = [*sorted_angles[1:], sorted_angles[0] + math.tau]
+    spacings = [
+        following - angle for angle, following in zip(sorted_angles, next_angles, strict=True)
+    ]
+    distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
+    tip_diameter = sun_mesh.wheel.tip_diameter
+    if count > 1 and distance <= tip_diameter:
         raise ValueError(
-            f"planets = {count} is not allowed: the tip circles of neighbours, "
-            f"{mesh.wheel.tip_diameter:.6g} m in diameter, must keep clear of each other, and "
-            f"their axes are {distance:.6g} m apart"
+            f"planets = {count} is not allowed: the tip circles of neighbours, {tip_diameter:.6g} "
+            f"m in diameter, must keep clear of each other, and their axes are {distance:.6g} m "
+            "apart"
         )
 
 
-def _renaming_gears(mesh: str, **names: str):
-    """Return a context that names gears of a planetary set in errors, old name -> new name."""
-    return renaming(lambda name, part: f"{name} of the {names.get(part, mesh)}")
+def _renaming_gears(mesh_name: str, **new_names: str) -> AbstractContextManager:
+    """Return a context in which ValueErrors name the gears of a planetary set.
+
+    `new_names` maps "pinion" and "wheel" of a mesh to names of the set; `mesh_name` replaces every
+    other name.
+    """
+    return renaming(lambda name, owner: f"{name} of the {new_names.get(owner, mesh_name)}")

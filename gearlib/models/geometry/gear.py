@@ -7,9 +7,10 @@ action, in m. Positions on the path of contact are those of `gearlib.models.geom
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gearlib import checks
 from gearlib.parameters import (
@@ -31,23 +32,27 @@ from gearlib.parameters import (
     documented,
 )
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
+
 #: Largest difference of the profile shift below the limit of undercut. The textbook limit of 17
 #: teeth without shift lies 0.006 below, and removes less than a thousandth of a module.
 _UNDERCUT_TOLERANCE = 0.02
 
 
-def inv(angle):
-    """Return the involute function tan(angle) - angle; ISO 21771."""
+def inv(angle: float) -> float:
+    """Return the involute function tan(angle) - angle of an angle in rad; ISO 21771."""
     return math.tan(angle) - angle
 
 
-def angle_of(value):
-    """Return the angle in [0, pi / 2) whose involute function has a value >= 0."""
-    # Newton's method converges from above, because the function is convex.
-    tangent = value + math.pi / 2.0
+def inverse_involute(involute: float) -> float:
+    """Return the angle in [0, pi / 2) at which tan(angle) - angle equals `involute` >= 0."""
+    # Newton's method converges from above, because the involute function is convex.
+    tangent = involute + math.pi / 2.0
     for _ in range(100):
-        # With t = tan(angle), t - arctan(t) = value has the derivative t^2 / (1 + t^2).
-        step = (tangent - math.atan(tangent) - value) * (1.0 + tangent**2) / tangent**2
+        # With t = tan(angle), t - arctan(t) = involute has the derivative t^2 / (1 + t^2).
+        step = (tangent - math.atan(tangent) - involute) * (1.0 + tangent**2) / tangent**2
         tangent -= step
         if tangent <= 0.0:
             return 0.0
@@ -65,7 +70,7 @@ class Material:
     poisson: Annotated[float, Number("1", least=0, below=0.5), "Poisson's ratio"] = 0.3
     density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", above=0), "Density"] = 7850.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check(self, " of a material")
 
 
@@ -83,8 +88,8 @@ class Rack:
         "between the flanks, the largest that does",
     ] = 0.38
 
-    def __post_init__(self):
-        """Check the dimensions of the rack."""
+    def __post_init__(self) -> None:
+        """Raise ValueError if a dimension is impossible or the tip radius exceeds the dedendum."""
         check(self, " of a rack")
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         fits = self.tip_radius < self.dedendum
@@ -109,8 +114,8 @@ class Web:
     rim_diameter: Annotated[float, DIAMETER, "Inside of the rim"]
     hub_diameter: Annotated[float, DIAMETER, "Outside of the hub, smaller than that of the rim"]
 
-    def __post_init__(self):
-        """Check the dimensions of the web."""
+    def __post_init__(self) -> None:
+        """Raise ValueError if a dimension of the web is impossible or its rim is inside its hub."""
         check(self, " of a web")
         fits = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
@@ -138,15 +143,19 @@ class TipRelief:
     length: Annotated[float, RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"]
     shape: Annotated[str, OneOf(tuple(SHAPES)), "Over that length"] = "linear"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check(self, " of a tip relief")
 
-    def gap(self, tip_distance):
-        """Return the gap at distances from the tip along the path of contact, m."""
-        import numpy as np  # Imported here, since checking a drawing needs no numpy.
+    def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
+        """Return how far the flank lies back at distances from its tip, both in m.
+
+        Distances are measured along the path of contact; the array has the shape of them.
+        """
+        import numpy as np  # Checking a drawing needs no numpy, which takes time to import.
 
         fraction = np.maximum(1.0 - np.asarray(tip_distance) / self.length, 0.0)
-        return self.amount * fraction ** SHAPES[self.shape]
+        exponent = SHAPES[self.shape]  # 1 if the relief is linear, 2 if it is parabolic
+        return self.amount * fraction**exponent
 
 
 @dataclass(frozen=True)
@@ -169,18 +178,19 @@ class PathTable:
     position: tuple
     value: tuple
 
-    def __post_init__(self):
-        """Check that positions rise strictly and each of them has a value."""
+    def __post_init__(self) -> None:
+        """Raise ValueError unless positions rise strictly and each of them has a value."""
         for name in ("position", "value"):
+            # A frozen dataclass sets its fields by `object.__setattr__` only.
             object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
-        if any(a >= b for a, b in pairwise(self.position)):
+        if any(following <= position for position, following in pairwise(self.position)):
             raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
 
-    def at(self, position):
-        """Return the values at positions on the path of contact by linear interpolation."""
+    def at(self, position: "ArrayLike") -> "np.ndarray":
+        """Return the values at positions on the path of contact, in m, interpolated linearly."""
         import numpy as np
 
         return np.interp(position, self.position, self.value)
@@ -189,7 +199,7 @@ class PathTable:
 class _RackKind(OneOf):
     """Type of a field that is a basic rack or its letter in ISO 53."""
 
-    def check(self, name, value):
+    def check(self, name: str, value: Any) -> Rack:
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
 
 
@@ -252,192 +262,201 @@ class SpurGear:
         "tooth as they come into mesh; as many as teeth, or none",
     ] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check(self)
         self._check_teeth()
         self._check_blank()
 
-    def _check_field(self, name, allowed, accept):
-        """Convert a field to float, or raise ValueError if a function does not accept it."""
+    def _check_field(self, name: str, allowed: str, accept: Callable[[float], bool]) -> None:
+        """Convert a field to float, or raise ValueError unless `accept` returns True for it.
+
+        `allowed` is the end of the error message "... it must be ...".
+        """
         value = checks.number(name, getattr(self, name), allowed, accept)
         object.__setattr__(self, name, value)
 
-    def _check_teeth(self):
+    def _check_teeth(self) -> None:
         """Raise ValueError for undercut teeth, pointed tips or too much tip relief."""
         rack, root, base = self.rack, self.root_diameter, self.base_diameter
-        limit = math.pi / 4.0 / math.tan(self.pressure_angle)
-        allowed = f"<= {limit:.4g} at this pressure angle, where its own tips are pointed"
-        checks.require(rack.dedendum <= limit, "dedendum of a rack", rack.dedendum, allowed)
+        max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
+        allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
+        checks.require(rack.dedendum <= max_dedendum, "dedendum of a rack", rack.dedendum, allowed)
         if not self.internal:
-            radius = self.teeth / (2.0 * math.cos(self.helix_angle))
+            radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
             height = self.rack_form_height / self.module
-            limit = height - radius * math.sin(self.transverse_pressure_angle) ** 2
-            allowed = f">= {limit:.4f} for {self.teeth} teeth, or the rack undercuts them"
-            possible = self.shift >= limit - _UNDERCUT_TOLERANCE
-            checks.require(possible, "shift", self.shift, allowed)
+            min_shift = height - radius * math.sin(self.transverse_pressure_angle) ** 2
+            allowed = f">= {min_shift:.4f} for {self.teeth} teeth, or the rack undercuts them"
+            fits = self.shift >= min_shift - _UNDERCUT_TOLERANCE
+            checks.require(fits, "shift", self.shift, allowed)
         if self.tip_diameter is None:
             addenda = 2.0 * self.module * (self.shift + rack.addendum)
             object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * addenda)
-            possible = not self.internal or self.tip_diameter > base
+            fits = not self.internal or self.tip_diameter > base
             allowed = "larger, or a tip_diameter be given outside of its base circle"
-            checks.require(possible, "teeth of the ring gear", self.teeth, allowed)
-        low, high = (base, root) if self.internal else (max(root, base), math.inf)
-        allowed = f"from {low:.6g} to {high:.6g} m" if self.internal else f"above {low:.6g} m"
+            checks.require(fits, "teeth of the ring gear", self.teeth, allowed)
+        lower, upper = (base, root) if self.internal else (max(root, base), math.inf)
+        allowed = f"from {lower:.6g} to {upper:.6g} m" if self.internal else f"above {lower:.6g} m"
         allowed += ", by its base and root circles"
-        self._check_field("tip_diameter", allowed, lambda v: low < v < high)
+        self._check_field("tip_diameter", allowed, lambda diameter: lower < diameter < upper)
         thickness = self.thickness_at(self.tip_diameter)
         allowed = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick;"
         allowed += " > 0 is allowed)"
         checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
         allowed = f"{self.teeth} numbers, one for each tooth"
-        possible = len(self.pitch_errors) in (0, self.teeth)
-        checks.require(possible, "pitch_errors", self.pitch_errors, allowed)
+        fits = len(self.pitch_errors) in (0, self.teeth)
+        checks.require(fits, "pitch_errors", self.pitch_errors, allowed)
         if self.tip_relief is not None:
             amount = self.tip_relief.amount
             allowed = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
             checks.require(amount < thickness / 2.0, "amount of a tip relief", amount, allowed)
 
-    def _check_blank(self):
-        """Raise ValueError if bore, rim or web do not fit the root circle."""
-        root, ring, web = self.root_diameter, self.internal, self.web
-        allowed = "0 for a ring gear" if ring else f">= 0 and < {root:.6g} m"
-        self._check_field("bore", allowed, lambda v: v == 0.0 if ring else 0.0 <= v < root)
+    def _check_blank(self) -> None:
+        """Raise ValueError if the bore, the rim of a ring gear or the web do not fit the root."""
+        root, internal, web = self.root_diameter, self.internal, self.web
+        allowed = "0 for a ring gear" if internal else f">= 0 and < {root:.6g} m"
+        self._check_field("bore", allowed, lambda v: v == 0.0 if internal else 0.0 <= v < root)
         if self.outer_diameter is not None:
             allowed = f"above the root circle of a ring gear, {root:.6g} m"
-            allowed = allowed if ring else "left out: only a ring gear has one"
-            self._check_field("outer_diameter", allowed, lambda v: ring and root < v < math.inf)
+            allowed = allowed if internal else "left out: only a ring gear has one"
+            self._check_field("outer_diameter", allowed, lambda v: internal and root < v < math.inf)
         if web is None:
             return
-        checks.require(not ring, "web", web, "left out of a ring gear")
+        checks.require(not internal, "web", web, "left out of a ring gear")
         thickness, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
-        width = self.width
-        for name, value, possible, allowed in (
-            ("thickness", thickness, thickness <= width, f"at most the face width, {width!r} m"),
-            ("rim_diameter", rim, rim < root, f"below the root circle, {root:.6g} m"),
-            ("hub_diameter", hub, hub >= self.bore, f"at least the bore, {self.bore!r} m"),
-        ):
-            checks.require(possible, f"{name} of the web", value, allowed)
+        allowed = f"at most the face width, {self.width!r} m"
+        checks.require(thickness <= self.width, "thickness of the web", thickness, allowed)
+        allowed = f"below the root circle, {root:.6g} m"
+        checks.require(rim < root, "rim_diameter of the web", rim, allowed)
+        allowed = f"at least the bore, {self.bore!r} m"
+        checks.require(hub >= self.bore, "hub_diameter of the web", hub, allowed)
 
     @property
-    def sign(self):
-        """1 for an external gear, -1 for a ring gear, as the number of teeth in ISO 21771."""
+    def sign(self) -> int:
+        """Sign of the number of teeth in ISO 21771: 1 for an external gear, -1 for a ring gear."""
         return -1 if self.internal else 1
 
     @property
-    def transverse_module(self):
+    def transverse_module(self) -> float:
         """Transverse module m_t = m_n / cos(beta), m."""
         return self.module / math.cos(self.helix_angle)
 
     @property
-    def transverse_pressure_angle(self):
+    def transverse_pressure_angle(self) -> float:
         """Transverse pressure angle alpha_t with tan(alpha_t) = tan(alpha_n) / cos(beta), rad."""
         return math.atan(math.tan(self.pressure_angle) / math.cos(self.helix_angle))
 
     @property
-    def base_helix_angle(self):
+    def base_helix_angle(self) -> float:
         """Base helix angle beta_b with sin(beta_b) = sin(beta) cos(alpha_n), rad."""
         return math.asin(math.sin(self.helix_angle) * math.cos(self.pressure_angle))
 
     @property
-    def virtual_teeth(self):
+    def virtual_teeth(self) -> float:
         """Number of teeth of the virtual spur gear, z_n = z / (cos^2(beta_b) cos(beta))."""
         return self.teeth / (math.cos(self.base_helix_angle) ** 2 * math.cos(self.helix_angle))
 
     @property
-    def reference_diameter(self):
+    def reference_diameter(self) -> float:
         """Reference diameter d = z m_t, m."""
         return self.teeth * self.transverse_module
 
     @property
-    def base_diameter(self):
+    def base_diameter(self) -> float:
         """Base diameter d_b = d cos(alpha_t), m."""
         return self.reference_diameter * math.cos(self.transverse_pressure_angle)
 
     @property
-    def root_diameter(self):
-        """Root diameter d_f = d + 2 m_n (x - h_fP), with - for a ring gear, m."""
-        depth = 2.0 * self.module * (self.shift - self.rack.dedendum)
-        return self.reference_diameter + self.sign * depth
+    def root_diameter(self) -> float:
+        """Root diameter d_f = d + 2 m_n (x - h_fP), for a ring gear d - 2 m_n (x - h_fP), m."""
+        height = 2.0 * self.module * (self.shift - self.rack.dedendum)
+        return self.reference_diameter + self.sign * height
 
     @property
-    def fillet_radius(self):
-        """Tip radius rho_fP of the rack in the normal section, at most a full round, m."""
+    def fillet_radius(self) -> float:
+        """Tip radius rho_fP of the basic rack in the normal section, at most a full round, m."""
         angle = self.pressure_angle
-        # The round must fit between the flanks of the rack at its tip line.
+        # The round must fit between both flanks of the rack at its tip line.
         half_width = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
         full_round = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
         return min(self.rack.tip_radius * self.module, full_round)
 
     @property
-    def rack_form_height(self):
+    def rack_form_height(self) -> float:
         """Height h_FfP of the straight flank of the rack below its datum line, m; ISO 21771."""
         round_height = self.fillet_radius * (1.0 - math.sin(self.pressure_angle))
         return self.rack.dedendum * self.module - round_height
 
     @property
-    def form_roll_length(self):
-        """Radius of curvature at which the involute begins above the fillet, m; >= 0.
+    def form_roll_length(self) -> float:
+        """Radius of curvature >= 0 of the involute where it begins above the fillet, m.
 
         For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771. The
-        flank of a ring gear is assumed to reach its root circle.
+        involute of a ring gear is assumed to reach its root circle.
         """
-        base = self.base_diameter / 2.0
+        base_radius = self.base_diameter / 2.0
         if self.internal:
-            return math.sqrt((self.root_diameter / 2.0) ** 2 - base**2)
+            return math.sqrt((self.root_diameter / 2.0) ** 2 - base_radius**2)
         angle = self.transverse_pressure_angle
-        below = (self.rack_form_height - self.shift * self.module) / math.sin(angle)
-        return max(base * math.tan(angle) - below, 0.0)
+        below_pitch_point = (self.rack_form_height - self.shift * self.module) / math.sin(angle)
+        return max(base_radius * math.tan(angle) - below_pitch_point, 0.0)
 
     @property
-    def tip_roll_length(self):
+    def tip_roll_length(self) -> float:
         """Radius of curvature of the flank at the tip, sqrt(r_a^2 - r_b^2), m."""
         return math.sqrt(self.tip_diameter**2 - self.base_diameter**2) / 2.0
 
     @property
-    def tooth_thickness(self):
+    def tooth_thickness(self) -> float:
         """Transverse tooth thickness s_t on the reference circle, with its allowance, m."""
         nominal = math.pi / 2.0 + 2.0 * self.shift * math.tan(self.pressure_angle)
         return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
 
-    def thickness_at(self, diameter):
-        """Return the transverse tooth thickness at a diameter >= d_b, m; ISO 21771."""
+    def thickness_at(self, diameter: float) -> float:
+        """Return the transverse tooth thickness on a circle of a diameter >= d_b, m; ISO 21771."""
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)
 
     @property
-    def pitch_deviation(self):
+    def pitch_deviation(self) -> float:
         """Tolerance f_ptT of a single pitch, not rounded, m; ISO 1328-1:2013."""
         return self._tolerance(1e-6 * self.reference_diameter + 4e-4 * self.module + 5e-6)
 
     @property
-    def form_deviation(self):
+    def form_deviation(self) -> float:
         """Tolerance f_falphaT of the profile form, not rounded, m; ISO 1328-1:2013."""
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
-    def _tolerance(self, class_5_tolerance):
-        """Return the tolerance of the quality of the gear from that of class 5."""
+    def _tolerance(self, class_5_tolerance: float) -> float:
+        """Return a tolerance of ISO 1328-1 at the `quality` of the gear from its value in class 5.
+
+        Each class is coarser than the one before by a factor of sqrt(2).
+        """
         allowed = "an integer from 1 to 11, or the deviations must be given"
         checks.require(self.quality is not None, "quality", None, allowed)
         return class_5_tolerance * math.sqrt(2.0) ** (self.quality - 5)
 
     @property
-    def mean_diameter(self):
+    def mean_diameter(self) -> float:
         """Diameter (d_a + d_f) / 2 of the disc that replaces the gear in ISO 6336-1, m."""
         return (self.tip_diameter + self.root_diameter) / 2.0
 
     @property
-    def mass(self):
+    def mass(self) -> float:
         """Mass of the gear as a disc with bore and web, or of the rim of a ring gear, kg."""
-        return self._moment(2, math.pi / 4.0)
+        return self._ring_moment(2, math.pi / 4.0)
 
     @property
-    def inertia(self):
+    def inertia(self) -> float:
         """Moment of inertia about the axis, of the same body as the mass, kg m^2; ISO 6336-1."""
-        return self._moment(4, math.pi / 32.0)
+        return self._ring_moment(4, math.pi / 32.0)
 
-    def _moment(self, power, factor):
-        """Return factor * density * width * (outer^power - inner^power), without the web recess."""
+    def _ring_moment(self, power: int, factor: float) -> float:
+        """Return factor * density * width * (outer^power - inner^power) from both diameters.
+
+        Power 2 and pi / 4 give the mass, power 4 and pi / 32 the moment of inertia. The recess
+        beside the web, if there is one, is subtracted.
+        """
         outer, inner = self.mean_diameter, self.bore
         if self.internal:
             allowed = f"given for the inertia of a ring gear, above {self.root_diameter:.6g} m"

@@ -11,17 +11,23 @@ other programs agree with it. A printed factor of KISSsoft shows that B_k is 1 f
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from gearlib.models.geometry.gear import SpurGear
+    from gearlib.models.geometry.mesh import Mesh
 
 #: Coefficients of q' with 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
 _FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188)
 _FLEXIBILITY += (0.00529, 0.00182)
 _THEORY_FACTOR = 0.8  # C_M, the measured over the theoretical stiffness
 _STEEL_MODULUS = 206e9  # Pa, the modulus of elasticity for which c'th holds
-_MIN_SPECIFIC_FORCE = 100.0  # N/mm; below it c' falls with the force
-_MIN_SPECIFIC_LOAD = 1e5  # N/m; below it the main resonance range begins at a lower speed
+_FULL_STIFFNESS_FORCE = 100.0  # N/mm; below it c' falls with the force
+_FULL_RESONANCE_LOAD = 1e5  # N/m; below it the main resonance range begins at a lower speed
 _MAIN_RANGE_END, _UPPER_RANGE_START = 1.15, 1.5  # limits of N
 _FIRST_QUALITY_WITHOUT_RELIEF = 6  # tip relief has no effect from this quality on
 
@@ -38,7 +44,9 @@ class IsoStiffness:
     mean: float  #: mesh stiffness c_gamma_alpha = c' (0.75 eps_alpha + 0.25)
 
 
-def iso_stiffness(mesh, torque=None, application_factor=1.0):
+def iso_stiffness(
+    mesh: "Mesh", torque: float | None = None, application_factor: float = 1.0
+) -> IsoStiffness:
     """Return the mesh stiffness after ISO 6336-1, method B, with its factors.
 
     Parameters
@@ -69,66 +77,72 @@ def iso_stiffness(mesh, torque=None, application_factor=1.0):
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
     (z1, z2), (x1, x2) = teeth, (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)
-    theoretical = 1.0 / sum(c * term for c, term in zip(_FLEXIBILITY, terms, strict=True))
-    angle = 1.0 - 0.02 * (20.0 - math.degrees(mesh.pinion.pressure_angle))
-    rack = sum((1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle for gear in gears) / 2.0
+    flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
+    theoretical = 1.0 / flexibility
+    angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(mesh.pinion.pressure_angle))
+    rack = sum((1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle_factor for gear in gears) / 2.0
     blank = min(_blank_factor(gear) for gear in gears)
     moduli = [gear.material.young for gear in gears]
     material = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL_MODULUS
     single = (
         theoretical * _THEORY_FACTOR * blank * rack * math.cos(mesh.pinion.helix_angle) * material
     )
-    factor = checks.finite_positive("application_factor", application_factor)
+    application_factor = checks.finite_positive("application_factor", application_factor)
     if torque is not None:
         torque = checks.finite_positive("torque", torque)
-        force = mesh.tangential_force(torque) * factor / (mesh.width * 1e3)
-        single *= min(force / _MIN_SPECIFIC_FORCE, 1.0) ** 0.25
+        force = mesh.tangential_force(torque) * application_factor / (mesh.width * 1e3)  # N/mm
+        single *= min(force / _FULL_STIFFNESS_FORCE, 1.0) ** 0.25
     mean = single * (0.75 * mesh.contact_ratio + 0.25)
     return IsoStiffness(teeth, theoretical, rack, blank, single, mean)
 
 
-def pair_stiffness(mesh, **options):
-    """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m."""
+def pair_stiffness(mesh: "Mesh", **options: float | None) -> float:
+    """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m.
+
+    Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
+    """
     # N/(mm um) is 1e9 N/m per m of face width.
     return iso_stiffness(mesh, **options).single * 1e9 * mesh.width
 
 
-def iso_rectangle(mesh, **options):
-    """Return (C_max in N/m, kappa, epsilon) of the rectangular mesh stiffness after ISO 6336-1.
+def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, float]:
+    """Return the rectangular mesh stiffness after ISO 6336-1 as (C_max, kappa, epsilon).
 
-    The first pair of teeth has the stiffness c', each further pair 0.75 c', so that the mean is
-    c_gamma_alpha. For helical gears, extrema and mean are those of the average over the face, see
-    `gearlib.models.geometry.mesh_stiffness`.
+    C_max is the larger stiffness in N/m, kappa the smaller over the larger one, and epsilon - 1 the
+    share of the mesh period with the larger one. The first pair of teeth has the stiffness c', each
+    further pair 0.75 c'. Helical gears have the extrema and the mean of the average over the face.
+    Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     single = pair_stiffness(mesh, **options)
     fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs
+    segment = mesh.contact_ratio - fewer_pairs  # share of the period with one pair more
     low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
     if not mesh.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
     # A face spans whole mesh periods and a remainder. The stiffness is largest when as much of the
-    # remainder as possible lies in the segment with more pairs, and smallest with the least part.
-    whole = math.floor(mesh.overlap_ratio)
-    remainder = mesh.overlap_ratio - whole
-    upper_parts = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
-    top, bottom = ((whole * segment + part) / mesh.overlap_ratio for part in upper_parts)
-    high, low = low + step * top, low + step * bottom
-    if 1.0 - low / high < 1e-12:  # constant up to rounding, as with a whole overlap ratio
+    # remainder as possible lies in the segment with more pairs, and smallest when as little does.
+    periods = math.floor(mesh.overlap_ratio)
+    remainder = mesh.overlap_ratio - periods
+    max_part, min_part = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
+    max_share = (periods * segment + max_part) / mesh.overlap_ratio
+    min_share = (periods * segment + min_part) / mesh.overlap_ratio
+    high, low = low + step * max_share, low + step * min_share
+    if 1.0 - low / high < 1e-12:  # The stiffness is constant at an integer overlap ratio.
         return high, 1.0, 1.5
-    return high, low / high, 1.0 + (segment - bottom) / (top - bottom)
+    return high, low / high, 1.0 + (segment - min_share) / (max_share - min_share)
 
 
-def _blank_factor(gear):
-    """Return the gear blank factor C_R of a gear with a web, 1 for a solid disc.
+def _blank_factor(gear: "SpurGear") -> float:
+    """Return the gear blank factor C_R of ISO 6336-1 for a gear with a web, 1 for a solid disc.
 
     C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))), with b_s / b >= 0.2 and s_R >= m_n.
     """
     if gear.web is None:
         return 1.0
-    width = max(gear.web.thickness / gear.width, 0.2)
+    width_ratio = max(gear.web.thickness / gear.width, 0.2)
     rim = max((gear.root_diameter - gear.web.rim_diameter) / 2.0 / gear.module, 1.0)
-    return 1.0 + math.log(width) / (5.0 * math.exp(rim / 5.0))
+    return 1.0 + math.log(width_ratio) / (5.0 * math.exp(rim / 5.0))
 
 
 @dataclass(frozen=True)
@@ -147,15 +161,15 @@ class DynamicFactor:
 
 
 def dynamic_factor(
-    mesh,
-    torque,
-    rpm,
+    mesh: "Mesh",
+    torque: float,
+    rpm: "ArrayLike",
     *,
-    pitch_deviation=None,
-    form_deviation=None,
-    tip_relief=0.0,
-    application_factor=1.0,
-):
+    pitch_deviation: float | None = None,
+    form_deviation: float | None = None,
+    tip_relief: float = 0.0,
+    application_factor: float = 1.0,
+) -> DynamicFactor:
     """Return the dynamic factor of a mesh after ISO 6336-1, method B.
 
     Parameters
@@ -188,7 +202,7 @@ def dynamic_factor(
     -----
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
-    import numpy as np  # Imported here, since checking a drawing needs no numpy.
+    import numpy as np  # Checking a drawing needs no numpy, which takes time to import.
 
     torque = checks.finite_positive("torque", torque)
     stiffness = iso_stiffness(checks.drawn_mesh(mesh), torque, application_factor)
@@ -198,35 +212,39 @@ def dynamic_factor(
         speed = np.array(math.nan)
     possible = speed.size and (np.isfinite(speed) & (speed > 0.0)).all()
     checks.require(possible, "rpm", rpm, "finite and > 0")
-    load = mesh.tangential_force(torque) * application_factor / mesh.width
+    load_per_width = mesh.tangential_force(torque) * application_factor / mesh.width
     # N/(mm um) is 1e9 N/m per m of face width.
     eigenfrequency = math.sqrt(1e9 * stiffness.mean / (mesh.reduced_mass / mesh.width))
-    resonance = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
-    lower_limit = 0.5 + 0.35 * min(math.sqrt(load / _MIN_SPECIFIC_LOAD), 1.0)
+    resonance_speed = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
+    lower_limit = 0.5 + 0.35 * min(math.sqrt(load_per_width / _FULL_RESONANCE_LOAD), 1.0)
     gears = (mesh.pinion, mesh.wheel)
     pitch = _deviation("pitch_deviation", pitch_deviation, gears)
     pitch = _after_running_in(pitch * math.cos(mesh.pinion.transverse_pressure_angle))
     form = _after_running_in(_deviation("form_deviation", form_deviation, gears))
     relief = checks.finite_nonnegative("tip_relief", tip_relief)
-    unit = 1e9 * stiffness.single / load
+    force_ratio_per_deviation = 1e9 * stiffness.single / load_per_width
     coarse = any((gear.quality or 0) >= _FIRST_QUALITY_WITHOUT_RELIEF for gear in gears)
-    b_p, b_f, b_k = unit * pitch, unit * form, 1.0 if coarse else abs(1.0 - unit * relief)
-    ratio = speed / resonance
-    c = _coefficients(mesh.total_contact_ratio)
-    subcritical = 1.0 + ratio * (c[0] * b_p + c[1] * b_f + c[2] * b_k)
-    resonant = 1.0 + c[0] * b_p + c[1] * b_f + c[3] * b_k
-    supercritical = c[4] * b_p + c[5] * b_f + c[6]
+    b_p, b_f = force_ratio_per_deviation * pitch, force_ratio_per_deviation * form
+    b_k = 1.0 if coarse else abs(1.0 - force_ratio_per_deviation * relief)
+    ratio = speed / resonance_speed
+    c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _coefficients(mesh.total_contact_ratio)
+    subcritical = 1.0 + ratio * (c_v1 * b_p + c_v2 * b_f + c_v3 * b_k)
+    resonant = 1.0 + c_v1 * b_p + c_v2 * b_f + c_v4 * b_k
+    supercritical = c_v5 * b_p + c_v6 * b_f + c_v7
     # Between the main resonance and the supercritical range the standard interpolates linearly.
     limits = [_MAIN_RANGE_END, _UPPER_RANGE_START]
     factor = np.interp(ratio, limits, [resonant, supercritical])
     factor = np.where(ratio <= lower_limit, subcritical, factor)
     if ratio.ndim == 0:
         ratio, factor = float(ratio), float(factor)
-    return DynamicFactor(factor, ratio, resonance, lower_limit, pitch, form, b_p, b_f, b_k)
+    return DynamicFactor(factor, ratio, resonance_speed, lower_limit, pitch, form, b_p, b_f, b_k)
 
 
-def _coefficients(contact_ratio):
-    """Return the coefficients C_v1 ... C_v7 of ISO 6336-1 for a total contact ratio."""
+def _coefficients(contact_ratio: float) -> tuple[float, ...]:
+    """Return the coefficients C_v1 ... C_v7 of the dynamic factor for a total contact ratio.
+
+    They are those of ISO 6336-1, method B.
+    """
     c_v7 = 1.0
     if contact_ratio <= 2.5:
         c_v7 = 0.125 * math.sin(math.pi * (max(contact_ratio, 1.5) - 2.0)) + 0.875
@@ -237,13 +255,16 @@ def _coefficients(contact_ratio):
     return 0.32, c_v2, c_v3, c_v4, 0.47, 0.12 / (contact_ratio - 1.74), c_v7
 
 
-def _after_running_in(deviation):
-    """Return a deviation after running in: less 7.5 %, at most 3 um, m."""
+def _after_running_in(deviation: float) -> float:
+    """Return a deviation in m after running in, which removes 7.5 % but at most 3 um."""
     return deviation - min(0.075 * deviation, 3e-6)
 
 
-def _deviation(name, value, gears):
-    """Return a given deviation in m or, by default, the larger tolerance of both gears."""
+def _deviation(name: str, value: float | None, gears: "tuple[SpurGear, SpurGear]") -> float:
+    """Return the checked deviation `value` in m; None means the larger tolerance of both gears.
+
+    `name`, "pitch_deviation" or "form_deviation", is the property of a gear with its tolerance.
+    """
     if value is not None:
         return checks.finite_nonnegative(name, value)
     return max(getattr(gear, name) for gear in gears)

@@ -9,14 +9,18 @@ contact, as in `gearlib.engines.pair.stiffness`; one transverse base pitch is 2 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.gear import SpurGear, angle_of, inv
+from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
 from gearlib.models.geometry.iso import iso_rectangle
 from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
+
+if TYPE_CHECKING:
+    from gearlib.models.geometry.mesh_stiffness import MeshStiffness
 
 #: Largest negative backlash, in modules, that counts as 0: drawings round shifts and distances.
 _MAX_ROUNDED_BACKLASH = 1e-3
@@ -51,16 +55,16 @@ class Mesh:
         "thickness leave",
     ] = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check that both gears fit together, and set default distance and backlash."""
         parameters.check(self)
         self._check_gears()
-        least = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        lower = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         if self.centre_distance is None:
-            self._set_field("centre_distance", least / math.cos(self._nominal_angle()))
-        allowed = f"finite and > {least:.6g} m, where the base circles would have no line of action"
+            self._set_field("centre_distance", lower / math.cos(self._nominal_angle()))
+        allowed = f"finite and > {lower:.6g} m, where the base circles would have no line of action"
         distance = checks.number(
-            "centre_distance", self.centre_distance, allowed, lambda v: least < v < math.inf
+            "centre_distance", self.centre_distance, allowed, lambda v: lower < v < math.inf
         )
         self._set_field("centre_distance", distance)
         self._check_interference()
@@ -79,14 +83,17 @@ class Mesh:
             checks.require(fits, field, relief and relief.length, allowed)
         self._set_backlash()
 
-    def _set_field(self, name, value):
+    def _set_field(self, name: str, value: float) -> None:
         object.__setattr__(self, name, value)
 
-    def _signed_sum(self, pinion_value, wheel_value):
+    def _signed_sum(self, pinion_value: float, wheel_value: float) -> float:
         return pinion_value + self.wheel.sign * wheel_value
 
-    def _check_gears(self):
-        """Raise ValueError if both gears do not have the same basic rack and helix angle."""
+    def _check_gears(self) -> None:
+        """Raise ValueError unless module, pressure and helix angle of both gears are equal.
+
+        The pinion must be external, and a ring gear must have more teeth than the pinion.
+        """
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
         checks.require(not pinion.internal, "internal of the pinion", True, allowed)
@@ -98,7 +105,7 @@ class Mesh:
         if wheel.internal:
             checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
 
-    def _nominal_angle(self):
+    def _nominal_angle(self) -> float:
         """Return the working pressure angle without backlash, rad; ISO 21771."""
         teeth = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
         shifts = self.pinion.shift + self.wheel.shift
@@ -106,29 +113,31 @@ class Mesh:
         involute += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
         allowed = "such that the gears find a centre distance without backlash"
         checks.require(involute > 0.0, "sum of the shifts", shifts, allowed)
-        return angle_of(involute)
+        return inverse_involute(involute)
 
-    def _check_interference(self):
+    def _check_interference(self) -> None:
         """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear."""
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
         wheel_name = "ring gear" if wheel.internal else "wheel"
-        ends = (
-            (pinion, start, wheel, wheel_name),
-            (wheel, self.wheel_roll_length(end), pinion, "pinion"),
+        # The tip of each gear ends the contact at a radius of curvature of the flank of its mate.
+        end_contacts = (
+            (wheel, wheel_name, pinion, start),
+            (pinion, "pinion", wheel, self.wheel_roll_length(end)),
         )
-        for gear, roll, other, name in ends:
-            base, form = gear.base_diameter / 2.0, gear.form_roll_length
-            depth = gear.sign * (math.hypot(form, base) - math.hypot(roll, base))
+        for gear, name, mate, roll_length in end_contacts:
+            base_radius, form_roll_length = mate.base_diameter / 2.0, mate.form_roll_length
+            form_radius = math.hypot(form_roll_length, base_radius)
+            depth = mate.sign * (form_radius - math.hypot(roll_length, base_radius))
             checks.require(
-                roll >= 0.0 and depth <= _MAX_FILLET_CONTACT * gear.module,
+                roll_length >= 0.0 and depth <= _MAX_FILLET_CONTACT * mate.module,
                 f"tip_diameter of the {name}",
-                other.tip_diameter,
+                gear.tip_diameter,
                 "such that it keeps out of the fillet of the mating tooth, whose involute begins "
-                f"{form:.4g} m along the line of action; contact would reach {roll:.4g} m "
-                "(interference)",
+                f"{form_roll_length:.4g} m along the line of action; contact would reach "
+                f"{roll_length:.4g} m (interference)",
             )
-        for gear, other, name in ((pinion, wheel, "pinion"), (wheel, pinion, wheel_name)):
-            clearance = self._clearance(gear, other)
+        for gear, mate, name in ((pinion, wheel, "pinion"), (wheel, pinion, wheel_name)):
+            clearance = self._clearance(gear, mate)
             allowed = "such that tip and root keep clear of each other"
             allowed += f" (clearance {clearance:.4g} m)"
             field = f"tip_diameter of the {name}"
@@ -142,40 +151,42 @@ class Mesh:
                 "tips strike each other (tip interference)",
             )
 
-    def _clearance(self, gear, other):
-        """Return the bottom clearance between the tip of a gear and the root of the other, m."""
+    def _clearance(self, gear: SpurGear, mate: SpurGear) -> float:
+        """Return the bottom clearance between the tip of a gear and the root of its mate, m."""
         if not self.wheel.internal:
-            return self.centre_distance - (gear.tip_diameter + other.root_diameter) / 2.0
-        inner, outer = gear.tip_diameter, other.root_diameter
+            return self.centre_distance - (gear.tip_diameter + mate.root_diameter) / 2.0
+        inner, outer = gear.tip_diameter, mate.root_diameter
         if gear.internal:
             inner, outer = outer, inner
         return (outer - inner) / 2.0 - self.centre_distance
 
     @property
-    def clearances(self):
+    def clearances(self) -> tuple[float, float]:
         """Bottom clearances c at the tips of (pinion, wheel), m."""
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
-    def _tips_pass(self):
+    def _tips_pass(self) -> bool:
         """Return whether the tips of an internal mesh pass each other where their circles cross."""
         a, angle = self.centre_distance, self.working_pressure_angle
-        tip, ring = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
-        cosine = (ring**2 - tip**2 - a**2) / (2.0 * a * tip)
+        pinion_tip, ring_tip = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
+        # The angles from the line of centres to the crossing of both tip circles.
+        cosine = (ring_tip**2 - pinion_tip**2 - a**2) / (2.0 * a * pinion_tip)
         if abs(cosine) >= 1.0:
             return True  # The tip circles do not cross.
+        ring_crossing = math.acos((a**2 + ring_tip**2 - pinion_tip**2) / (2.0 * a * ring_tip))
         gears = self.pinion, self.wheel
         tip_angles = [math.acos(gear.base_diameter / gear.tip_diameter) for gear in gears]
         pinion_rotation = math.acos(cosine) + inv(tip_angles[0]) - inv(angle)
-        crossing = math.acos((a**2 + ring**2 - tip**2) / (2.0 * a * ring))
-        wheel_rotation = pinion_rotation * (self.pinion.teeth / self.wheel.teeth)
-        return wheel_rotation + inv(angle) - inv(tip_angles[1]) >= crossing
+        ring_rotation = pinion_rotation * (self.pinion.teeth / self.wheel.teeth)
+        return ring_rotation + inv(angle) - inv(tip_angles[1]) >= ring_crossing
 
-    def _set_backlash(self):
-        """Check a given backlash, or set the backlash that the geometry of the gears leaves."""
+    def _set_backlash(self) -> None:
+        """Check the backlash, or set it to the value that the geometry of the gears leaves."""
         if self.backlash is not None:
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
+            # The message suggests a unit if the value is right in another one.
             allowed += parameters.likely(self.backlash, example, self.base_pitch)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
@@ -187,7 +198,7 @@ class Mesh:
         backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
         self._set_field("backlash", backlash)
 
-    def _geometric_backlash(self):
+    def _geometric_backlash(self) -> float:
         """Return the normal backlash from pitch and tooth thicknesses on the working circles, m."""
         cosine = math.cos(self.working_pressure_angle)
         gears = (self.pinion, self.wheel)
@@ -196,131 +207,136 @@ class Mesh:
         return backlash * cosine * math.cos(self.pinion.base_helix_angle)
 
     @property
-    def width(self):
+    def width(self) -> float:
         """Common face width, m: the smaller of both."""
         return min(self.pinion.width, self.wheel.width)
 
     @property
-    def working_pressure_angle(self):
+    def working_pressure_angle(self) -> float:
         """Working pressure angle alpha_wt = arccos((r_b1 +- r_b2) / a), rad; ISO 21771."""
         base = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         return math.acos(base / self.centre_distance)
 
     @property
-    def base_pitch(self):
+    def base_pitch(self) -> float:
         """Transverse base pitch p_bt = pi m_t cos(alpha_t), m."""
         return math.pi * self.pinion.base_diameter / self.pinion.teeth
 
     @property
-    def _tangent_length(self):
+    def _tangent_length(self) -> float:
         """Length a sin(alpha_wt) of the line of action between both base circles, m."""
         return self.centre_distance * math.sin(self.working_pressure_angle)
 
-    def wheel_roll_length(self, position):
-        """Return the radius of curvature of the wheel's flank at a position of the path, m."""
+    def wheel_roll_length(self, position: float) -> float:
+        """Return the radius of curvature of the wheel's flank at a position on the path, m."""
         return self._tangent_length - self.wheel.sign * position
 
     @property
-    def path(self):
+    def path(self) -> tuple[float, float]:
         """Positions of the start and the end of the path of contact, m; ISO 21771."""
         start = self.wheel.sign * (self._tangent_length - self.wheel.tip_roll_length)
         return start, self.pinion.tip_roll_length
 
     @property
-    def pitch_point(self):
+    def pitch_point(self) -> float:
         """Position of the pitch point on the path of contact, r_b1 tan(alpha_wt), m."""
         return self.pinion.base_diameter / 2.0 * math.tan(self.working_pressure_angle)
 
     @property
-    def contact_ratio(self):
+    def contact_ratio(self) -> float:
         """Transverse contact ratio eps_alpha: path of contact over base pitch; ISO 21771."""
         start, end = self.path
         return (end - start) / self.base_pitch
 
     @property
-    def longest_relief(self):
+    def longest_relief(self) -> float:
         """Longest possible tip relief, (eps_alpha - 1) p_bt, m."""
         return (self.contact_ratio - 1.0) * self.base_pitch
 
     @property
-    def overlap_ratio(self):
+    def overlap_ratio(self) -> float:
         """Overlap ratio eps_beta = b sin(beta) / (pi m_n), 0 for spur gears; ISO 21771."""
         gear = self.pinion
         return self.width * math.sin(gear.helix_angle) / (math.pi * gear.module)
 
     @property
-    def total_contact_ratio(self):
+    def total_contact_ratio(self) -> float:
         """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
         return self.contact_ratio + self.overlap_ratio
 
-    def phase_of(self, position):
-        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
+    def phase_of(self, position: float) -> float:
+        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position in m.
 
-        For helical gears, this is the contact in the middle of the face.
+        The position is on the path of contact; for helical gears in the middle of the face.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
         return math.tau * ((pitches - fraction / 2.0) % 1.0)
 
     @property
-    def pitch_phase(self):
+    def pitch_phase(self) -> float:
         """Mesh phase at which a pair touches at the pitch point, rad."""
         return self.phase_of(self.pitch_point)
 
     @property
-    def pitch_errors(self):
+    def pitch_errors(self) -> tuple[float, ...]:
         """Pitch errors of successive pairs of teeth until the same teeth meet again, m."""
-        first, second = (gear.pitch_errors or (0.0,) for gear in (self.pinion, self.wheel))
-        count = math.lcm(len(first), len(second))
-        return tuple(first[i % len(first)] + second[i % len(second)] for i in range(count))
+        pinion, wheel = self.pinion.pitch_errors or (0.0,), self.wheel.pitch_errors or (0.0,)
+        count = math.lcm(len(pinion), len(wheel))
+        return tuple(pinion[i % len(pinion)] + wheel[i % len(wheel)] for i in range(count))
 
     @property
-    def line_backlash(self):
+    def line_backlash(self) -> float:
         """Backlash along the transverse line of action j_bt = j_bn / cos(beta_b), m."""
         return self.backlash / math.cos(self.pinion.base_helix_angle)
 
     @property
-    def recommended_backlash(self):
-        """Least normal backlash for steel in steel or iron housings, m; ISO/TR 10064-2.
+    def recommended_backlash(self) -> float:
+        """Smallest normal backlash for steel in steel or iron housings, m; ISO/TR 10064-2.
 
-        2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm.
+        It is 2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm.
         """
         return 2.0 / 3.0 * (6e-5 + 0.0005 * self.centre_distance + 0.03 * self.pinion.module)
 
     @property
-    def reduced_mass(self):
+    def reduced_mass(self) -> float:
         """Reduced mass along the line of action, 1 / (r_b1^2 / J_1 + r_b2^2 / J_2), kg."""
         gears = (self.pinion, self.wheel)
         return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
 
-    def load(self, torque):
+    def load(self, torque: float) -> float:
         """Return the force along the transverse line of action at a torque of the pinion, N."""
         return torque / (self.pinion.base_diameter / 2.0)
 
-    def tangential_force(self, torque):
+    def tangential_force(self, torque: float) -> float:
         """Return F_t, at the reference circle, at a torque of the pinion in N m, N; ISO 6336-1."""
         return torque / (self.pinion.reference_diameter / 2.0)
 
-    def pitch_line_velocity(self, rpm):
+    def pitch_line_velocity(self, rpm: float) -> float:
         """Return v, of the reference circle, at a speed of the pinion in rpm, m/s; ISO 6336-1."""
         return math.pi * self.pinion.reference_diameter * rpm / 60.0
 
-    def stiffness(self, method="iso", **options):
-        """Return the mesh stiffness by a method: "iso", "energy" or a table."""
-        # Imported here, since checking a drawing needs no numpy.
+    def stiffness(self, method: Any = "iso", **options: Any) -> "MeshStiffness":
+        """Return the mesh stiffness by a method: "iso", "energy" or a `Tabulated`.
+
+        Options are those of `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
+        """
+        # Checking a drawing needs no numpy, which takes time to import.
         from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
 
-    def with_reliefs(self, pinion, wheel):
-        """Return a copy of the mesh with new tip reliefs of pinion and wheel, or None."""
+    def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "Mesh":
+        """Return a copy of the mesh with new tip reliefs of pinion and wheel; None removes one."""
         return replace(
             self,
             pinion=replace(self.pinion, tip_relief=pinion),
             wheel=replace(self.wheel, tip_relief=wheel),
         )
 
-    def transmission_error(self, torque, *, phases=256, **options):
+    def transmission_error(
+        self, torque: float | Sequence[float], *, phases: int = 256, **options: Any
+    ) -> Any:
         """Return the static transmission error and the load sharing of spur gears under load.
 
         The model is that of the module ``load_sharing`` in `gearlib.models.geometry`, with the tip
@@ -361,12 +377,20 @@ class Mesh:
 
         return transmission_error(self, torque, phases, **options)
 
-    def pair_parameters(self, *, torque=None, power=None, speed=None, **options):
-        """Return the parameters of a `GearPair` as a dict.
+    def pair_parameters(
+        self,
+        *,
+        torque: float | None = None,
+        power: float | None = None,
+        speed: float | None = None,
+        **options: Any,
+    ) -> dict[str, float | None]:
+        """Return the parameters of a `GearPair` with these gears as a dict, in SI units.
 
-        The arguments are those of `GearPair.from_geometry`.
+        The load is the torque of the pinion in N m, or the power in W at the speed in rpm. Options
+        are the dampings and the stiffness of `GearPair.from_geometry`.
         """
-        given_load = ("torque", torque, "N m") if power is None else ("power", power, "W")
+        load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
         torque = torque_of(torque, power, speed)
         parameters = {
             **self._mesh_parameters(torque=torque, **options),
@@ -374,23 +398,26 @@ class Mesh:
             "load": self.load(torque),
             "teeth": self.pinion.teeth,
         }
-        mean = self._check_deflection(torque, parameters, *given_load)
+        mean_stiffness = self._check_deflection(torque, parameters, *load_argument)
         if speed is not None:
-            resonance = math.sqrt(mean / self.reduced_mass) * 60.0 / (math.tau * self.pinion.teeth)
-            checks.speed("speed", speed, resonance)
+            frequency = math.sqrt(mean_stiffness / self.reduced_mass)
+            checks.speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
         return parameters
 
-    def train_parameters(self, *, torque=None, stated=None, **options):
-        """Return the parameters of a mesh of a train as a dict.
+    def train_parameters(
+        self, *, torque: float | None = None, stated: tuple | None = None, **options: Any
+    ) -> dict[str, Any]:
+        """Return the parameters of a mesh of a train as a dict, in SI units.
 
-        The options are those of `gearlib.Mesh.from_geometry`. `stated` is (name, value, unit) of
-        the argument that the user gave in place of the torque, for error messages.
+        Options are the dampings and the stiffness of `gearlib.Mesh.from_geometry`; `torque` is that
+        of the pinion in N m. If the user gave another argument in place of the torque, `stated` is
+        (its name, its value, its physical unit), for error messages.
         """
         parameters = self._mesh_parameters(torque=torque, **options)
         if torque is not None:
             self._check_deflection(torque, parameters, *(stated or ("torque", torque, "N m")))
         angle = self.working_pressure_angle
-        thicknesses = []  # over the pitch, on the working circles
+        thicknesses = []  # in pitches on the working circles
         for gear in (self.pinion, self.wheel):
             diameter = gear.base_diameter / math.cos(angle)
             pitch = math.pi * diameter / gear.teeth
@@ -405,59 +432,75 @@ class Mesh:
     def _mesh_parameters(
         self,
         *,
-        torque=None,
-        damping_ratio=None,
-        logarithmic_decrement=None,
-        material_damping=None,
-        backlash_damping_ratio=0.0,
-        stiffness="iso",
-        options=None,
-    ):
-        """Return the stiffness, backlash and damping of a mesh as a dict.
+        torque: float | None = None,
+        damping_ratio: float | None = None,
+        logarithmic_decrement: float | None = None,
+        material_damping: float | None = None,
+        backlash_damping_ratio: float = 0.0,
+        stiffness: Any = "iso",
+        options: dict | None = None,
+    ) -> dict[str, float | None]:
+        """Return the stiffness, backlash and damping of a mesh as a dict, in SI units.
 
-        The arguments are those of `GearPair.from_geometry`.
+        `torque` is that of the pinion in N m. At most one of the three dampings in contact may be
+        given; `material_damping` is in N s/m. `stiffness` is "iso", "energy" or a table, and
+        `options` are those of this method.
         """
         options = checks.options(options)
         # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
         if isinstance(stiffness, str) and stiffness == "iso":
-            high, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
+            max_stiffness, kappa, epsilon = iso_rectangle(self, torque=torque, **options)
         else:
             rectangle = self.stiffness(stiffness, torque=torque, **options).ratios()
-            high, kappa, epsilon = rectangle.values()
-        mean = high * mean_over_max(epsilon, kappa)
-        names = "damping_ratio", "logarithmic_decrement", "material_damping"
-        values = damping_ratio, logarithmic_decrement, material_damping
-        dampings = [pair for pair in zip(names, values, strict=True) if pair[1] is not None]
+            max_stiffness, kappa, epsilon = rectangle.values()
+        mean_stiffness = max_stiffness * mean_over_max(epsilon, kappa)
+        dampings = {
+            "damping_ratio": damping_ratio,
+            "logarithmic_decrement": logarithmic_decrement,
+            "material_damping": material_damping,
+        }
+        dampings = {name: value for name, value in dampings.items() if value is not None}
         if len(dampings) > 1:
-            given = " and ".join(name for name, _ in dampings)
-            raise ValueError(f"{given} are not allowed together: it must be one of them at most")
-        damping = drawn_damping(*dampings[0], mean, self.reduced_mass) if dampings else None
-        oil = "backlash_damping_ratio", backlash_damping_ratio
+            names = " and ".join(dampings)
+            raise ValueError(f"{names} are not allowed together: it must be one of them at most")
+        oscillator = mean_stiffness, self.reduced_mass
+        damping = None
+        for name, value in dampings.items():
+            damping = drawn_damping(name, value, *oscillator)
         return {
-            "max_stiffness": high,
+            "max_stiffness": max_stiffness,
             "stiffness_ratio": kappa,
             "contact_ratio": epsilon,
             "backlash": self.line_backlash,
             "material_damping": damping,
-            "backlash_damping": drawn_damping(*oil, mean, self.reduced_mass),
+            "backlash_damping": drawn_damping(
+                "backlash_damping_ratio", backlash_damping_ratio, *oscillator
+            ),
         }
 
-    def _check_deflection(self, torque, parameters, name, value, unit):
+    def _check_deflection(
+        self, torque: float, parameters: dict, name: str, value: float, unit: str
+    ) -> float:
         """Return the mean stiffness, N/m, or raise ValueError if the load deflects teeth too far.
 
-        The message names the argument that determines the load, with its value and unit.
+        `parameters` have the rectangular stiffness of the mesh. The message names the argument that
+        determines the load, by default the torque in N m: its name, value and physical unit.
         """
         ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
-        mean = parameters["max_stiffness"] * mean_over_max(*ratios)
-        share = abs(self.load(torque)) / mean / (MAX_DEFLECTION * self.pinion.module)
+        mean_stiffness = parameters["max_stiffness"] * mean_over_max(*ratios)
+        deflection = abs(self.load(torque)) / mean_stiffness
+        share = deflection / (MAX_DEFLECTION * self.pinion.module)
         allowed = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
         allowed += f", at which the static deflection is {MAX_DEFLECTION:g} modules"
         checks.require(share <= 1.0, name, value, allowed)
-        return mean
+        return mean_stiffness
 
 
-def bodies(mesh):
-    """Return radii, inertias, masses, teeth and pitch phase of drawn gears for `SixDegreePair`."""
+def bodies(mesh: Mesh) -> dict[str, Any]:
+    """Return base radii, inertias, masses, teeth and pitch phase of drawn gears, in SI units.
+
+    The keys are the names of parameters of a `SixDegreePair`.
+    """
     gears = mesh.pinion, mesh.wheel
     return {
         "base_radii": [gear.base_diameter / 2.0 for gear in gears],
@@ -468,29 +511,30 @@ def bodies(mesh):
     }
 
 
-def drawn_damping(name, value, stiffness, mass):
-    """Return the damping coefficient in N s/m of a damping parameter with a name and a value.
+def drawn_damping(name: str, value: float, stiffness: float, mass: float) -> float:
+    """Return the damping coefficient in N s/m for a damping parameter of an oscillator.
 
-    Raises ValueError unless the damping ratio is >= 0 and < 1.
+    `name` is "material_damping" or "backlash_damping" in N s/m, "logarithmic_decrement", or a
+    damping ratio; stiffness in N/m and mass in kg are those of the oscillator. A damping ratio
+    below 0, or of 1 and more, raises ValueError.
     """
-    critical = coefficient(1.0, stiffness, mass)
+    critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
-        allowed = f"a finite number >= 0 and < {critical:.4g} N s/m, a damping ratio of 1"
-        return checks.number(name, value, allowed, lambda v: 0.0 <= v < critical)
+        allowed = f"a finite number >= 0 and < {critical_damping:.4g} N s/m, a damping ratio of 1"
+        return checks.number(name, value, allowed, lambda v: 0.0 <= v < critical_damping)
     if name == "logarithmic_decrement":
-        return coefficient(checks.finite_nonnegative(name, value), stiffness, mass, decrement=True)
+        decrement = checks.finite_nonnegative(name, value)
+        return damping_coefficient(decrement / math.hypot(math.tau, decrement), stiffness, mass)
     allowed = "a finite number >= 0 and < 1"
-    return checks.number(name, value, allowed, lambda v: 0.0 <= v < 1.0) * critical
+    return checks.number(name, value, allowed, lambda v: 0.0 <= v < 1.0) * critical_damping
 
 
-def coefficient(ratio, stiffness, mass, decrement=False):
-    """Return the damping coefficient 2 beta sqrt(C_s m), N s/m, of a damping ratio or decrement."""
-    if decrement:
-        ratio /= math.hypot(math.tau, ratio)
-    return 2.0 * ratio * math.sqrt(stiffness * mass)
+def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> float:
+    """Return the damping coefficient 2 beta sqrt(C_s m) in N s/m for a damping ratio beta."""
+    return 2.0 * damping_ratio * math.sqrt(stiffness * mass)
 
 
-def torque_of(torque, power, speed):
+def torque_of(torque: float | None, power: float | None, speed: float | None) -> float:
     """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
     if torque is not None and power is not None:
         raise ValueError("torque and power are not allowed together: it must be one of them")

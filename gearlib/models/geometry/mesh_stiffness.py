@@ -23,14 +23,20 @@ Weber & Banaschek (1953) (logarithmic in the load).
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import inv
 from gearlib.models.geometry.iso import iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
+
+if TYPE_CHECKING:
+    from gearlib.models.geometry.gear import SpurGear
+    from gearlib.models.geometry.mesh import Mesh
 
 #: Length, in base pitches, of the ramp that replaces a step of the stiffness in a table.
 _RAMP_LENGTH = 1e-7
@@ -82,8 +88,8 @@ class Tooth:
     bore is the half plane of Cornell, J. Mech. Des. 103 (1981) 447-459, in plane stress.
     """
 
-    def __init__(self, gear, width):
-        """Prepare the outline of a tooth of a `SpurGear` with a face width in m."""
+    def __init__(self, gear: "SpurGear", width: float) -> None:
+        """Prepare the outline of a tooth of a gear whose face in mesh has a width in m."""
         self.gear, self.width, self.sign = gear, width, gear.sign
         self.base = gear.base_diameter / 2.0
         self.root = gear.root_diameter / 2.0
@@ -93,80 +99,99 @@ class Tooth:
         self.foot = gear.form_roll_length / self.base
         self._fillet = self._trochoid() if not gear.internal else None
 
-    def flank(self, phi):
-        """Return x, y and the angle b of the force at phi = radius of curvature / r_b."""
+    def flank(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return x, y in m and the angle b of the force in rad at points of the flank.
+
+        `phi` is the radius of curvature of the involute there over the base radius. The y axis is
+        the centre line of the tooth, from the axis of the gear.
+        """
         b = phi - self.sign * self.psi
         x = self.sign * self.base * (phi * np.cos(b) - np.sin(b))
         return x, self.base * (np.cos(b) + phi * np.sin(b)), b
 
-    def fillet(self, gamma):
-        """Return x, y and dy / dgamma of the fillet where the normal has an angle gamma.
+    def fillet(self, gamma: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return x, y and dy / dgamma of the fillet, in m, where its normal has an angle gamma.
 
-        The tip of the rack cuts the fillet. The centre of its round lies `depth` below the rolling
-        line and `side` from the centre line of the tooth. The round is a circle in the normal
-        section, and for helical gears an ellipse in the transverse section, longer by 1 / cos(beta)
-        along the rack. The angle gamma goes from the pressure angle, at the flank, to pi / 2.
+        Gamma goes from the pressure angle, at the flank, to pi / 2. The tip of the rack cuts the
+        fillet. Its round is a circle in the normal section, and for helical gears an ellipse in the
+        transverse section, longer by 1 / cos(beta) along the rack. The centre of the round lies
+        `depth` below the rolling line and `side` from the centre line of the tooth.
         """
-        rolling, helix = self.gear.reference_diameter / 2.0, math.cos(self.gear.helix_angle)
+        rolling_radius = self.gear.reference_diameter / 2.0
+        helix_cosine = math.cos(self.gear.helix_angle)
         depth, side, tip_radius = self._rack_tip
         sine, cosine = np.sin(gamma), np.cos(gamma)
-        norm = np.hypot(cosine / helix, sine)
-        # Distance from the contact along the normal to the pitch point, and radius of curvature.
+        norm = np.hypot(cosine / helix_cosine, sine)
+        # The distance from the contact to the pitch point along the normal.
         distance = (depth + tip_radius * sine / norm) / sine
-        curvature_radius = tip_radius / (helix**2 * norm**3)
-        contact = distance * cosine - tip_radius * cosine / (helix**2 * norm)
-        rotation = (contact + side) / rolling
-        x = rolling * np.sin(rotation) - distance * np.cos(gamma - rotation)
-        y = rolling * np.cos(rotation) - distance * np.sin(gamma - rotation)
-        rotation_slope = (curvature_radius - distance) / (rolling * sine)
+        curvature_radius = tip_radius / (helix_cosine**2 * norm**3)
+        contact = distance * cosine - tip_radius * cosine / (helix_cosine**2 * norm)
+        rotation = (contact + side) / rolling_radius
+        x = rolling_radius * np.sin(rotation) - distance * np.cos(gamma - rotation)
+        y = rolling_radius * np.cos(rotation) - distance * np.sin(gamma - rotation)
+        rotation_slope = (curvature_radius - distance) / (rolling_radius * sine)
         distance_slope = (curvature_radius - distance) * cosine / sine
-        slope = -rolling * np.sin(rotation) * rotation_slope
-        slope = slope - distance_slope * np.sin(gamma - rotation)
-        slope -= distance * np.cos(gamma - rotation) * (1.0 - rotation_slope)
-        return x, y, slope
+        y_slope = -rolling_radius * np.sin(rotation) * rotation_slope
+        y_slope = y_slope - distance_slope * np.sin(gamma - rotation)
+        y_slope -= distance * np.cos(gamma - rotation) * (1.0 - rotation_slope)
+        return x, y, y_slope
 
     @property
-    def _rack_tip(self):
-        """Depth and side of the centre of the tip round of the rack, and its radius, m."""
-        gear, helix = self.gear, math.cos(self.gear.helix_angle)
+    def _rack_tip(self) -> tuple[float, float, float]:
+        """Position of the tip round of the rack in the transverse section, and its radius, m.
+
+        The position of its centre is its depth below the rolling line and its distance from the
+        centre line of the tooth.
+        """
+        gear = self.gear
         radius, angle = gear.fillet_radius, gear.pressure_angle
-        depth = gear.rack.dedendum * gear.module - radius  # below the datum line of the rack
-        side = math.pi / 4.0 * gear.module + depth * math.tan(angle) + radius / math.cos(angle)
+        datum_depth = gear.rack.dedendum * gear.module - radius  # below the datum line of the rack
+        side = math.pi / 4.0 * gear.module
+        side = side + datum_depth * math.tan(angle) + radius / math.cos(angle)
         side += gear.thickness_allowance / 2.0
-        return depth - gear.shift * gear.module, side / helix, radius
+        depth = datum_depth - gear.shift * gear.module
+        return depth, side / math.cos(gear.helix_angle), radius
 
-    def _trochoid(self):
-        """Return x, y and the integration weights over y at points of the fillet."""
+    def _trochoid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return x, y and the quadrature weights of integrals over y at points of the fillet, m."""
         start, end = self.gear.transverse_pressure_angle, math.pi / 2.0
-        half = (end - start) / 2.0
-        x, y, slope = self.fillet(start + half * (1.0 + _NODES))
-        return x, y, np.abs(slope) * half * _WEIGHTS
+        half_range = (end - start) / 2.0
+        x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
+        return x, y, np.abs(y_slope) * half_range * _WEIGHTS
 
-    def compliance(self, phi):
-        """Return the compliance of the tooth in bending, shear and compression at phi, m/N.
+    def compliance(self, phi: ArrayLike) -> np.ndarray:
+        """Return the compliance of the tooth in bending, shear and compression, m/N.
 
-        The energy method integrates (cos b (y_F - y) - x_F sin b)^2 / (E I) + 1.2 cos^2 b / (G A) +
-        sin^2 b / (E A), with A = 2 x w and I = 2/3 x^3 w, over the height of fillet and flank below
-        the force at (x_F, y_F).
+        The force acts at `phi`, radii of curvature over the base radius. The energy method
+        integrates (cos b (y_F - y) - x_F sin b)^2 / (E I) + 1.2 cos^2 b / (G A) +
+        sin^2 b / (E A), with A = 2 x w and I = 2/3 x^3 w, over the height y of fillet and flank
+        below the force at (x_F, y_F) with the angle b.
         """
         phi = np.asarray(phi, float)
-        force_x, force_y, b = (value[..., None] for value in self.flank(phi))
-        half = (phi - self.foot)[..., None] / 2.0
-        nodes = self.foot + half * (1.0 + _NODES)
-        x, y, angle = self.flank(nodes)
-        weights = np.abs(self.base * nodes * np.cos(angle) * half) * _WEIGHTS
+        force_x, force_y, b = (coordinate[..., None] for coordinate in self.flank(phi))
+        half_range = (phi - self.foot)[..., None] / 2.0
+        flank_phi = self.foot + half_range * (1.0 + _NODES)
+        x, y, angle = self.flank(flank_phi)
+        weights = np.abs(self.base * flank_phi * np.cos(angle) * half_range) * _WEIGHTS
         if self._fillet is not None:
-            both = zip((x, y, weights), self._fillet, strict=True)
-            x, y, weights = (np.append(a, np.broadcast_to(c, a.shape), axis=-1) for a, c in both)
+            fillet_x, fillet_y, fillet_weights = (
+                np.broadcast_to(values, x.shape) for values in self._fillet
+            )
+            x, y = np.append(x, fillet_x, axis=-1), np.append(y, fillet_y, axis=-1)
+            weights = np.append(weights, fillet_weights, axis=-1)
         material = self.gear.material
         bending = (np.cos(b) * self.sign * (force_y - y) - force_x * np.sin(b)) ** 2 * 1.5 / x**3
         shear = 2.4 * (1.0 + material.poisson) * np.cos(b) ** 2 / (2.0 * x)
         axial = np.sin(b) ** 2 / (2.0 * x)
-        total = ((bending + shear + axial) * weights).sum(axis=-1)
-        return total / (material.young * self.width)
+        integral = ((bending + shear + axial) * weights).sum(axis=-1)
+        return integral / (material.young * self.width)
 
-    def body(self, phi):
-        """Return the compliance of the gear body for forces at phi, m/N; 0 for a ring gear."""
+    def body(self, phi: ArrayLike) -> np.ndarray:
+        """Return the compliance of the gear body for forces on the flank, m/N; 0 for a ring gear.
+
+        The force acts at `phi`, radii of curvature over the base radius. L, M, P, Q and u are the
+        symbols of Sainsot et al. for bodies with a bore, of Cornell for bodies without.
+        """
         phi = np.asarray(phi, float)
         if self._fillet is None:
             return np.zeros(phi.shape)
@@ -181,15 +206,17 @@ class Tooth:
             L, M, P, Q = _BODY_COEFFICIENTS @ powers
         # Height above the root circle where the force meets the centre line, over the root width.
         u = (self.base / np.cos(b) - self.root) / (2.0 * self.root * theta)
-        shape = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
-        return np.cos(b) ** 2 * shape / (self.gear.material.young * self.width)
+        shape_factor = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
+        return np.cos(b) ** 2 * shape_factor / (self.gear.material.young * self.width)
 
     @property
-    def body_shape(self):
-        """Half the angle of the tooth at its root, rad, and r_root / r_bore or None."""
+    def body_shape(self) -> tuple[float, float | None]:
+        """Half the angle of a tooth at its root, rad, and r_root / r_bore, None without bore."""
         x, y, _ = self.fillet(math.pi / 2.0)
-        bore = self.gear.bore / 2.0
-        return float(np.arctan2(x, y)), min(self.root / bore, MAX_ROOT_RATIO) if bore else None
+        half_angle, bore_radius = float(np.arctan2(x, y)), self.gear.bore / 2.0
+        if not bore_radius:
+            return half_angle, None
+        return half_angle, min(self.root / bore_radius, MAX_ROOT_RATIO)
 
 
 class PairCompliance:
@@ -198,58 +225,72 @@ class PairCompliance:
     Raises ValueError if a bore is too large for the method.
     """
 
-    def __init__(self, mesh, hertz="constant"):
-        """Prepare both teeth of a drawn mesh and check their bores."""
+    def __init__(self, mesh: "Mesh", hertz: str = "constant") -> None:
+        """Prepare both teeth of a drawn mesh and check the bores of its gears.
+
+        `hertz` is "constant" or "logarithmic", the law of the Hertz contact over the load.
+        """
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
         self._teeth = [Tooth(gear, mesh.width) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
-            limit = 2.0 * tooth.root / MIN_ROOT_RATIO
-            if tooth.gear.bore > limit:
+            max_bore = 2.0 * tooth.root / MIN_ROOT_RATIO
+            if tooth.gear.bore > max_bore:
                 raise ValueError(
                     f"bore of the {name} = {tooth.gear.bore!r} is not allowed: the energy method "
-                    f"holds for at most {limit:.6g} m, root over {MIN_ROOT_RATIO}"
+                    f"holds for at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}"
                 )
 
-    def _roll_angles(self, position):
-        """Return the radii of curvature over r_b of both flanks that touch at a position."""
+    def _teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
+        """Return both teeth that touch at positions in m, each with phi of its flank there.
+
+        Phi is the radius of curvature over the base radius.
+        """
         lengths = (position, self.mesh.wheel_roll_length(position))
-        return [length / tooth.base for length, tooth in zip(lengths, self._teeth, strict=True)]
+        pairs = zip(self._teeth, lengths, strict=True)
+        return [(tooth, length / tooth.base) for tooth, length in pairs]
 
-    def teeth(self, position):
+    def teeth(self, position: np.ndarray) -> np.ndarray:
         """Return the compliance of both teeth without bodies at positions on the path, m/N."""
-        rolls = zip(self._teeth, self._roll_angles(position), strict=True)
-        return sum(tooth.compliance(roll) for tooth, roll in rolls)
+        pinion, wheel = (tooth.compliance(phi) for tooth, phi in self._teeth_with_phi(position))
+        return pinion + wheel
 
-    def bodies(self, position):
+    def bodies(self, position: np.ndarray) -> np.ndarray:
         """Return the compliances of both gear bodies at positions on the path, (2, ...), m/N."""
-        rolls = zip(self._teeth, self._roll_angles(position), strict=True)
-        return np.array([tooth.body(roll) for tooth, roll in rolls])
+        return np.array([tooth.body(phi) for tooth, phi in self._teeth_with_phi(position)])
 
-    def contact(self, position, force):
-        """Return the secant compliance of the Hertz contact under a force in N, m/N."""
+    def contact(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the secant compliance of the Hertz contact, m/N.
+
+        Positions on the path of contact in m and forces in N have one shape.
+        """
         width = self.mesh.width
         materials = [tooth.gear.material for tooth in self._teeth]
         compliances = [(1.0 - material.poisson**2) / material.young for material in materials]
         if self.hertz == "constant":
             return np.full(np.shape(position), 2.0 * sum(compliances) / (math.pi * width))
-        rolls = self._roll_angles(position)
-        radii = [roll * tooth.base for roll, tooth in zip(rolls, self._teeth, strict=True)]
-        # The flank of a ring gear is concave.
-        curvature = 1.0 / radii[0] + self.mesh.wheel.sign / radii[1]
+        teeth_with_phi = self._teeth_with_phi(position)
+        pinion_radius, wheel_radius = [phi * tooth.base for tooth, phi in teeth_with_phi]
+        # The flank of a ring gear is concave, with sign -1.
+        curvature = 1.0 / pinion_radius + self.mesh.wheel.sign / wheel_radius
         half_width = np.sqrt(4.0 * force * sum(compliances) / (math.pi * width * curvature))
-        total = 0.0
-        for tooth, roll, compliance in zip(self._teeth, rolls, compliances, strict=True):
-            x, _, b = tooth.flank(roll)
+        contact_compliance = np.zeros(np.shape(position))
+        for (tooth, phi), compliance in zip(teeth_with_phi, compliances, strict=True):
+            x, _, b = tooth.flank(phi)
             poisson = tooth.gear.material.poisson
+            # The force meets the centre line of the tooth x / cos(b) below the flank.
             depth = np.log(2.0 * x / np.cos(b) / half_width) - poisson / (2.0 * (1.0 - poisson))
-            total = total + 2.0 * compliance / (math.pi * width) * depth
-        return total
+            contact_compliance = contact_compliance + 2.0 * compliance / (math.pi * width) * depth
+        return contact_compliance
 
 
-def compliance_matrix(pair, positions, forces, coupling):
-    """Return the matrices Q, (n, k, k), m/N, of k pairs of teeth at n phases by the energy method.
+def compliance_matrix(
+    pair: PairCompliance, positions: np.ndarray, forces: np.ndarray, coupling: float
+) -> np.ndarray:
+    """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
-    `pair` is a `PairCompliance`; positions in m and forces in N have the shape (n, k).
+    `pair` gives the compliances of one pair by the energy method. Positions on the path in m and
+    forces in N have the shape (n, k). `coupling`, 0 to 1, is the share of the gear bodies that is
+    common to all pairs.
     """
     single = pair.teeth(positions) + pair.contact(positions, forces)
     bodies = pair.bodies(positions)
@@ -259,12 +300,20 @@ def compliance_matrix(pair, positions, forces, coupling):
     return common + single[..., None] * np.eye(positions.shape[1])
 
 
-def energy_stiffness(mesh, pitches, count, *, coupling=1.0, hertz="constant", torque=None):
+def energy_stiffness(
+    mesh: "Mesh",
+    pitches: np.ndarray,
+    count: int,
+    *,
+    coupling: float = 1.0,
+    hertz: str = "constant",
+    torque: float | None = None,
+) -> np.ndarray:
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
-    are one base pitch apart. `hertz` is "constant" or "logarithmic", which needs the torque of the
-    pinion in N m.
+    are one base pitch apart. `coupling`, 0 to 1, is the share of the gear bodies that is common to
+    all pairs. `hertz` is "constant" or "logarithmic", which needs the torque of the pinion in N m.
     """
     pair = PairCompliance(mesh, hertz)
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
@@ -275,11 +324,11 @@ def energy_stiffness(mesh, pitches, count, *, coupling=1.0, hertz="constant", to
     forces = np.full(positions.shape, load / count)
     for _ in range(_LOAD_ITERATIONS if hertz == "logarithmic" else 1):
         compliance = compliance_matrix(pair, positions, forces, coupling)
-        stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
-        total = stiffness.sum(axis=1)
+        pair_stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
+        mesh_stiffness = pair_stiffness.sum(axis=1)
         # The logarithmic law needs a positive force, even for a pair that would pull.
-        forces = np.maximum(stiffness / total[:, None], 1e-6) * load
-    return total
+        forces = np.maximum(pair_stiffness / mesh_stiffness[:, None], 1e-6) * load
+    return mesh_stiffness
 
 
 @dataclass(frozen=True)
@@ -307,13 +356,15 @@ class MeshStiffness:
         """Mean mesh stiffness C_s, N/m, Eq. (2)."""
         return self.max_stiffness * mean_over_max(self.contact_ratio, self.stiffness_ratio)
 
-    def ratios(self):
+    def ratios(self) -> dict[str, float]:
         """Return max_stiffness, stiffness_ratio and contact_ratio as arguments of a `GearPair`."""
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
         return {name: getattr(self, name) for name in names}
 
 
-def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
+def mesh_stiffness(
+    mesh: "Mesh", method: str | Tabulated = "iso", *, samples: int = 64, **options: Any
+) -> MeshStiffness:
     """Return the mesh stiffness of two drawn gears by a method.
 
     Parameters
@@ -352,16 +403,16 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     if method not in ("iso", "energy"):
         raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
     fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs
+    segment = mesh.contact_ratio - fewer_pairs  # share of the period with one pair more
     if method == "iso":
-        high, ratio, contact = iso_rectangle(mesh, **options)
+        max_stiffness, kappa, epsilon = iso_rectangle(mesh, **options)
         if mesh.overlap_ratio == 0.0:
-            return MeshStiffness(method, high, ratio, contact, Rectangular())
+            return MeshStiffness(method, max_stiffness, kappa, epsilon, Rectangular())
         single = pair_stiffness(mesh, **options)
         levels = [single * (0.25 + 0.75 * count) for count in (fewer_pairs + 1, fewer_pairs)]
         curve = _StiffnessCurve([0.0, segment, segment, 1.0], np.repeat(levels, 2))
         table = curve.face_average(mesh.overlap_ratio).table(segment)
-        return MeshStiffness(method, high, ratio, contact, table)
+        return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
     checks.known("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
     curve, means = _energy_curve(mesh, fewer_pairs, segment, samples, options)
     if mesh.overlap_ratio > 0.0:
@@ -371,70 +422,85 @@ def mesh_stiffness(mesh, method="iso", *, samples=64, **options):
     return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
-def _energy_curve(mesh, fewer_pairs, segment, samples, options):
-    """Return the stiffness curve by the energy method, and its mean in both segments, N/m.
+def _energy_curve(
+    mesh: "Mesh", fewer_pairs: int, segment: float, samples: int, options: dict
+) -> tuple["_StiffnessCurve", list[float]]:
+    """Return the mesh stiffness by the energy method as a curve, and its means in both segments.
 
-    The first segment, from 0 to `segment` base pitches, has one pair of teeth more than the other.
+    The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth, the
+    second one pair less. The curve has about `samples` points; options are those of
+    `energy_stiffness`, and the means are in N/m.
     """
     samples = checks.integer("samples", samples, 8, 100_000)
-    pitches, values, means = [], [], []
+    pitches, stiffnesses, means = [], [], []
     for start, end, count in ((0.0, segment, fewer_pairs + 1), (segment, 1.0, fewer_pairs)):
         # Five points are enough for the mean of a parabola in a short segment.
-        n = max(5, round(samples * (end - start)))
-        pitches.append(np.linspace(start, end, n))
-        values.append(energy_stiffness(mesh, pitches[-1], count, **options))
-        means.append(float(np.trapezoid(values[-1], np.linspace(0.0, 1.0, n))))
-    return _StiffnessCurve(np.concatenate(pitches), np.concatenate(values)), means
+        point_count = max(5, round(samples * (end - start)))
+        pitches.append(np.linspace(start, end, point_count))
+        stiffnesses.append(energy_stiffness(mesh, pitches[-1], count, **options))
+        means.append(float(np.trapezoid(stiffnesses[-1], np.linspace(0.0, 1.0, point_count))))
+    return _StiffnessCurve(np.concatenate(pitches), np.concatenate(stiffnesses)), means
 
 
-def _stiffness_of_table(method, table):
-    """Return the `MeshStiffness` with a table as profile and its equivalent rectangle."""
-    high, ratio, contact = table.ratios()
-    if 1.0 - ratio < 1e-12:  # constant up to rounding, as with a whole overlap ratio
-        ratio, contact = 1.0, 1.5
-    return MeshStiffness(method, high, ratio, contact, table)
+def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
+    """Return the mesh stiffness with a table as profile and with its equivalent rectangle.
+
+    `method` names the source of the table, "energy" or "table".
+    """
+    max_stiffness, kappa, epsilon = table.ratios()
+    if 1.0 - kappa < 1e-12:  # The stiffness is constant at an integer overlap ratio.
+        kappa, epsilon = 1.0, 1.5
+    return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
 
 
 class _StiffnessCurve:
     """A stiffness over one base pitch, linear between points; equal positions make a step."""
 
-    def __init__(self, pitches, values):
-        """Store positions in base pitches, from 0 to 1, and the stiffness there, N/m."""
-        self.pitches, self.values = np.asarray(pitches, float), np.asarray(values, float)
-        areas = np.diff(self.pitches) * (self.values[1:] + self.values[:-1]) / 2.0
-        self._areas = np.append(0.0, np.cumsum(areas))
+    def __init__(self, pitches: ArrayLike, stiffness: ArrayLike) -> None:
+        """Store positions in base pitches, rising from 0 to 1, and the stiffness there, N/m."""
+        self.pitches, self.stiffness = np.asarray(pitches, float), np.asarray(stiffness, float)
+        areas = np.diff(self.pitches) * (self.stiffness[1:] + self.stiffness[:-1]) / 2.0
+        self._cumulative_areas = np.append(0.0, np.cumsum(areas))
 
-    def integral(self, end):
-        """Return the integral from 0 to positions in base pitches, continued periodically."""
-        whole = np.floor(end)
-        fraction = end - whole
-        last = self.pitches.size - 2
-        i = np.clip(np.searchsorted(self.pitches, fraction, side="right") - 1, 0, last)
+    def integral(self, end: np.ndarray) -> np.ndarray:
+        """Return the integrals of the stiffness from 0 to positions `end` in base pitches.
+
+        The stiffness repeats in each base pitch.
+        """
+        periods = np.floor(end)
+        position = end - periods
+        last_interval = self.pitches.size - 2
+        i = np.searchsorted(self.pitches, position, side="right") - 1
+        i = np.clip(i, 0, last_interval)
         length = self.pitches[i + 1] - self.pitches[i]
-        slope = (self.values[i + 1] - self.values[i]) / np.where(length > 0.0, length, 1.0)
-        distance = fraction - self.pitches[i]
-        area = self._areas[i] + distance * (self.values[i] + slope * distance / 2.0)
-        return whole * self._areas[-1] + area
+        slope = (self.stiffness[i + 1] - self.stiffness[i]) / np.where(length > 0.0, length, 1.0)
+        distance = position - self.pitches[i]
+        area = distance * (self.stiffness[i] + slope * distance / 2.0)
+        return periods * self._cumulative_areas[-1] + (self._cumulative_areas[i] + area)
 
-    def face_average(self, overlap):
-        """Return the moving average over `overlap` base pitches as a curve.
+    def face_average(self, overlap_ratio: float) -> "_StiffnessCurve":
+        """Return the moving average over `overlap_ratio` base pitches, the face of helical gears.
 
         It is exact if the stiffness is rectangular.
         """
-        half = overlap / 2.0
+        half_window = overlap_ratio / 2.0
         # The average has a corner where a window begins or ends at a step.
-        step = np.isin(self.pitches, [0.0, 1.0, *self.pitches[1:][np.diff(self.pitches) == 0.0]])
-        corners = self.pitches[step]
-        points = np.concatenate([self.pitches[~step], corners - half, corners + half])
-        points = np.sort(points % 1.0)
+        step_positions = self.pitches[1:][np.diff(self.pitches) == 0.0]
+        is_step = np.isin(self.pitches, [0.0, 1.0, *step_positions])
+        steps = self.pitches[is_step]
+        points = [self.pitches[~is_step], steps - half_window, steps + half_window]
+        points = np.sort(np.concatenate(points) % 1.0)
         # Points that coincide up to rounding count as equal.
         points = points[np.diff(points, append=points[0] + 1.0) > 1e-12]
-        integrals = self.integral(points + half) - self.integral(points - half)
-        return _StiffnessCurve(points, integrals / overlap)
+        areas = self.integral(points + half_window) - self.integral(points - half_window)
+        return _StiffnessCurve(points, areas / overlap_ratio)
 
-    def table(self, segment):
-        """Return the stiffness over the mesh phase as a table; a step becomes a short ramp."""
-        pitches, values = self.pitches.copy(), self.values
+    def table(self, segment: float) -> Tabulated:
+        """Return the stiffness over the mesh phase as a table; a step becomes a short ramp.
+
+        The mesh phase is 0 in the middle of the first segment, from 0 to `segment` base pitches.
+        """
+        pitches = self.pitches.copy()
         if pitches[-1] == 1.0:
             pitches[-1] -= _RAMP_LENGTH
         steps = np.nonzero(np.diff(pitches) == 0.0)[0] + 1
@@ -443,4 +509,4 @@ class _StiffnessCurve:
         phase = math.tau * ((pitches[rising] - segment / 2.0) % 1.0)
         # A phase just below 0 rounds to 2 pi, which is 0.
         phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
-        return Tabulated(phase, values[rising][order])
+        return Tabulated(phase, self.stiffness[rising][order])

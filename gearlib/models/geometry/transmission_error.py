@@ -2,32 +2,41 @@
 
 import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from gearlib import checks
 from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief
-from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
+from gearlib.models.geometry.load_sharing import Sharing, ToothPairs, relief_gap, tooth_pairs
+
+if TYPE_CHECKING:
+    from gearlib.models.geometry.mesh import Mesh
 
 #: A peak-to-peak error below this share of the deflection is a rounding error.
 _FLATNESS_TOLERANCE = 1e-12
 #: Decimals of the optimum; further ones depend on rounding and differ between machines.
 _DIGITS = 6
 #: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
-#: the long one.
+#: the long length.
 _GRID_AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
 _GRID_LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
 #: Number of best grid points from which a descent starts.
 _DESCENTS = 2
 
 
-def transmission_error(mesh, torque, phases=256, **options):
-    """Return the static transmission error and the load sharing as a dataset.
+def transmission_error(
+    mesh: "Mesh", torque: ArrayLike, phases: int = 256, **options: Any
+) -> xr.Dataset:
+    """Return the static transmission error and the load sharing of a mesh as a dataset.
 
-    Arguments and variables are those of `Mesh.transmission_error`.
+    `torque`, one or several of the pinion in N m, is at least 0; `phases` is the number of phases
+    in each mesh period. Options and variables are those of `Mesh.transmission_error`.
     """
     values = np.atleast_1d(torque).tolist()
     torques = np.array([checks.finite_nonnegative("torque", value) for value in values])
@@ -37,54 +46,67 @@ def transmission_error(mesh, torque, phases=256, **options):
     loads = mesh.load(torques)
     sharing = pairs.share(loads)
     # Without a load the forces are rounding errors, and load shares are undefined.
-    share = np.full_like(sharing.force, math.nan)
-    np.divide(sharing.force, loads[:, None, None], out=share, where=loads[:, None, None] > 0.0)
-    grid, grid_of_pairs = ("torque", "phase"), ("phase", "tooth_pair")
+    load_share = np.full_like(sharing.force, math.nan)
+    pair_loads = loads[:, None, None]
+    np.divide(sharing.force, pair_loads, out=load_share, where=pair_loads > 0.0)
+    dims, pair_dims = ("torque", "phase"), ("phase", "tooth_pair")
     data = {
-        "transmission_error": (grid, sharing.error),
-        "load_share": ((*grid, "tooth_pair"), share),
-        "pairs_in_contact": (grid, sharing.touching.sum(-1)),
-        "mesh_stiffness": (grid, sharing.stiffness.sum(-1)),
-        "path_position": (grid_of_pairs, np.where(pairs.inside, pairs.position, math.nan)),
-        "gap": (grid_of_pairs, np.where(pairs.inside, pairs.gap, math.nan)),
+        "transmission_error": (dims, sharing.error),
+        "load_share": ((*dims, "tooth_pair"), load_share),
+        "pairs_in_contact": (dims, sharing.touching.sum(-1)),
+        "mesh_stiffness": (dims, sharing.stiffness.sum(-1)),
+        "path_position": (pair_dims, np.where(pairs.inside, pairs.position, math.nan)),
+        "gap": (pair_dims, np.where(pairs.inside, pairs.gap, math.nan)),
         "peak_to_peak_error": ("torque", np.ptp(sharing.error, axis=1)),
         "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, sharing, phases)),
         "mesh_force": ("torque", loads),
     }
-    turns = math.tau * np.arange(pairs.pitches.size) / phases
-    coords = {"torque": torques, "phase": turns, "tooth_pair": np.arange(pairs.gap.shape[1])}
+    mesh_phase = math.tau * np.arange(pairs.pitches.size) / phases
+    coords = {"torque": torques, "phase": mesh_phase, "tooth_pair": np.arange(pairs.gap.shape[1])}
     title = "Static transmission error and load sharing of a gear mesh"
     return describe(xr.Dataset(data, coords, {"title": title}))
 
 
-def _contact_ratios(mesh, pairs, sharing, phases):
-    """Return the effective contact ratio, the mean number of touching pairs, at each load."""
-    overlap = np.where(pairs.inside, pairs.overlap(sharing), -math.inf)
-    m, k = pairs.gap.shape
-    # Follow each pair along its path, from the first phase at which it is in mesh.
+def _contact_ratios(mesh: "Mesh", pairs: ToothPairs, sharing: Sharing, phases: int) -> list[float]:
+    """Return the effective contact ratio, the mean number of touching pairs, at each load.
+
+    `sharing` is the equilibrium of the pairs, which have `phases` phases in each mesh period.
+    """
+    overlap = np.where(pairs.inside, pairs.overlap(sharing), -math.inf)  # > 0 if a pair touches
+    phase_count, pair_count = pairs.gap.shape
+    # Each pair is followed along its path, from the first phase at which it is in mesh.
     offsets = pairs.pitches[:phases] % 1.0
     start = int(np.argmin(offsets))
-    steps = np.arange(k * phases)
-    pitches = (np.sort(offsets) + np.arange(k)[:, None]).ravel()
+    steps = np.arange(pair_count * phases)
+    pitches = (np.sort(offsets) + np.arange(pair_count)[:, None]).ravel()
     steps = steps[pitches < mesh.contact_ratio]
     pitches = pitches[: steps.size]
+    remaining_path = mesh.contact_ratio - pitches[-1]
     ratios = []
-    for load_overlap in overlap:
-        length = 0.0
-        for first in range(start, start + m, phases):
+    for overlap_at_load in overlap:
+        length = 0.0  # of all contacts, in base pitches
+        for first_phase in range(start, start + phase_count, phases):
             # After one mesh period a pair has the next index.
-            values = load_overlap[(first + steps) % m, steps // phases]
-            above, below = np.maximum(values, 0.0), np.maximum(-values, 0.0)
-            above, below = above[:-1] + above[1:], below[:-1] + below[1:]
+            path_overlap = overlap_at_load[(first_phase + steps) % phase_count, steps // phases]
+            positive, negative = np.maximum(path_overlap, 0.0), np.maximum(-path_overlap, 0.0)
+            positive, negative = positive[:-1] + positive[1:], negative[:-1] + negative[1:]
             # In a step with a change of sign, linear interpolation gives the part in contact.
-            length += above / (above + below) @ np.diff(pitches)
-            end = mesh.contact_ratio - pitches[-1]
-            length += pitches[0] * (values[0] > 0.0) + end * (values[-1] > 0.0)
-        ratios.append(length * phases / m)
+            length += positive / (positive + negative) @ np.diff(pitches)
+            start_length = pitches[0] * (path_overlap[0] > 0.0)
+            length += start_length + remaining_path * (path_overlap[-1] > 0.0)
+        ratios.append(length * phases / phase_count)
     return ratios
 
 
-def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **options):
+def optimum_relief(
+    mesh: "Mesh",
+    torque: float,
+    *,
+    length: str | float | None = None,
+    shape: str = "linear",
+    phases: int = 256,
+    **options: Any,
+) -> "Mesh":
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
 
     If all pairs of teeth have the same constant compliance q, there is a relief without any error:
@@ -120,55 +142,61 @@ def optimum_relief(mesh, torque, *, length=None, shape="linear", phases=256, **o
     """
     checks.one_of("shape", shape, tuple(SHAPES))
     load = checks.drawn_mesh(mesh).load(checks.finite_positive("torque", torque))
-    count = math.floor(mesh.contact_ratio)
-    long = (mesh.contact_ratio - count) * mesh.base_pitch
+    pair_count = math.floor(mesh.contact_ratio)
+    long = (mesh.contact_ratio - pair_count) * mesh.base_pitch
     longest = mesh.longest_relief
-    fixed = {"long": long, "short": long / 2.0}.get(length, length)
-    if fixed is not None:
+    fixed_length = {"long": long, "short": long / 2.0}.get(length, length)
+    if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {longest:.6g} m, (eps_alpha - 1) p_bt"
-        fixed = checks.number("length", fixed, allowed, lambda v: 0.0 < v <= longest)
+        fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= longest)
     mesh = mesh.with_reliefs(None, None)
     pairs = tooth_pairs(mesh, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.inside], pairs.position[pairs.inside]
     ends = position.argmax(), position.argmin()
-    deflections = [compliance[end] * load / count for end in ends]
+    deflections = [compliance[end] * load / pair_count for end in ends]
 
     def reliefs(variables):
-        """Return both reliefs of variables: amounts over deflections, length over the long one."""
-        relief_length = fixed if fixed is not None else long * variables[2]
+        """Return both reliefs from their amounts over deflections and length over the long one."""
+        relief_length = fixed_length if fixed_length is not None else long * variables[2]
         return [
             TipRelief(amount=amount * deflection, length=relief_length, shape=shape)
             for amount, deflection in zip(variables[:2], deflections, strict=True)
         ]
 
     def error(variables):
-        """Return the dimensionless transmission error over the phases."""
+        """Return the transmission error over the phases, in sums of both deflections."""
         relieved = mesh.with_reliefs(*reliefs(variables))
         gap = pairs.gap + relief_gap(relieved, pairs.position)
         return replace(pairs, gap=gap).share([load]).error[0] / sum(deflections)
 
-    bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed is None)
+    bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed_length is None)
     optimum = np.ones(len(bounds))
     if np.ptp(error(optimum)) > _FLATNESS_TOLERANCE:
         # There are several local minima, so a grid comes before the descents.
-        axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed is None)
+        axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed_length is None)
         grid = sorted(itertools.product(*axes), key=lambda point: np.ptp(error(point)))
         starts = (optimum, *grid[:_DESCENTS])
-        minima = [_minimum_range(error, start, bounds) for start in starts]
+        minima = [_minimize_range(error, start, bounds) for start in starts]
         # The first of equal candidates is taken.
         candidates = [optimum, *minima, grid[0]]
         optimum = min(candidates, key=lambda point: round(float(np.ptp(error(point))), _DIGITS))
     return mesh.with_reliefs(*reliefs(np.round(optimum, _DIGITS)))
 
 
-def _minimum_range(function, start, bounds):
-    """Return the variables that minimize max - min of a vector function, by SLSQP from a start."""
+def _minimize_range(
+    function: Callable[[np.ndarray], np.ndarray], start: Sequence[float], bounds: list
+) -> np.ndarray:
+    """Return the variables that minimize the range, max - min, of the values of a function.
+
+    `function` returns a vector of values from the variables; `bounds` are (lower, upper) of each
+    variable. The descent by SLSQP begins at `start`.
+    """
     from scipy.optimize import minimize
 
+    # SLSQP minimizes upper - lower, two more variables between which all values must lie.
     def constraints(extended):
-        """Return the distances of the values from their bounds, the last two variables."""
         *variables, lower, upper = extended
         distances = function(np.array(variables)) - lower
         return np.concatenate([distances, upper - lower - distances])

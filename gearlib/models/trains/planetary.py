@@ -282,7 +282,7 @@ def planetary_set(
         backlashes=backlashes,
     )
     n = len(drawn.positions)
-    pin_radius = drawn.sun_mesh.centre_distance
+    pin_radius = float(drawn.sun_mesh.centre_distance)
     disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
     mass = disc_mass if carrier_mass is None else carrier_mass
     inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
