@@ -223,8 +223,8 @@ def fit(model, data, free):
         If revolutions of a run-up are left out because they have gaps or too few samples.
     """
     model = _checked_model(model)
-    names, low, high = _ranges(model, free)
-    problem = Problem(model, names, low, high, observations_of(model, data))
+    names, lower, upper = _ranges(model, free)
+    problem = Problem(model, names, lower, upper, observations_of(model, data))
     for observation in problem.observations:
         if observation.warning:
             warnings.warn(observation.warning, stacklevel=2)
@@ -233,7 +233,7 @@ def fit(model, data, free):
             f"data is not allowed: {problem.size} observations for {len(names)} "
             "parameters; they must be as many at least"
         )
-    start = (np.array([model.value(name) for name in names]) - low) / (high - low)
+    start = (np.array([model.value(name) for name in names]) - lower) / (upper - lower)
     residuals = problem.residuals(start)
     if residuals is None or not residuals @ residuals < _MAX_START_COST:
         raise ValueError(START_REFUSAL)
@@ -256,28 +256,35 @@ def _checked_model(model: Any) -> Any:
 
 
 def _ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
-    """Return names, lowest and highest values of the free parameters, or raise ValueError."""
+    """Return names, lower and upper limits of the free parameters, or raise ValueError.
+
+    `free` maps names of parameters of the model to (lowest, highest) in SI units.
+    """
     if not hasattr(free, "items") or not free:
         raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
-    rows = []
+    ranges = {}
     for name, limits in free.items():
         checks.one_of("free", name, model.settable)
-        key = f"free[{name!r}]"
-        low, high = checks.numbers(key, limits, 2)
+        argument = f"free[{name!r}]"
+        lower, upper = checks.numbers(argument, limits, 2)
         value = model.value(name)
-        finite = math.isfinite(low) and math.isfinite(high)
-        checks.require(low < high and finite, key, limits, "rising")
+        finite = math.isfinite(lower) and math.isfinite(upper)
+        checks.require(lower < upper and finite, argument, limits, "rising")
         allowed = f"a range that holds {name} = {value:g} of the model"
-        checks.require(low <= value <= high, key, limits, allowed)
-        for limit in (low, high):
+        checks.require(lower <= value <= upper, argument, limits, allowed)
+        # The model refuses limits that are not allowed.
+        for limit in (lower, upper):
             model.with_values({name: limit})
-        rows.append((name, low, high))
-    names, lows, highs = zip(*rows, strict=True)
-    return names, np.array(lows), np.array(highs)
+        ranges[name] = lower, upper
+    lower_limits, upper_limits = np.array(list(ranges.values())).T
+    return tuple(ranges), lower_limits, upper_limits
 
 
 def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
-    """Return the problem with its final weights, and scipy's result of least squares."""
+    """Return the problem with its final weights, and scipy's result of least squares.
+
+    `start` holds the parameters as shares of their ranges, shape (parameters,).
+    """
     optimum = _least_squares(problem, start)
     if not optimum.status:
         # The limit of evaluations was reached, usually close to the optimum.
@@ -296,28 +303,34 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     """Return weights that scale each channel of unknown noise by its root mean square residual.
 
     With one common scale the worst channel would hide all others, and jumps with a known noise
-    would have no weight beside it. None if there is only one channel or all noise is known.
+    would have no weight beside it. None is returned for only one channel, or if all noise is known.
     """
-    blocks: list = []
+    sizes: list = []  # numbers of residuals with a common weight
+    noise_known: list = []
     for channel in problem.channels:
         if channel.joined:
-            blocks[-1][0] += channel.values.size
+            sizes[-1] += channel.values.size
         else:
-            blocks.append([channel.values.size, channel.noise_known])
-    if len(blocks) < 2 or problem.noise_known:
+            sizes.append(channel.values.size)
+            noise_known.append(channel.noise_known)
+    if len(sizes) < 2 or problem.noise_known:
         return None
     weights, end = np.ones(residuals.size), 0
-    for size, noise_known in blocks:
-        rows = slice(end, end + size)
+    min_size = _MIN_RESIDUALS_PER_PARAMETER * len(problem.names)
+    for size, is_known in zip(sizes, noise_known, strict=True):
+        indices = slice(end, end + size)
         end += size
-        if not noise_known and size > _MIN_RESIDUALS_PER_PARAMETER * len(problem.names):
-            unweighted = (residuals / problem.weights)[rows]
-            weights[rows] = 1.0 / max(float(np.sqrt(np.mean(unweighted**2))), _MIN_NOISE)
+        if not is_known and size > min_size:
+            unweighted = (residuals / problem.weights)[indices]
+            weights[indices] = 1.0 / max(float(np.sqrt(np.mean(unweighted**2))), _MIN_NOISE)
     return weights
 
 
 def _least_squares(problem: Problem, start: np.ndarray) -> Any:
-    """Return scipy's result of least squares from a start, shares of the parameters' ranges."""
+    """Return scipy's result of least squares from a start.
+
+    The variables are the parameters as shares of their ranges, shape (parameters,).
+    """
 
     def residuals(shares):
         values = problem.residuals(shares)
@@ -346,7 +359,10 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
 
 
 def _jacobian(problem: Problem, shares: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return one-sided differences of the residuals, shape (residuals, parameters)."""
+    """Return one-sided difference quotients of the residuals, shape (residuals, parameters).
+
+    `residuals` are those at the parameters `shares`, given as shares of their ranges.
+    """
     jacobian = np.zeros((problem.size, shares.size))
     for i in range(shares.size):
         step = _DIFFERENCE_STEP if shares[i] < 0.5 else -_DIFFERENCE_STEP
@@ -359,12 +375,15 @@ def _jacobian(problem: Problem, shares: np.ndarray, residuals: np.ndarray) -> np
 
 
 def _with_share(shares: np.ndarray, i: int, share: float) -> np.ndarray:
-    """Return a copy of the shares with another share of parameter i."""
+    """Return a copy of the parameters, shares of their ranges, with a new share of parameter i."""
     return np.where(np.arange(shares.size) == i, share, shares)
 
 
 def _precise_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives at the optimum and their errors, shapes (residuals, parameters)."""
+    """Return derivatives at the optimum and their errors, shapes (residuals, parameters).
+
+    Richardson's extrapolation replaces the differences in scipy's result `optimum` where it works.
+    """
     jacobian, errors = np.array(optimum.jac), np.zeros(optimum.jac.shape)
     for i, best_share in enumerate(optimum.x):
 
@@ -380,7 +399,10 @@ def _precise_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.nd
 
 
 def _fit_at(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
-    """Return the `Fit` at an optimum, where the Jacobian has errors up to `errors`."""
+    """Return the `Fit` at an optimum, scipy's result of least squares.
+
+    `jacobian`, (residuals, parameters), has errors up to `errors` in each element.
+    """
     residuals = optimum.fun
     model, directions = problem.model_at(optimum.x), _undetermined_directions(jacobian, errors)
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
@@ -423,16 +445,24 @@ def _fit_at(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.nda
 
 
 def _undetermined_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Return unit vectors of parameters, as rows, along which the residuals do not change."""
-    _, sizes, directions = np.linalg.svd(jacobian, full_matrices=False)
+    """Return unit vectors of parameters, as rows, along which the residuals do not change.
+
+    Singular values of the Jacobian, (residuals, parameters), that its `errors` explain are zero.
+    """
+    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
     noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
-    return directions[sizes <= np.maximum(noise, _MIN_SINGULAR_SHARE * max(sizes.max(), 1.0))]
+    smallest = _MIN_SINGULAR_SHARE * max(singular_values.max(), 1.0)
+    return directions[singular_values <= np.maximum(noise, smallest)]
 
 
 def _parameter_sentences(
     problem: Problem, model: Any, params: dict, directions: np.ndarray
 ) -> list[str]:
-    """Return sentences on the parameters of a fitted model that the data do not determine."""
+    """Return sentences on the parameters of a fitted model that the data do not determine.
+
+    `params` maps names to `Parameter`; `directions`, (directions, parameters), are unit vectors
+    along which the residuals do not change.
+    """
     sentences = []
     for i, (name, parameter) in enumerate(params.items()):
         if parameter.identifiable:
@@ -448,7 +478,7 @@ def _parameter_sentences(
         large = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
         coupled = large[large[:, i]].any(axis=0)
         others = [other for j, other in enumerate(problem.names) if coupled[j] and j != i]
-        reason = "nothing in the data hangs on it"
+        reason = "nothing in the data depends on it"
         if others:
             reason = f"the data tell only a combination of it and {' and '.join(others)}"
         sentences.append(f"{name} is not identifiable: {reason}")
@@ -456,7 +486,10 @@ def _parameter_sentences(
 
 
 def _backlash_sentence(problem: Problem, model: Any, i: int) -> str:
-    """Return a sentence on the lower bound of the undetermined backlash, parameter i."""
+    """Return a sentence on the lower bound of the backlash, parameter i, if it is undetermined.
+
+    `model` is the fitted model.
+    """
     model = model.with_values({"backlash": problem.high[i]})
     depth = max(observation.predict(model)[1] for observation in problem.observations)
     reason = "the far flank is never struck" if depth > 0.0 else "contact is never lost"
@@ -472,7 +505,10 @@ def _backlash_sentence(problem: Problem, model: Any, i: int) -> str:
 def _residual_sentences(
     problem: Problem, model: Any, residuals: np.ndarray, redchi: float
 ) -> list[str]:
-    """Return sentences on data that the fitted model does not describe."""
+    """Return sentences on data that the fitted model does not describe.
+
+    `redchi` is the reduced chi-square of the residuals, (n,).
+    """
     if problem.noise_known:
         if redchi <= _MAX_REDUCED_CHI_SQUARE:
             return []
@@ -502,10 +538,11 @@ def _unexplained_share(observation: Any, model: Any) -> float:
 
 
 def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
-    """Return sentences on channels of unknown noise whose residuals are correlated.
+    """Return sentences on channels of unknown noise with correlated residuals.
 
-    The sign of independent residuals changes from one to the next with a probability of one half,
-    whatever their deviations are (Geary, Biometrika 57 (1970) 123-127).
+    `residuals`, (n,), are those of all channels in turn. The sign of independent residuals changes
+    from one to the next with a probability of one half, whatever their deviations are (Geary,
+    Biometrika 57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}
@@ -514,10 +551,11 @@ def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
             sequences.setdefault(channel.name, []).append(values[channel.sequences])
     sentences = []
     for name, blocks in sequences.items():
-        rows = np.concatenate(blocks, axis=1)
-        signs = [row[np.abs(row) > _MIN_SIGNED_RESIDUAL] > 0.0 for row in rows]
-        changes = sum(int((row[1:] != row[:-1]).sum()) for row in signs)
-        steps = sum(max(row.size - 1, 0) for row in signs)
+        changes = steps = 0
+        for sequence in np.concatenate(blocks, axis=1):
+            positive = sequence[np.abs(sequence) > _MIN_SIGNED_RESIDUAL] > 0.0
+            changes += int((positive[1:] != positive[:-1]).sum())
+            steps += max(positive.size - 1, 0)
         if binom.cdf(changes, steps, 0.5) < _FALSE_ALARM_PROBABILITY / len(sequences):
             sentences.append(
                 f"what the model leaves of the {name.replace('_', ' ')} is not independent noise: "

@@ -31,7 +31,7 @@ from gearlib.uncertainty.observation import (
     resonance_speeds,
 )
 
-#: Least ratio of a jump to the median step from one point to the next.
+#: Smallest ratio of a jump to the median step from one point to the next.
 _MIN_JUMP_RATIO = 3.0
 _SWEEP_QUANTITIES = (*STATISTICS, LOAD_SHARING, ORDER_AMPLITUDE)
 #: Quantities that fall at a jump up, and endings of the names of those that rise.
@@ -42,7 +42,10 @@ _RISING_ENDINGS = ("_max", *(f"{ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
 def observations_of(model: Any, data: Any) -> list[Observation]:
     """Return the observations of one measured set, or of a list of them, that a model predicts."""
     datasets = data if isinstance(data, list | tuple) else [data]
-    return [observation for each in datasets for observation in _set_observations(model, each)]
+    observations = []
+    for dataset in datasets:
+        observations += _set_observations(model, dataset)
+    return observations
 
 
 def _set_observations(model: Any, data: Any) -> list[Observation]:
@@ -51,15 +54,15 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
         value = data if isinstance(data, int | float | str) else type(data).__name__
         raise checks.refusal("data", value, "datasets with a displacement over time or jump speeds")
     speeds = {name: data[name] for name in RESONANCE_NAMES if name in data}
-    is_course, quantities, observations = "time" in data.coords, {}, []
-    if is_course or "speed" in data.coords:
-        known = ("displacement",) if is_course else _SWEEP_QUANTITIES
+    has_time, quantities, observations = "time" in data.coords, {}, []
+    if has_time or "speed" in data.coords:
+        known = ("displacement",) if has_time else _SWEEP_QUANTITIES
         quantities = quantities_of(model, data.data_vars, known)
     _check_set(data, quantities, speeds)
-    if is_course:
+    if has_time:
         for name, (quantity, mesh) in quantities.items():
-            course = data.isel(sample=data[name].notnull().values).rename({name: quantity})
-            observations += course_observations(model, course, mesh)
+            history = data.isel(sample=data[name].notnull().values).rename({name: quantity})
+            observations += course_observations(model, history, mesh)
     elif quantities:
         sweeps, jumps = _sweep_observation(data, quantities)
         observations, speeds = [sweeps], jumps | speeds
@@ -77,24 +80,34 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
 def quantities_of(model: Any, names: Any, known: tuple = _SWEEP_QUANTITIES) -> dict:
     """Return the quantities that variables hold: name of a variable -> (quantity, mesh index).
 
-    Variables of trains end with the name of the mesh, such as ``load_sharing_sun_1``. Variables
-    with other quantities than the `known` ones are left out.
+    `names` are the names of the variables. Those of trains end with the name of the mesh, such as
+    ``load_sharing_sun_1``. Variables with other quantities than the `known` ones are left out.
     """
-    meshes, quantities = [name.replace(" ", "_") for name in model.mesh_names], {}
+    mesh_names = [name.replace(" ", "_") for name in model.mesh_names]
+    quantities = {}
     for name in map(str, names):
-        for j, mesh in enumerate(meshes or [""]):
-            quantity = name.removesuffix(f"_{mesh}") if mesh else name
+        # A model without mesh names has one mesh, which shares its load with no other one.
+        for mesh, mesh_name in enumerate(mesh_names or [""]):
+            if mesh_name and not name.endswith(f"_{mesh_name}"):
+                continue
+            quantity = name.removesuffix(f"_{mesh_name}") if mesh_name else name
             kind, _, number = quantity.rpartition("_")
-            is_order = kind == ORDER_AMPLITUDE and number.isdigit()
-            is_order = is_order and 0 < int(number) <= SAMPLES_PER_PERIOD // 2
-            is_known = (kind if is_order else quantity) in known and quantity != ORDER_AMPLITUDE
-            if is_known and (quantity != name if mesh else quantity != LOAD_SHARING):
-                quantities[name] = quantity, j
+            if kind == ORDER_AMPLITUDE and number.isdigit():
+                in_range = 0 < int(number) <= SAMPLES_PER_PERIOD // 2
+                is_known = in_range and ORDER_AMPLITUDE in known
+            else:
+                is_known = quantity in known and quantity != ORDER_AMPLITUDE
+            if is_known and (mesh_name or quantity != LOAD_SHARING):
+                quantities[name] = quantity, mesh
     return quantities
 
 
 def _check_set(data: Any, quantities: dict, speeds: dict) -> None:
-    """Refuse compared variables unless they have finite values, SI units and a valid noise."""
+    """Refuse a measured set unless compared variables have finite values, SI units, valid noise.
+
+    `quantities` maps names of variables to (quantity, mesh index), `speeds` names of speeds of the
+    main resonance to variables.
+    """
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:
@@ -118,24 +131,30 @@ def _check_numbers(name: str, variable: Any, gaps: bool = False) -> None:
     checks.require(variable.ndim == 1, name, f"of shape {values.shape}", "over samples alone")
     checks.require(values.size > 0, name, "empty", "of one sample or more")
     finite = np.isfinite(values)
-    complete = finite.any() and (finite | (gaps & np.isnan(values))).all()
-    checks.require(complete, name, "NaN", "finite in each sample")
+    valid = finite | np.isnan(values) if gaps else finite
+    checks.require(finite.any() and valid.all(), name, "NaN", "finite in each sample")
 
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
-    """Refuse a sensor with a wrong noise, with wrong flags, or with other units than expected."""
+    """Refuse a sensor with a wrong noise, with wrong flags, or with other units than expected.
+
+    `attrs` are the attributes of the variable `name`, which holds a quantity of the model.
+    """
     checks.finite_nonnegative(f"noise_std of {name}", attrs.get("noise_std", 0.0))
-    for key in ("unknown_gain", "unknown_offset"):
-        checks.integer(f"{key} of {name}", int(attrs.get(key, 0)), 0, 1)
-    # The amplitudes that are compared are those of a displacement.
-    wanted = measured_names.of(quantity)[0] or "m"
-    units = attrs.get("units", wanted)
-    fits = units == wanted or attrs.get("unknown_gain", 0)
-    checks.require(fits, f"units of {name}", units, f"{wanted}, or of unknown gain")
+    for flag in ("unknown_gain", "unknown_offset"):
+        checks.integer(f"{flag} of {name}", int(attrs.get(flag, 0)), 0, 1)
+    # Mesh orders, which have no units of their own, are amplitudes of a displacement.
+    expected_units = measured_names.of(quantity)[0] or "m"
+    units = attrs.get("units", expected_units)
+    fits = units == expected_units or attrs.get("unknown_gain", 0)
+    checks.require(fits, f"units of {name}", units, f"{expected_units}, or of unknown gain")
 
 
 def _speed_observation(speeds: dict) -> Observation:
-    """Return the observation of measured speeds of jumps and of the onset of contact loss."""
+    """Return the observation of measured speeds of jumps and of the onset of contact loss.
+
+    `speeds` maps their names to scalar variables in rpm with the attribute noise_std.
+    """
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
     values = np.array([*measured.values()])
@@ -154,7 +173,10 @@ def _speed_observation(speeds: dict) -> Observation:
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
-    """Return the observation of quantities over speed, and the measured speeds of its jumps."""
+    """Return the observation of quantities over speed, and the measured speeds of its jumps.
+
+    `quantities` maps names of variables of `data` to (quantity, mesh index).
+    """
     speeds = np.asarray(data.speed.values, float)
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
     signs = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
@@ -187,7 +209,10 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
 
 
 def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
-    """Return the channel of a variable over speed; `order`, (1, n), is that of the measurement."""
+    """Return the channel of the variable `name` over speed.
+
+    `order`, (1, n), holds the indices of the samples in the order of measurement.
+    """
     values, attrs = np.asarray(data[name].values, float), data[name].attrs
     noise = float(attrs.get("noise_std", 0.0))
     allowed = "more than one value, or each with a known noise"
@@ -196,28 +221,31 @@ def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
     sample_noise = data.get(f"{name}_noise_std")
     if sample_noise is not None and (sample_noise.values > 0.0).all():
         deviations = sample_noise.values.astype(float)
-    gain, offset = (bool(attrs.get(f"unknown_{key}", 0)) for key in ("gain", "offset"))
-    return Channel(name, values, deviations, bool(noise), gain, offset, order)
+    unknown_gain = bool(attrs.get("unknown_gain", 0))
+    unknown_offset = bool(attrs.get("unknown_offset", 0))
+    return Channel(name, values, deviations, bool(noise), unknown_gain, unknown_offset, order)
 
 
 def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
     """Return the indices of the samples on each branch of orbits, and the speeds of the jumps.
 
-    `signs` holds 1 for rising, -1 for falling and 0 for single speeds. A sweep with a jump has two
-    branches: one from its first speed to the jump, one from its last speed back to the jump.
+    `quantities` maps names of variables to (quantity, mesh index); `speeds` in rpm and `signs`, 1
+    for rising, -1 for falling and 0 for single speeds, are those of the samples. A sweep with a
+    jump has two branches: from its first speed to the jump, and from its last speed back to it.
     """
-    names = {name: quantity for name, (quantity, _) in quantities.items()}
+    variables = {name: quantity for name, (quantity, _) in quantities.items()}
+    # Quantities that rise or fall at a jump up tell its direction; others are used without them.
     monotonic = {
         name: quantity
-        for name, quantity in names.items()
+        for name, quantity in variables.items()
         if quantity in _FALLING_QUANTITIES or quantity.endswith(_RISING_ENDINGS)
     }
-    factors = {
-        name: -1.0 if quantity in _FALLING_QUANTITIES else 1.0
-        for name, quantity in (monotonic or names).items()
-    }
-    table = np.array([factor * data[name].values.astype(float) for name, factor in factors.items()])
-    min_steps = np.array([3.0 * float(data[name].attrs.get("noise_std", 0.0)) for name in factors])
+    rows, min_steps = [], []
+    for name, quantity in (monotonic or variables).items():
+        factor = -1.0 if quantity in _FALLING_QUANTITIES else 1.0
+        rows.append(factor * data[name].values.astype(float))
+        min_steps.append(3.0 * float(data[name].attrs.get("noise_std", 0.0)))
+    table, min_steps = np.array(rows), np.array(min_steps)
     branches, jumps = [], {}
     for sign in np.unique(signs):
         samples = np.flatnonzero(signs == sign)
@@ -230,10 +258,11 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
             branches.append(samples)
             continue
         branches += [samples[:i], samples[i:][::-1]]
-        a, b = speeds[samples[i - 1]], speeds[samples[i]]
+        before, after = speeds[samples[i - 1]], speeds[samples[i]]
         # The jump is uniformly distributed between the two speeds.
-        attrs = {"units": "min-1", "noise_std": abs(b - a) / math.sqrt(12.0)}
-        jumps["jump_up" if sign > 0 else "jump_down"] = xr.DataArray(0.5 * (a + b), attrs=attrs)
+        attrs = {"units": "min-1", "noise_std": abs(after - before) / math.sqrt(12.0)}
+        speed = xr.DataArray(0.5 * (before + after), attrs=attrs)
+        jumps["jump_up" if sign > 0 else "jump_down"] = speed
     return branches, jumps
 
 
@@ -259,9 +288,10 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
 def _branch_orbits(model: Any, speeds: np.ndarray, samples: int) -> list[dict]:
     """Return the quantities of the orbits of one branch, followed from its first speed.
 
-    The branch ends at a jump up of a rising sweep or at a jump down of a falling sweep; speeds
-    beyond take the last orbit. A jump in the other sense, such as the first impact on the far
-    flank, does not end it.
+    `speeds` in rpm are sorted in the order of the sweep; `samples` is the number of samples in each
+    mesh period. The branch ends at a jump up of a rising sweep or at a jump down of a falling
+    sweep; speeds beyond take the last orbit. A jump in the other sense, such as the first impact on
+    the far flank, does not end it.
     """
     rises = len(speeds) < 2 or speeds[-1] > speeds[0]
     # The motion is the same at repeated speeds.
