@@ -65,7 +65,10 @@ class DesignQuantities:
         self.nominal = self(model, at_duty)[0]
 
     def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
-        """Return the values of a design, (q,), NaN if not found, and their status codes, (q,)."""
+        """Return the values of a design, (q,), NaN if not found, and their status codes, (q,).
+
+        `model` is the design; `at_duty` returns its model at the duty point, if that differs.
+        """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), NONE, np.int8)
         resonance: Any = None
@@ -102,7 +105,7 @@ class DesignQuantities:
 
 
 def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> None:
-    """Raise ValueError if a model does not have these quantities of the duty point."""
+    """Raise ValueError if a model lacks one of these quantities, or the duty point has no speed."""
     if speed is None:
         raise ValueError(f"speed = None is not allowed: {min(quantities)} is one of the duty point")
     if quantities & _SHARING_QUANTITIES and not model.mesh_names:
@@ -134,7 +137,10 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
 
 
 def _resonance_value(name: str, model: Any, resonance: Any) -> float:
-    """Return a quantity of a `MainResonance` in SI units, NaN if it does not exist."""
+    """Return the quantity `name` of the main resonance of a model, NaN if it does not exist.
+
+    `resonance` is a `MainResonance` with speeds as tunings; the quantity is in SI units or rpm.
+    """
     if name == "peak":
         return resonance.peak_displacement * model.static_deflection
     if name == "peak_dynamic_factor":
@@ -143,17 +149,17 @@ def _resonance_value(name: str, model: Any, resonance: Any) -> float:
 
 
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return a quantity of the duty point at its worst mesh from the summary of an orbit.
+    """Return the quantity `name` of the duty point for the worst mesh, in SI units.
 
-    NaN is returned without a summary.
+    `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods; None
+    gives NaN.
     """
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
     if name in _SHARING_QUANTITIES:
-        values = model.extra_summary_variables((), summary, 2.0 * math.pi * period)["load_sharing"][
-            1
-        ]
+        variables = model.extra_summary_variables((), summary, 2.0 * math.pi * period)
+        _, values = variables["load_sharing"]
     elif name == "contact_margin":
         values = table[:, columns.X_MIN] * model.static_deflection
     elif name == "transmission_error":
@@ -166,17 +172,25 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
         mean_forces = np.asarray(model.mean_forces if model.mesh_names else 1.0)
         values = table[:, columns.FORCE_MAX] / mean_forces
     # Meshes without load have no dynamic factor, so NaN is ignored.
-    return float((np.fmin if name in _MINIMISED_QUANTITIES else np.fmax).reduce(values))
+    worst = np.fmin if name in _MINIMISED_QUANTITIES else np.fmax
+    return float(worst.reduce(values))
 
 
 def search_of(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return the `DesignQuantities` for `Designs`, a search that starts from their nominal one."""
+    """Return a search for quantities of designs that starts from their nominal design.
+
+    `designs` are `gearlib.uncertainty.designs.Designs`, `quantities` are names, and `speed` is that
+    of the duty point in rpm, if a quantity needs it.
+    """
     at_duty = designs.at_duty(designs.tolerances.centres)
     return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=at_duty)
 
 
 def names_of(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return a sequence of different allowed names as a tuple, or raise ValueError."""
+    """Return `names`, different ones of the `allowed` names, as a tuple, or raise ValueError.
+
+    `key` is the name of the argument in error messages.
+    """
     if isinstance(names, str) or not hasattr(names, "__iter__"):
         raise checks.refusal(key, names, f"a sequence of {', '.join(map(repr, allowed))}")
     checked = tuple(names)

@@ -57,11 +57,12 @@ def read(
     value_of: Callable = lambda name: None,
     keys: Mapping | None = None,
 ) -> Tolerances:
-    """Return the `Tolerances` of a mapping as `gearlib.scatter` takes it, or raise ValueError.
+    """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
-    `known` maps the allowed names to their `gearlib.parameters.Parameter` or None; `value_of`
-    returns the value of a parameter of the model, or None; `keys` maps names to their names in
-    error messages, by default ``tolerances.<name>``.
+    `tolerances` is a mapping as `gearlib.scatter` takes it. `known` maps the allowed names to their
+    `gearlib.parameters.Parameter` or None; `value_of` returns the value of a parameter of the
+    model, or None; `keys` maps names to their names in error messages, by default
+    ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         raise checks.refusal(
@@ -83,15 +84,19 @@ def read(
 
 
 def _normal_or_uniform(tolerance: dict) -> Marginal:
-    """Return a normal distribution for mean and deviation, a uniform one for limits."""
-    centre, low, high = tolerated.extent(tolerance)
+    """Return a normal distribution for {mean, std}, a uniform one for the limits of a tolerance."""
+    centre, lower, upper = tolerated.extent(tolerance)
     if "std" in tolerance:
         return Marginal(stats.norm(centre, tolerance["std"]), centre)
-    return Marginal(stats.uniform(low, high - low), centre, (low, high))
+    return Marginal(stats.uniform(lower, upper - lower), centre, (lower, upper))
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
-    """Return the distribution of `scipy.stats` with the name and parameters of a tolerance."""
+    """Return the distribution of `scipy.stats` with the name and parameters of a tolerance.
+
+    `tolerance` maps "distribution" to the name, and names of parameters to numbers; `key` names the
+    tolerance in error messages.
+    """
     name = tolerance["distribution"]
     family: Any = getattr(stats, name, None) if isinstance(name, str) else None
     allowed = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
@@ -122,27 +127,35 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
 
 
 def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
-    """Return checked correlations, tuples of two names and their coefficient."""
-    correlations: list = []
+    """Return checked correlations, tuples of two names and their coefficient.
+
+    `correlation_rows` are sequences (name, name, coefficient) of names in `marginals`.
+    """
+    correlations: dict = {}
     for i, row in enumerate(checks.many(f"tolerances.{CORRELATIONS}", correlation_rows)):
         key = f"tolerances.{CORRELATIONS}[{i}]"
-        a, b, rho = checks.many(key, row, 3)
-        for name in (a, b):
+        first, second, coefficient = checks.many(key, row, 3)
+        for name in (first, second):
             checks.one_of(key, name, tuple(marginals))
-        checks.require(a != b, key, row, "of two different parameters")
-        repeated = any({a, b} == {c, d} for c, d, _ in correlations)
-        checks.require(not repeated, key, row, "given once")
-        rho = checks.number(key, rho, "a number > -1 and < 1", lambda r: -1.0 < r < 1.0)
-        correlations.append((a, b, rho))
-    return correlations
+        checks.require(first != second, key, row, "of two different parameters")
+        names = frozenset((first, second))
+        checks.require(names not in correlations, key, row, "given once")
+        coefficient = checks.number(
+            key, coefficient, "a number > -1 and < 1", lambda rho: -1.0 < rho < 1.0
+        )
+        correlations[names] = first, second, coefficient
+    return list(correlations.values())
 
 
 def _correlation_factor(names: tuple, correlations: tuple) -> np.ndarray:
-    """Return the lower Cholesky factor of the correlation matrix of normal scores, (k, k)."""
+    """Return the lower Cholesky factor of the correlation matrix of k parameters, (k, k).
+
+    `correlations` are tuples (name, name, coefficient); all others are 0.
+    """
     matrix = np.eye(len(names))
-    for a, b, rho in correlations:
-        i, j = names.index(a), names.index(b)
-        matrix[i, j] = matrix[j, i] = rho
+    for first, second, coefficient in correlations:
+        i, j = names.index(first), names.index(second)
+        matrix[i, j] = matrix[j, i] = coefficient
     lowest = float(np.linalg.eigvalsh(matrix)[0])
     if lowest <= 1e-12:
         raise ValueError(

@@ -92,8 +92,8 @@ def sobol_indices(
 def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
     """Return a table, (k + 2, n), for each quantity: its values for the designs of Saltelli's rule.
 
-    The rows belong to two independent samples A and B of the k parameters, and to copies of A with
-    one parameter of B each.
+    `search` returns the quantities of a design. The rows belong to two independent samples A and B
+    of the k parameters, with n designs each, and to copies of A with one parameter of B each.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -114,7 +114,11 @@ def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.n
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return the indices of a quantity, (2, k), and their intervals, (2, k, 2), from its table."""
+    """Return the indices of a quantity, (2, k), and their intervals, (2, k, 2), from its table.
+
+    `table`, (k + 2, n), is that of `_design_tables`; `level` is the confidence level of the
+    intervals, and `name` the quantity in error messages.
+    """
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
     if count < 2:

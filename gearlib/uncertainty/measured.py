@@ -88,7 +88,10 @@ def refused(paths):
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Return a fact about a rig as a JSON value; parameters of a gear pair are converted to SI."""
+    """Return the fact `name` about a rig as a JSON value; parameters of a pair become SI numbers.
+
+    `value` is what YAML gives: a mapping, a list, a number or a text, with a unit such as "80 um".
+    """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -107,7 +110,10 @@ def _json_value(name: str, value: Any) -> Any:
 
 
 def _dataset(rig: Any, folder: Path) -> xr.Dataset:
-    """Return the table and the scalar speeds of a description as a dataset."""
+    """Return the table and the scalar speeds of a description `rig` as a dataset.
+
+    The table is a file in `folder`.
+    """
     data = xr.Dataset(attrs={"repairs": ""})
     if rig.data is not None:
         data = _table_dataset(rig, folder / rig.data)
@@ -119,7 +125,7 @@ def _dataset(rig: Any, folder: Path) -> xr.Dataset:
 
 
 def _table_dataset(rig: Any, path: Path) -> xr.Dataset:
-    """Read the table of a description and return it as a dataset."""
+    """Read the table of a description `rig` from a file and return it as a dataset in SI units."""
     checks.require(path.is_file(), "data", rig.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", rig.data, "a file with rows: it is empty")
     if rig.sha256 is not None:
@@ -151,7 +157,8 @@ def _table_dataset(rig: Any, path: Path) -> xr.Dataset:
 def _columns_dataset(rig: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
     """Return a dataset with the columns as variables and coordinates beside those of `data`.
 
-    `columns` and `noises`, the deviations of the samples, are mappings of column names to arrays.
+    `columns` and `noises`, the deviations of the samples, are mappings of column names to arrays;
+    `rig` is the description of the channels.
     """
     keys = {rig.channels[key].observableId or key: key for key in rig.channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.
@@ -184,7 +191,11 @@ def _columns_dataset(rig: Any, columns: dict, noises: dict, data: xr.Dataset) ->
 
 
 def _time_order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
-    """Return an index that sorts samples by time in each condition, and a note on this repair."""
+    """Return an index that sorts samples by time in each condition, and notes on this repair.
+
+    `rig` is the description, `keys` maps names of coordinates to columns, and `coords` names to
+    values.
+    """
     if "time" not in coords:
         return slice(None), []
     groupings = [coords[name] for name in ("condition", "direction") if name in coords]
@@ -199,7 +210,11 @@ def _time_order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
 
 
 def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
-    """Return the variable of an observable and, if it differs between samples, of its noise."""
+    """Return the variable `name` of a channel and, if its noise differs between samples, of that.
+
+    `key` is the column of the values, and `noise` holds their deviations or is None; both have the
+    unit of the channel.
+    """
     factor, units = channel.scale(key)
     attrs = {
         "units": units,
@@ -224,7 +239,8 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
 def _coordinates(rig: Any, columns: dict, keys: dict) -> tuple[dict, str]:
     """Return the values of the coordinates by name, and the date of the first sample or "".
 
-    `keys` maps names of coordinates and observables to names of columns.
+    `rig` is the description of a measured set with its channels and conditions, `columns` maps
+    names of columns to arrays, and `keys` names of coordinates and observables to columns.
     """
     coords, start = {}, ""
     places = {name: f"{rig.data}, column {key!r}" for name, key in keys.items()}

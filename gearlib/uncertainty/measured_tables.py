@@ -26,13 +26,20 @@ _DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
 def read(path: Path, rig: Any, texts: set) -> dict:
-    """Return the columns of a table that a description names; those in `texts` are categories."""
+    """Return the columns of a CSV or universal file by name, as arrays.
+
+    `rig` is the description with the names of its channels; the columns named in `texts` are
+    categories of pandas.
+    """
     is_csv = path.suffix.lower() == ".csv"
     return _read_csv(path, rig, texts) if is_csv else _read_uff(path, rig)
 
 
 def header(path: Path, rig: Any) -> tuple[list[str], int]:
-    """Return the names of the columns of a CSV, and the number of their line, from 1."""
+    """Return the names of the columns of a CSV, and the number of their line, from 1.
+
+    `rig` is the description of the table with its encoding, separator and comment character.
+    """
     try:
         with open(path, encoding=_encoding(rig), newline="") as file:
             for line, text in islice(enumerate(file, 1), rig.skip, None):
@@ -53,7 +60,10 @@ def _encoding(rig: Any) -> str:
 
 
 def _required_columns(names: list[str], rig: Any) -> list[str]:
-    """Return the names of the columns to read; refuse those that are missing or repeated."""
+    """Return the names of the columns to read, or raise ValueError if one is missing or repeated.
+
+    `names` are all columns of the table; the channels of the description `rig` are required.
+    """
     required = list(rig.channels)
     if set(LONG_COLUMNS) <= {*names}:
         optional = CONDITION_COLUMN, "time", NOISE_COLUMN
@@ -83,9 +93,10 @@ def _required_columns(names: list[str], rig: Any) -> list[str]:
 
 
 def _data_frame(path: Path, rig: Any, dtypes: dict, count: int, line: int) -> Any:
-    """Return the data below a line of a CSV with `count` columns as a data frame.
+    """Return the data below a line of a CSV with `count` columns as a data frame of pandas.
 
-    `dtypes` maps the index of a column to its type. One column is added for surplus cells.
+    `dtypes` maps the index of each column that is read to its type, and `rig` describes the format.
+    One column is added for surplus cells.
     """
     import pandas as pd
 
@@ -114,7 +125,10 @@ def _data_frame(path: Path, rig: Any, dtypes: dict, count: int, line: int) -> An
 
 
 def _read_csv(path: Path, rig: Any, texts: set) -> dict:
-    """Return columns of a CSV by name: numbers as arrays, `texts` as categories of pandas."""
+    """Return columns of a CSV by name: numbers as arrays, `texts` as categories of pandas.
+
+    `rig` is the description with the channels and the format of the CSV.
+    """
     names, line = header(path, rig)
     indices = {name: names.index(name) for name in _required_columns(names, rig)}
     dtypes = {i: "category" if name in texts else float for name, i in indices.items()}
@@ -137,7 +151,11 @@ def _read_csv(path: Path, rig: Any, texts: set) -> dict:
 
 
 def _number_refusal(path: Path, rig: Any, dtypes: dict, names: list, line: int) -> ValueError:
-    """Return the error that names the first cell of a CSV that should be a number and is not."""
+    """Return the error that names the first cell of a CSV that should be a number and is not.
+
+    `rig` describes the format, `dtypes` maps indices of columns to types, and `names` are those of
+    all columns, in the line with the number `line`.
+    """
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
@@ -156,7 +174,10 @@ def _number_refusal(path: Path, rig: Any, dtypes: dict, names: list, line: int) 
 
 
 def _read_uff(path: Path, rig: Any) -> dict:
-    """Return the channels and times of a universal file, sets 58 and 58b, as columns by name."""
+    """Return the channels and times of a universal file, sets 58 and 58b, as columns by name.
+
+    `rig` is the description with the names of the channels.
+    """
     if not PYUFF.available():
         raise MissingPackage(
             f"data = {rig.data!r} is not allowed: it must be a CSV, or {PYUFF.module} be there "
@@ -198,6 +219,7 @@ def _read_uff(path: Path, rig: Any) -> dict:
 def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
     """Return columns over samples, noise of each sample, and scalar speeds of a long table.
 
+    `columns` are those of the table, one measurement in each row; `rig` describes its channels.
     Measurements at the same condition, time and speed are one sample; observables that were not
     measured there are NaN. Repeated measurements at infinite time, or without time, are separate
     samples.
@@ -241,7 +263,12 @@ def long_samples(rig: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the index of the sample of each measurement, and the first row of each sample."""
+    """Return the index of the sample of each measurement, and the first row of each sample.
+
+    `coordinates` maps names to columns, such as time, and `codes` are the indices of the measured
+    quantities in `observables`; both have one entry for each measurement. `where` begins error
+    messages.
+    """
     import pandas as pd
 
     numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
@@ -262,7 +289,11 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 
 
 def _scalar_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
-    """Return the only measurement of a scalar speed as a variable: dims, value, attributes."""
+    """Return the only measurement of a scalar speed as a variable: dims, value, attributes.
+
+    `key` is the channel in the description `rig` and `name` the speed, such as "jump_up"; values
+    and their noise have the unit of the channel.
+    """
     if values.size > 1:
         raise ValueError(
             f"the observableId {key!r} of {rig.data} is there {values.size} times: it must be once"
@@ -275,9 +306,9 @@ def _scalar_speed(rig: Any, key: str, name: str, values: Any, noise: Any) -> tup
 
 
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
-    """Raise ValueError unless numbers are finite.
+    """Raise ValueError unless numbers are finite; `where` names their column in the message.
 
-    NaN is allowed with `gaps`, infinity with `steady`: it is PEtab's time of a steady state.
+    NaN is allowed with `gaps`, infinity with `steady`, as it is PEtab's time of a steady state.
     """
     wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if wrong.any():
@@ -292,7 +323,10 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
 
 
 def directions(where: str, column: Any) -> np.ndarray:
-    """Return a column of directions, texts or numbers, as 1, -1 and 0, or raise ValueError."""
+    """Return a column of directions, texts or numbers, as 1, -1 and 0, or raise ValueError.
+
+    `column` is categorical; `where` names it in error messages.
+    """
     texts = [str(category).strip().lower() for category in column.categories]
     for text, category in zip(texts, column.categories, strict=True):
         checks.require(text in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
@@ -300,7 +334,10 @@ def directions(where: str, column: Any) -> np.ndarray:
 
 
 def complete(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of texts, or raise ValueError if a cell is empty."""
+    """Return the category codes of a column of texts, or raise ValueError if a cell is empty.
+
+    `where` names the column in the message.
+    """
     codes = np.asarray(column.codes)
     if (codes < 0).any():
         row = int((codes < 0).argmax())
@@ -312,7 +349,7 @@ def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | No
     """Return the order of samples by time in each group, None if they are sorted already.
 
     `group` holds the number of the condition of each sample. ValueError is raised if a time occurs
-    twice in a group.
+    twice in a group; `where` names the column of times in the message.
     """
     import pandas as pd
 
@@ -331,7 +368,10 @@ def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | No
 
 
 def dates(where: str, column: Any) -> tuple[np.ndarray, str]:
-    """Return seconds since the first date of a column, and this date as ISO 8601."""
+    """Return seconds since the first date of a column, and this date as ISO 8601.
+
+    `column` is categorical; `where` names it in error messages.
+    """
     import pandas as pd
 
     codes = complete(where, column)

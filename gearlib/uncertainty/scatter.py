@@ -155,7 +155,10 @@ def shard(
     seed: int = 0,
     **settings: Any,
 ) -> xr.Dataset:
-    """Return the dataset of the samples first ... last - 1 of n; `settings` are as in `scatter`."""
+    """Return the dataset of the samples first ... last - 1 of n designs, a shard of `scatter`.
+
+    The other arguments, with `settings` of sweeps, threads and progress, are those of `scatter`.
+    """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
@@ -189,7 +192,11 @@ def _sample_variables(
     threads: int | None,
     progress: Callable | None,
 ) -> dict:
-    """Return the variables of samples: parameters, results of sweeps, quantities, refusals."""
+    """Return the variables of samples: parameters, results of sweeps, quantities, refusals.
+
+    `sweeps` and `search` are None without sweeps or quantities; `samples` is a range of numbers of
+    designs, which run in `threads` threads.
+    """
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.rates.size
@@ -268,10 +275,11 @@ def _sweep_settings(
 def _fill_sweeps(model: Any, sweeps: SweepSettings, start: np.ndarray, rows: dict) -> None:
     """Sweep one design in all directions and fill its rows of the variables over speed.
 
-    `start` is the seeded start as a point of the unit square.
+    `start` is the seeded start as a point of the unit square; `rows` maps names of variables to
+    arrays, (directions, speeds), that are filled.
     """
-    low, high = np.transpose(sweeps.box)
-    seeded_state = tuple((low + (high - low) * start).tolist())
+    lower, upper = np.transpose(sweeps.box)
+    seeded_state = tuple((lower + (upper - lower) * start).tolist())
     for k, direction in enumerate(sweeps.directions):
         seeded = direction == "seeded"
         curve = sweep(
@@ -338,7 +346,7 @@ def gather(shards: Any) -> xr.Dataset:
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with statistics of all samples in place of their results over speed."""
+    """Return a dataset of `scatter` with statistics of all samples in place of their results."""
     rate = "tuning" if "tuning" in data.dims else "speed"
     points = {name: data[name].values for name in _POINT_VARIABLES}
     data = data.drop_vars([*_POINT_VARIABLES]).assign_coords(quantile=list(QUANTILES))
@@ -352,7 +360,10 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
 
 
 def _share(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the share of the samples, a mask, that are in the subset; NaN without samples."""
+    """Return the share of the samples that are in the subset, NaN without samples.
+
+    Both are masks over (samples, ...); shares are those along the first axis.
+    """
     count = samples.sum(axis=0)
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
 
@@ -392,9 +403,10 @@ def _statistics(points: dict, directions: list, rate: str) -> dict:
 
 
 def _motions(height: np.ndarray, low: np.ndarray, high: np.ndarray, two: np.ndarray) -> tuple:
-    """Return a mask for each of `MOTIONS`: the runs of this height that settled on the motion.
+    """Return masks of the runs that settled on the only, lower, higher or another motion.
 
-    `low` and `high` are the heights of the motions of both sweeps, `two` tells where they differ.
+    `height` is the peak-to-peak displacement of each run, `low` and `high` are those of the motions
+    of both sweeps, and the mask `two` tells where they differ.
     """
     on_low, on_high = _same_height(height, low), _same_height(height, high)
     # A run within the tolerance of both motions counts for the nearer one.
@@ -408,7 +420,7 @@ def _motions(height: np.ndarray, low: np.ndarray, high: np.ndarray, two: np.ndar
 
 
 def _same_height(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask of peak-to-peak displacements that are equal within the tolerance."""
+    """Return a mask of peak-to-peak displacements a and b that are equal within 2 %."""
     with np.errstate(invalid="ignore"):
         return np.abs(a - b) <= _SAME_HEIGHT_TOLERANCE * np.maximum(a, b)
 
