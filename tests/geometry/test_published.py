@@ -173,3 +173,90 @@ def test_energy_method_of_ross():
     found = [pair(n / 999 * base_pitch) + pair((n / 999 + 1.0) * base_pitch) for n in range(3)]
     published = [396622921.3581085, 396738680.0375346, 396854147.2919756]
     assert found == pytest.approx(published, rel=1e-9)
+
+
+def pair_of(teeth, shift, tip=(None, None), distance=None, **common):
+    """Return the mesh of two gears by tip diameters and centre distance in mm."""
+    pinion, wheel = (
+        SpurGear(teeth=z, shift=x, tip_diameter=d and d / 1e3, **common)
+        for z, x, d in zip(teeth, shift, tip, strict=True)
+    )
+    return Mesh(pinion, wheel, distance and distance / 1e3)
+
+
+def geometry_of(mesh):
+    """Return angles in degrees, lengths in mm and contact ratios of a mesh."""
+    return {
+        "alpha_t": math.degrees(mesh.pinion.transverse_pressure_angle),
+        "alpha_wt": math.degrees(mesh.working_pressure_angle),
+        "a": 1e3 * mesh.centre_distance,
+        "d_a": 1e3 * mesh.pinion.tip_diameter,
+        "d_f2": 1e3 * mesh.wheel.root_diameter,
+        "eps_alpha": mesh.contact_ratio,
+        "eps_beta": mesh.overlap_ratio,
+        "path": 1e3 * (mesh.path[1] - mesh.path[0]),
+    }
+
+
+def helical_of(degrees, **common):
+    return {"helix_angle": math.radians(degrees), **common}
+
+
+KHK = {"module": 3e-3, "width": 20e-3}
+HUB = helical_of(15.0, module=1e-3, width=9e-3)
+SHEET = helical_of(21.0, module=3.5e-3, width=20e-3)
+FZG = {"module": 4.5e-3, "width": 14e-3}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "printed"),
+    [
+        (pair_of((12, 24), (0.6, 0.36), **KHK), "alpha_wt 26.0886 a 56.4999"),
+        (
+            pair_of((12, 24), (0.6, 0.36), (44.840, 79.400), 56.5, **KHK),
+            "alpha_wt 26.0888 eps_alpha 1.202",
+        ),
+        (
+            pair_of((31, 30), (0.291, 0.651877131252 - 0.291), **SHEET),
+            "alpha_t 21.2990642859 alpha_wt 23.8707609654 a 116.5",
+        ),
+        (
+            pair_of((19, 104), (0.5, 0.15), module=4e-3, width=48.64e-3),
+            "alpha_wt 21.5319022925 a 248.5068433552 eps_alpha 1.5363235946 d_f2 407.2",
+        ),
+        (
+            pair_of((17, 35), (0.2, -0.1), distance=27.5, **HUB),
+            "alpha_t 20.646896 d_a 19.999695 alpha_wt 23.660563 eps_alpha 1.068817 "
+            "eps_beta 0.741462 path 3.252964",
+        ),
+        (pair_of((17, 35), (0.2, -0.1), **HUB), "a 27.015921"),
+        (
+            pair_of((16, 24), (0.1817, 0.1715), (82.46, 118.36), 91.5, **FZG),
+            "alpha_wt 22.44 eps_alpha 1.44",
+        ),
+        (pair_of((16, 24), (0.1817, 0.1715), **FZG), "a 91.5 eps_alpha 1.46 path 19.43"),
+        (
+            pair_of(
+                (20, 30),
+                (0.1809, 0.0891),
+                (80.672, 116.264),
+                **helical_of(15.0, module=3.5e-3, width=23e-3),
+            ),
+            "eps_alpha 1.46 eps_beta 0.54 path 15.55",
+        ),
+        (
+            pair_of(
+                (28, 42),
+                (0.2290, 0.1489),
+                (78.552, 114.386),
+                **helical_of(15.0, module=2.5e-3, width=17e-3),
+            ),
+            "eps_alpha 1.52 eps_beta 0.56 path 11.53",
+        ),
+    ],
+)
+def test_geometry_of_other_programs(mesh, printed):
+    """KHK, Utilities for Alibre, a worksheet, din3990, Drivetrain Hub, GEARpie."""
+    found, words = geometry_of(mesh), printed.split()
+    for name, text in zip(words[::2], words[1::2], strict=True):
+        assert f"{found[name]:.{len(text.partition('.')[2])}f}" == text, name
