@@ -151,7 +151,7 @@ rule branches:
         target_files("branches", rules.draw_branches.output),
 
 
-# What is proven of the orbits, as a file that a second program can check and as a table.
+# Proofs of orbits, as a file that a second program can check and as a table.
 
 
 rule compute_certificates:
@@ -162,7 +162,7 @@ rule compute_certificates:
     output:
         json="results/certificates.json",
         csv="results/certificates.csv",
-        page=table_page("certificates", "What is proven of the orbits: table", EXPLANATIONS),
+        page=table_page("certificates", "Proven orbits: table", EXPLANATIONS),
     params:
         gears=GEAR_PAIR,
         # Without python-flint nothing is proven, and the file is an empty list.
