@@ -84,7 +84,7 @@ class DrawnPair:
         return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the gears with changes of their drawing.
+        """Return the `GearPair` of the gears with changes of their drawing, name -> value.
 
         With deviations of the flanks it is a `OneDegreePair`.
         """
@@ -108,27 +108,33 @@ class DrawnPair:
     def _changed(self, changes: dict) -> tuple:
         """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
 
-        The deviations are the cosine and sine of the first mesh order, m.
+        `changes` maps names such as "pinion.shift" to values. The deviations are the cosine and
+        sine of the first mesh order, m.
         """
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
         fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
         options = dict(self.options)
         if _DAMPING_NAMES & changes.keys():
-            options = {name: x for name, x in options.items() if name not in _DAMPING_NAMES}
+            options = {name: options[name] for name in options if name not in _DAMPING_NAMES}
         for name, value in changes.items():
             gear, _, field = name.rpartition(".")
             if name in OF_LOAD:
                 options[name] = value
+            elif gear:
+                gears[gear][field] = value
             elif name not in OF_FLANKS:
-                (gears[gear] if gear else fields)[field] = value
+                fields[field] = value
         pinion, wheel = (_changed_gear(getattr(self.mesh, name), gears[name]) for name in gears)
         deviations = [changes.get(name, 0.0) for name in OF_FLANKS]
         return Mesh(pinion, wheel, **fields), options, deviations
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:
-    """Return a gear with changed fields; a default tip diameter follows the profile shift."""
+    """Return a gear with changed fields, name -> value.
+
+    A tip diameter that is the default one follows the changes, such as those of the profile shift.
+    """
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
         if abs(default - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
@@ -137,7 +143,10 @@ def _changed_gear(gear: Any, changes: dict) -> Any:
 
 
 def _parameter_text(name: str, parameter: Any) -> str:
-    """Return a short description of a parameter of a gear or of a function."""
+    """Return a short description of a parameter of a gear or of a function.
+
+    `name` may begin with a gear, as in "pinion.shift"; `parameter` has the full description.
+    """
     gear, _, field = name.rpartition(".")
     text = parameter.words.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
@@ -152,17 +161,20 @@ class FunctionSource:
         with suppress(TypeError, ValueError):
             arguments = list(inspect.signature(function).parameters.values())
         # Positional-only and variadic arguments cannot be passed by name.
-        arguments = [x for x in arguments if x.kind in (x.POSITIONAL_OR_KEYWORD, x.KEYWORD_ONLY)]
+        kinds = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+        arguments = [argument for argument in arguments if argument.kind in kinds]
         checks.require(arguments, "model", function, "a function with arguments that have names")
-        self.required = [x.name for x in arguments if x.default is x.empty]
+        empty = inspect.Parameter.empty
+        self.required = [argument.name for argument in arguments if argument.default is empty]
         declared: dict = {}
         with suppress(AttributeError, TypeError):
             declared = parameters.declared(function)
-        self.known = {x.name: declared.get(x.name) for x in arguments}
-        self.described = {
-            name: (parameters.cf_units(x.unit), _parameter_text(name, x)) if x else ("1", name)
-            for name, x in self.known.items()
-        }
+        self.known = {argument.name: declared.get(argument.name) for argument in arguments}
+        self.described = {name: ("1", name) for name in self.known}
+        for name, parameter in self.known.items():
+            if parameter:
+                text = _parameter_text(name, parameter)
+                self.described[name] = parameters.cf_units(parameter.unit), text
 
     def value(self, name: str) -> None:
         """Return None, because a function has no nominal values."""

@@ -56,7 +56,7 @@ _DESIGNATION_PATTERN = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s
 
 
 def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
-    """Return the least and largest allowance of the normal tooth thickness by DIN 3967, m.
+    """Return the lower and upper allowance of the normal tooth thickness by DIN 3967, m.
 
     `diameter` is the reference diameter, m, up to 2.5; a designation is for example "27cd".
     """
@@ -80,12 +80,15 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
 
 
 def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
-    """Return the lower and upper deviation of a centre distance of 0.01 to 0.5 m by DIN 3964, m."""
+    """Return the lower and upper deviation of a centre distance by DIN 3964, m.
+
+    `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11".
+    """
     max_distances = tuple(_IT_DEGREES)
-    low, high = _MIN_DISTANCE, max_distances[-1]
-    allowed = f"from {low} to {high} m"
-    distance = checks.number("centre_distance", distance, allowed, lambda a: low <= a <= high)
-    degrees = [f"js{_FIRST_DEGREE + i}" for i in range(len(_IT_DEGREES[high]))]
+    lower, upper = _MIN_DISTANCE, max_distances[-1]
+    allowed = f"from {lower} to {upper} m"
+    distance = checks.number("centre_distance", distance, allowed, lambda a: lower <= a <= upper)
+    degrees = [f"js{_FIRST_DEGREE + i}" for i in range(len(_IT_DEGREES[upper]))]
     checks.one_of("centre_distance", designation, degrees)
     row = _IT_DEGREES[next(end for end in max_distances if distance <= end)]
     half = _MICROMETRE * row[degrees.index(designation)] / 2.0
