@@ -7,7 +7,7 @@ from flint import acb, arb, arb_mat
 
 import gearlib
 from gearlib.analysis.proofs import krawczyk, orbits
-from gearlib.analysis.proofs.arc_laws import ArcLaws, moved
+from gearlib.analysis.proofs.arc_laws import ArcLaws, propagated
 from gearlib.analysis.proofs.balls import first_column, precision
 from gearlib.analysis.proofs.krawczyk import eigenvalues, verdict
 from gearlib.analysis.proofs.orbits import listed_contacts
@@ -30,7 +30,7 @@ def test_frames_keep_boxes_from_being_wrapped(case, share):
         wide = max(float(value.rad()) for value in path.equations(box)[0])
         state, last = first_column(path.start(box[:n], n)), 0
         for node, phase in zip(path.nodes, path.phases(box[n:]), strict=True):
-            state, last = moved(node.law, state, (phase - last) * path.scale), phase
+            state, last = propagated(node.law, state, (phase - last) * path.scale), phase
         assert wide < share * max(float(v.rad()) for v in (laws.basis * state).entries()[:n])
         if not path.guess:
             # Without contacts all is linear: a box about the image turns with it, in n dimensions

@@ -15,7 +15,7 @@ from gearlib.engines.polynomial import (
     first_fall,
     highest,
 )
-from gearlib.engines.taylor.series import ROWS, X
+from gearlib.engines.taylor.series import DISPLACEMENT, ROWS
 from gearlib.engines.taylor.taylor_run import first_crossing
 
 DEGREE = 20
@@ -26,8 +26,8 @@ WORK = np.empty((WORK_ROWS, DEGREE + 2))
 def of_a_step(coefficients):
     """Return what a Taylor step finds on a polynomial, its bounds and its shape asked first."""
     h, series = 0.3, np.zeros((ROWS, DEGREE + 1))
-    series[X] = coefficients / h ** np.arange(DEGREE + 1)
-    return first_crossing(series, X, 0.0, 1.0, h, MATRIX, WORK)
+    series[DISPLACEMENT] = coefficients / h ** np.arange(DEGREE + 1)
+    return first_crossing(series, DISPLACEMENT, 0.0, 1.0, h, MATRIX, WORK)
 
 
 def with_roots(roots, rng):

@@ -7,6 +7,7 @@ modal components, z = basis c, which rotate in pairs: that widens boxes least.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,11 @@ FREE_MOTION_TOLERANCE = 1e-13
 _MAX_TIME_RADIUS = 2.0**-30
 
 
-def moved(law, columns, time):
-    """Return exp(A t) times columns; for a wide time by the mean value theorem."""
+def propagated(law: Any, columns: Any, time: Any) -> Any:
+    """Return columns, states z with z' = law z, propagated by a time: exp(law time) columns.
+
+    All are balls; a wide time is treated by the mean value theorem.
+    """
     if not time.rad() > _MAX_TIME_RADIUS:
         return (law * time).exp() * columns
     middle = time.mid()
@@ -62,10 +66,13 @@ class ArcLaws:
             [self._distance(mesh, side) for side in (COAST, DRIVE)] for mesh in self.numbers.meshes
         ]
 
-    def _take_out_free_motions(self, free):
-        """Set the retained coordinates and the matrix from all coordinates to them."""
+    def _take_out_free_motions(self, free_motions: np.ndarray) -> None:
+        """Set the retained coordinates and the matrix from all n coordinates to them.
+
+        Free motions, without any force, are the columns of an array of shape (n, k).
+        """
         numbers, n = self.numbers, len(self.numbers.coordinates)
-        self.fixed = _fixed_coordinates(free)
+        self.fixed = _fixed_coordinates(free_motions)
         self.retained = [i for i in range(n) if i not in self.fixed]
         unit = np.eye(n, dtype=int).astype(object)
         reduction = unit[self.retained]
@@ -86,8 +93,8 @@ class ArcLaws:
         #: Accelerations of the retained coordinates by forces on all.
         self._mobility = self.reduction * matrix_of(numbers.mass).inv()
 
-    def _check_free_motions(self, motions):
-        """Refuse a train in which a stiffness or a damping acts on a free motion."""
+    def _check_free_motions(self, motions: Any) -> None:
+        """Raise `Uncertain` if a stiffness or a damping acts on a free motion, a column (n,)."""
         numbers, n = self.numbers, len(self.numbers.coordinates)
         mesh_rows = np.array([row for mesh in numbers.meshes for row in mesh.rows])
         for rows in (numbers.stiffness, numbers.damping, mesh_rows):
@@ -97,8 +104,11 @@ class ArcLaws:
                 text = "no proof is written for a train whose free rotation is damped"
                 raise Uncertain("model", text)
 
-    def _set_basis(self, shapes, frequencies):
-        """Set the modal basis, exact floats, and its inverse; frequencies are relative."""
+    def _set_basis(self, shapes: np.ndarray, frequencies: np.ndarray) -> None:
+        """Set the modal basis, exact floats, and its inverse.
+
+        Mode shapes are columns, frequencies are in units of the tuning.
+        """
         e, basis = len(self.retained), np.eye(self.size)
         shapes = np.array(self.reduction.tolist(), float) @ shapes
         # Shapes are scaled to the same size, so that all components are of the same size.
@@ -107,8 +117,11 @@ class ArcLaws:
         self.basis = matrix_of(basis)
         self.basis_inverse = self.basis.inv()
 
-    def _distance(self, mesh, side):
-        """Return the functional of the distance between flanks, (1, size); None without flanks."""
+    def _distance(self, mesh: Any, side: int) -> Any:
+        """Return the distance of the flanks of a mesh as a functional of the state, (1, size).
+
+        It is None for a side, COAST or DRIVE, without flanks.
+        """
         if mesh.constants[side] is None:
             return None
         row, length = np.zeros(self.size, object), self.numbers.length
@@ -119,11 +132,11 @@ class ArcLaws:
             row[column : column + 2] = [value / length for value in waves[side]]
         return matrix_of(row[None]) * self.basis
 
-    def _accelerations(self, forces):
-        """Return accelerations (e, k) of the retained coordinates by forces (n, k), of balls."""
+    def _accelerations(self, forces: np.ndarray) -> np.ndarray:
+        """Return accelerations (e, k) of the e retained coordinates by forces (n, k) on all n."""
         return np.array((self._mobility * matrix_of(forces)).tolist())
 
-    def _law_without_meshes(self):
+    def _law_without_meshes(self) -> Any:
         """Return the matrix A without the forces of the meshes."""
         numbers, e, omega = self.numbers, len(self.retained), self.numbers.frequency
         unit, law = omega**2 * numbers.length, np.zeros((self.size, self.size), object)
@@ -139,20 +152,25 @@ class ArcLaws:
                 law[e : 2 * e, column : column + 2] = self._accelerations(waves) / unit
         return self.basis_inverse * matrix_of(law) * self.basis
 
-    def law(self, codes, segment):
-        """Return the matrix A for the contact codes of all meshes on a segment."""
+    def law(self, codes: list, segment: int) -> Any:
+        """Return the matrix A of z' = A z for the contact codes of all meshes on a segment."""
         conditions = self.numbers.segments[segment].conditions
-        states = tuple(
-            (code, *sides[COAST if code == INVERSE else DRIVE]) if code else (0,)
-            for code, sides in zip(codes, conditions, strict=True)
-        )
+        mesh_states = []
+        for code, sides in zip(codes, conditions, strict=True):
+            level_and_sliding = sides[COAST if code == INVERSE else DRIVE] if code else ()
+            mesh_states.append((code, *level_and_sliding))
+        states = tuple(mesh_states)
         if states not in self._laws:
             changes = (self._law_of_mesh(j, *state) for j, state in enumerate(states))
             self._laws[states] = sum(changes, self._without_meshes)
         return self._laws[states]
 
-    def _law_of_mesh(self, j, code, level=0, sliding_sign=0):
-        """Return the contribution of a mesh to A, (size, size); without contact that of its oil."""
+    def _law_of_mesh(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
+        """Return the contribution of mesh j to the matrix A, (size, size), at a contact code.
+
+        The stiffness level is 0 or 1, the sliding sign that of friction. Without contact only the
+        damping in the backlash acts.
+        """
         mesh, omega = self.numbers.meshes[j], self.numbers.frequency
         side = COAST if code == INVERSE else DRIVE
         rate = self.distances[j][side] * self._without_meshes
@@ -170,26 +188,32 @@ class ArcLaws:
             change += self._law_of_force(mesh.sliding_row, friction)
         return change
 
-    def _law_of_force(self, row, force):
-        """Return the contribution to A of a force, a functional of z, against a direction (n,)."""
+    def _law_of_force(self, mesh_vector: np.ndarray, force: Any) -> Any:
+        """Return the contribution to the matrix A of a force against a mesh vector, shape (n,).
+
+        The force is a functional of the state, shape (1, size).
+        """
         e, column = len(self.retained), np.zeros((self.size, 1), object)
-        column[e : 2 * e] = self._accelerations(-np.array(row)[:, None])
+        column[e : 2 * e] = self._accelerations(-np.array(mesh_vector)[:, None])
         return self.basis_inverse * matrix_of(column) * force
 
-    def initial_state(self, state):
-        """Return (y, dy/dtheta) of a state (q, dq/dtau) in floats, a list of balls."""
+    def initial_state(self, state: np.ndarray) -> list:
+        """Return (y, dy/dtheta) of the retained coordinates, balls, from a state (q, dq/dtau)."""
         values = np.array(state, float).reshape(2, -1)
         y, rates = ((self.reduction * column_of(half)).entries() for half in values.tolist())
         return [*y, *(rate * self.tuning for rate in rates)]
 
-    def all_coordinates(self, state, scale):
-        """Return displacements and dq/dtau of all coordinates, 0 of the fixed; scale is 1 / nu."""
+    def all_coordinates(self, state: list, scale: Any) -> tuple[list, list]:
+        """Return displacements and dq/dtau of all coordinates, 0 for the fixed ones.
+
+        The state is (y, dy/dtheta) of the retained coordinates, the scale 1 / nu, all balls.
+        """
         values = np.full((2, len(self.numbers.coordinates)), flint().arb(0))
         values[:, self.retained] = np.array(state[: self.state_count]).reshape(2, -1)
         return values[0].tolist(), (values[1] * scale).tolist()
 
-    def train_facts(self, codes):
-        """Return the `TrainFacts` of a train; None: of one degree of freedom."""
+    def train_facts(self, codes: tuple) -> TrainFacts | None:
+        """Return names and start contact codes of a train, None for one degree of freedom."""
         if self.one_degree:
             return None
         names = self.numbers.coordinates
@@ -202,8 +226,11 @@ class ArcLaws:
         )
 
 
-def _modes(model, numbers):
-    """Return (free motions, eigenfrequencies as tunings, shapes) of a model in contact."""
+def _modes(model, numbers: Any) -> tuple:
+    """Return (free motions, eigenfrequencies as tunings, shapes) of a model in contact, in floats.
+
+    `numbers` are its `ModelNumbers`; motions and shapes are columns.
+    """
     if model.train is None:
         (mesh,), ground = numbers.meshes, numbers.stiffness[0, 0]
         stiffness = float(ground) + max(map(float, mesh.stiffness[DRIVE]))
@@ -217,12 +244,12 @@ def _modes(model, numbers):
     return modes.free, np.sqrt(modes.squares) / float(numbers.frequency), modes.shapes
 
 
-def _fixed_coordinates(motions):
-    """Return the indices of as many coordinates as free motions, which determine the motions."""
+def _fixed_coordinates(motions: np.ndarray) -> list[int]:
+    """Return indices of coordinates that determine k free motions, columns of shape (n, k)."""
     coordinates, remaining = [], np.array(motions)
     while remaining.shape[1]:
         size = np.abs(remaining).max(axis=1)
-        # The first that is large enough, not the largest, which would depend on rounding.
+        # The largest entry would depend on rounding, so the first large one is taken.
         row = int(np.argmax(size >= 0.5 * size.max()))
         column = int(np.abs(remaining[row]).argmax())
         shares = remaining[row] / remaining[row, column]

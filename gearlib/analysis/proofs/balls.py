@@ -9,10 +9,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
+from typing import Any
+
+import numpy as np
 
 
-def flint():
-    """Return the module of python-flint; an ImportError says how to install it."""
+def flint() -> Any:
+    """Return the module python-flint, or raise an ImportError that says how to install it."""
     try:
         import flint as module
     except ImportError:
@@ -23,39 +26,39 @@ def flint():
 
 
 @contextmanager
-def precision(bits):
-    """Set the precision of ball arithmetic in bits for a block; yield the class of balls."""
+def precision(bits: int):
+    """Set the precision of ball arithmetic in bits for a ``with`` block; yield flint's ``arb``."""
     with flint().ctx.workprec(bits):
         yield flint().arb
 
 
-def ball_of(fraction):
-    """Return a fraction as a ball."""
+def ball_of(fraction: Fraction) -> Any:
+    """Return a ball (flint's ``arb``) that holds a fraction."""
     return flint().arb(fraction.numerator) / fraction.denominator
 
 
-def column_of(values):
-    """Return a matrix of one column."""
+def column_of(values: list) -> Any:
+    """Return a list of n balls or numbers as a matrix of balls with one column, shape (n, 1)."""
     return flint().arb_mat([[value] for value in values])
 
 
-def matrix_of(array):
-    """Return a matrix of balls from an array of two dimensions."""
+def matrix_of(array: np.ndarray) -> Any:
+    """Return a two-dimensional array of balls or numbers as a matrix of balls."""
     return flint().arb_mat(array.tolist())
 
 
-def first_column(matrix):
-    """Return the first column of a matrix, shape (n, 1)."""
+def first_column(matrix: Any) -> Any:
+    """Return the first column of a matrix of balls, shape (n, 1)."""
     return column_of([row[0] for row in matrix.tolist()])
 
 
-def identity(n):
-    """Return the unit matrix."""
+def identity(n: int) -> Any:
+    """Return the unit matrix of balls, shape (n, n)."""
     return flint().arb_mat(n, n, 1)
 
 
-def norm(matrix):
-    """Return an upper bound of the maximum norm of a matrix, its largest row sum."""
+def norm(matrix: Any) -> Any:
+    """Return an upper bound of the maximum norm of a matrix of balls, its largest row sum."""
     return max(sum(map(abs, row), flint().arb(0)).upper() for row in matrix.tolist())
 
 
@@ -66,28 +69,32 @@ class Enclosure:
     low: Decimal
     high: Decimal
 
-    def __float__(self):
+    def __float__(self) -> float:
+        """Return the middle of the interval."""
         return float((Fraction(self.low) + Fraction(self.high)) / 2)
 
-    def __contains__(self, value):
+    def __contains__(self, value: float | Decimal | Fraction) -> bool:
+        """Return whether the interval contains a number, exactly."""
         return Fraction(self.low) <= Fraction(value) <= Fraction(self.high)
 
-    def __str__(self):
+    def __str__(self) -> str:
+        """Return "centre +- radius" with rounded numbers that still enclose the interval."""
         width = self.high - self.low
         if not width:
             return str(self.low)
-        exact = Context(prec=400)
+        exact, rounded_up = Context(prec=400), Context(prec=2, rounding="ROUND_UP")
         centre = exact.divide(exact.add(self.low, self.high), Decimal(2))
-        radius = Context(prec=2, rounding="ROUND_UP").divide(width, Decimal(2))
-        # All significant digits of the centre, and one more.
-        shown = Context(prec=max(1, centre.adjusted() - radius.adjusted() + 2)).plus(centre)
-        off = abs(exact.subtract(shown, centre))
-        radius = Context(prec=2, rounding="ROUND_UP").add(radius, off)
-        return f"{shown} +- {radius}"
+        radius = rounded_up.divide(width, Decimal(2))
+        # The rounded centre has one digit more than the radius leaves certain.
+        digits = max(1, centre.adjusted() - radius.adjusted() + 2)
+        rounded_centre = Context(prec=digits).plus(centre)
+        rounding_error = abs(exact.subtract(rounded_centre, centre))
+        radius = rounded_up.add(radius, rounding_error)
+        return f"{rounded_centre} +- {radius}"
 
 
-def enclosure(ball, digits):
-    """Return the `Enclosure` of a ball, rounded outwards to two digits more than `digits`."""
+def enclosure(ball: Any, digits: int) -> Enclosure:
+    """Return a ball as an interval of decimals, rounded outwards to digits + 2 decimal places."""
     module = flint()
     places = digits + 2
     with precision(module.ctx.prec + 4 * places + 64):
@@ -95,12 +102,12 @@ def enclosure(ball, digits):
         low = int(scaled.lower().floor().unique_fmpz())
         high = int(scaled.upper().ceil().unique_fmpz())
     exact = Context(prec=len(str(max(abs(low), abs(high)))) + 1)
-    return Enclosure(*(Decimal(end).scaleb(-places, exact) for end in (low, high)))
+    return Enclosure(Decimal(low).scaleb(-places, exact), Decimal(high).scaleb(-places, exact))
 
 
-def digits_of(ball):
-    """Return the number of correct decimal digits of a ball, behind the point if it is below 1."""
-    share = ball.rad() / max(1, abs(ball.mid()))
-    if share == 0:
+def digits_of(ball: Any) -> int:
+    """Return the number of decimal digits that a ball determines, after the point below 1."""
+    relative_radius = ball.rad() / max(1, abs(ball.mid()))
+    if relative_radius == 0:
         return 10**6
-    return int((-share.log() / flint().arb(10).log()).lower().floor().unique_fmpz())
+    return int((-relative_radius.log() / flint().arb(10).log()).lower().floor().unique_fmpz())

@@ -19,12 +19,13 @@ class Refusal:
     #: switch, together, grazing, jammed, period, precision or stability
     message: str  #: what failed, in a sentence
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
+        """Return False: the proof failed."""
         return False
 
 
 class Uncertain(Exception):
-    """A step of a proof failed: (status, sentence)."""
+    """The error that a step of a proof failed, with the arguments (status, sentence)."""
 
 
 @dataclass(frozen=True)
@@ -49,19 +50,20 @@ class _Claim:
 
     claim = ""
 
-    def as_dict(self):
-        """Convert the claim for JSON: enclosures to two decimals, exact floats to hexadecimal."""
+    def as_dict(self) -> dict:
+        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}
         values = {name: plain(value, name in _EXACT) for name, value in values.items()}
         parameters = model.as_dict()
         if model.equation is not None:
-            # The teeth of a pair have no part in the motion.
+            # The teeth of a pair do not enter its equation of motion.
             parameters.pop("teeth", None)
         return {"claim": self.claim, **values, "pair": plain(parameters, True)}
 
-    def __repr__(self):
+    def __repr__(self) -> str:
+        """Return the claim as text: a first line, a line for each fact, and the stability."""
         claim: Any = self
         orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
         lines = [f"Proven: {orbit} at {claim._tunings.format(claim)}, {claim.stability}"]
@@ -80,7 +82,7 @@ class _OrbitClaim(_Claim):
     velocity: Any  #: dx/dtau at tau = 0, the same
     events: tuple  #: all contacts gained and lost, in their order, where it is proven
     radius: float  #: no other orbit with these contacts has state and phases this close
-    moved: float  #: most that the state may lie away from the candidate, in static deflections
+    moved: float  #: largest distance of the state from the candidate, in static deflections
     multipliers: tuple  #: pairs of `Enclosure`, real and imaginary part, the largest first
     stability: str  #: "stable", "unstable" or "undecided"
     reason: str  #: why, in a sentence
@@ -101,7 +103,8 @@ class Certificate(_OrbitClaim):
 
     claim = "orbit"
 
-    def _facts(self):
+    def _facts(self) -> list[tuple]:
+        """Return the rows (name, value) of the text of the certificate."""
         return [
             ("displacement", self.displacement),
             ("velocity", self.velocity),
@@ -109,7 +112,7 @@ class Certificate(_OrbitClaim):
             ("largest x", self.displacement_max),
             ("contacts", _contact_names(self.pattern)),
             *(("  phase", event.phase) for event in self.events),
-            *(("multiplier", _complex(*pair)) for pair in self.multipliers),
+            *(("multiplier", _complex_text(*parts)) for parts in self.multipliers),
             ("the only such orbit", f"within {self.radius:.3g}"),
         ]
 
@@ -121,8 +124,8 @@ class TrainFacts:
     meshes: tuple  #: their names
     contacts: tuple  #: contact code of every mesh at the start
     coordinates: tuple  #: their names
-    fixed: tuple  #: of these 0 throughout: a free rotation is counted from them
-    derived: dict  #: numbers that the library derives from the model, exact ones in the proof
+    fixed: tuple  #: names of coordinates that are 0: a free rotation is counted from them
+    derived: dict  #: numbers that the library derives from the model; the proof takes them as exact
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -131,14 +134,20 @@ class TrainCertificate(_OrbitClaim, TrainFacts):
 
     claim = "train"
 
-    def _facts(self):
-        both = zip(self.meshes, self.contacts, strict=True)
-        starts = ", ".join(f"{name} in {_CONTACT_NAMES[code]}" for name, code in both)
-        largest = f"{_complex(*self.multipliers[0])}, the largest of {len(self.multipliers)}"
-        phases = (f"{e.phase}  {e.mesh} in {_CONTACT_NAMES[e.after]}" for e in self.events)
-        lines = [("at tau = 0", starts), *(("  phase", phase) for phase in phases)]
-        radius = f"within {self.radius:.3g}"
-        return [*lines, ("multiplier", largest), ("the only such orbit", radius)]
+    def _facts(self) -> list[tuple]:
+        """Return the rows (name, value) of the text of the certificate."""
+        start_contacts = ", ".join(
+            f"{mesh} in {_CONTACT_NAMES[code]}"
+            for mesh, code in zip(self.meshes, self.contacts, strict=True)
+        )
+        facts = [("at tau = 0", start_contacts)]
+        for event in self.events:
+            contact = f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}"
+            facts.append(("  phase", contact))
+        multiplier = _complex_text(*self.multipliers[0])
+        facts.append(("multiplier", f"{multiplier}, the largest of {len(self.multipliers)}"))
+        facts.append(("the only such orbit", f"within {self.radius:.3g}"))
+        return facts
 
 
 @dataclass(frozen=True)
@@ -174,16 +183,19 @@ class RangeCertificate(_Claim):
         return [("contacts", _contact_names(self.pattern))]
 
 
-def _contact_names(pattern):
+def _contact_names(pattern: tuple) -> str:
+    """Return the names of contact codes, separated by commas."""
     return ", ".join(_CONTACT_NAMES[code] for code in pattern)
 
 
-def _complex(real, imaginary):
-    return f"{real}" if not imaginary.low and not imaginary.high else f"{real}, i ({imaginary})"
+def _complex_text(real: Enclosure, imaginary: Enclosure) -> str:
+    """Return the text of a complex number; a real number has no imaginary part."""
+    is_real = not imaginary.low and not imaginary.high
+    return f"{real}" if is_real else f"{real}, i ({imaginary})"
 
 
-def plain(value, exact=False):
-    """Convert a value for JSON; exact numbers become hexadecimal texts with all their bits."""
+def plain(value: Any, exact: bool = False) -> Any:
+    """Return a value for JSON, without classes; with `exact` floats become hexadecimal texts."""
     if isinstance(value, Enclosure):
         return [str(value.low), str(value.high)]
     if isinstance(value, (ContactEvent, Piece)):

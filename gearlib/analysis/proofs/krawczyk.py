@@ -2,26 +2,30 @@
 
 With Y near the inverse of the derivative at m, if K(X) = m - Y F(m) + (I - Y F'(X)) (X - m) lies in
 the interior of a box X about m, F has exactly one zero in X, and it lies in K(X) (Krawczyk,
-Computing 4 (1969) 187-201; Rump, Acta Numerica 19 (2010) 287-449). A *system* is a function of a
-list of balls that returns residuals and rows of their derivatives first.
+Computing 4 (1969) 187-201; Rump, Acta Numerica 19 (2010) 287-449). A *system* is a function of the
+unknowns, a list of balls. Its first results are residuals and rows of their derivatives.
 """
 
+from collections.abc import Callable
 from functools import reduce
 from itertools import chain
+from typing import Any
 
 from gearlib.analysis.proofs.balls import column_of, flint, identity
 from gearlib.analysis.proofs.certificate_files import Uncertain
 
+#: Newton's method doubles the digits in each step, so few steps suffice for any precision.
 _MAX_NEWTON_STEPS = 12
 #: Number of boxes that are tried for uniqueness, and the radius of the largest one.
 _MAX_BOXES, _MAX_RADIUS = 60, 0.1
 #: Largest entry of the inverse of a derivative that does not count as singular.
 _MAX_INVERSE = 1e13
-#: Status and sentence for an error of the library, and for a singular derivative.
-WRONG = (
+#: Status and sentence for a wrong derivative, which is an error of the library.
+WRONG_DERIVATIVE = (
     "derivative",
     "the derivative of the equations is not that of their differences: a fault of the library",
 )
+#: Status and sentence for a singular derivative.
 FOLD = (
     "fold",
     "the derivative of the equations has no inverse: a multiplier 1 is here, or too near to tell",
@@ -30,12 +34,16 @@ FOLD = (
 UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
-def polish(system, start):
-    """Return (zero near `start` by Newton's method, inverse of the derivative), without proof."""
+def polish(system: Callable, start: list) -> tuple[list, Any]:
+    """Return (zero of a system near a start, inverse of the derivative there), without proof.
+
+    ``system(unknowns)`` returns residuals and rows of derivatives, as lists of balls. The zero is
+    found by Newton's method on the midpoints of the balls.
+    """
     module = flint()
     zero = [value.mid() for value in start]
-    # A step this small squares its error to less than rounding.
-    goal = module.arb(2) ** -(0.6 * module.ctx.prec)
+    # After a step this small the error, its square, is below rounding.
+    tolerance = module.arb(2) ** -(0.6 * module.ctx.prec)
     for _ in range(_MAX_NEWTON_STEPS):
         residuals, rows, *_ = system(zero)
         try:
@@ -49,56 +57,67 @@ def polish(system, start):
         largest = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, zero, strict=True))
         if not largest.is_finite():
             break
-        if largest < goal:
+        if largest < tolerance:
             return zero, inverse
     raise Uncertain("distance", "Newton's method did not converge at the candidate")
 
 
-def times(matrix, values):
-    """Return the product of a matrix and a list as a list."""
+def times(matrix: Any, values: list) -> list:
+    """Return the product of a matrix of balls and a vector, both vectors as lists."""
     return (matrix * column_of(values)).entries()
 
 
-def box_of(centre, radii):
-    """Return balls with these centres and radii."""
+def box_of(centre: list, radii: list) -> list:
+    """Return the list of balls with given centres and radii."""
     return list(map(flint().arb, centre, radii))
 
 
-def image(system, centre, radii, inverse, residuals):
-    """Return K(X) - m for the box of `radii` about the centre m, a list of balls."""
+def image(system: Callable, centre: list, radii: list, inverse: Any, residuals: list) -> list:
+    """Return K(X) - m, Krawczyk's image of the box X about its centre m, as a list of balls.
+
+    ``system(unknowns)`` returns residuals and rows of derivatives. The inverse is near that of the
+    derivative at the centre, where the system has the residuals.
+    """
     _, rows, *_ = system(box_of(centre, radii))
     remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
     spread = times(remainder, box_of([0] * len(centre), radii))
-    return [a - b for a, b in zip(spread, times(inverse, residuals), strict=True)]
+    newton_step = times(inverse, residuals)
+    return [width - step for width, step in zip(spread, newton_step, strict=True)]
 
 
-def inside(shift, radii):
-    """Return whether K(X) lies in the interior of X."""
-    return all(abs(s) < r for s, r in zip(shift, radii, strict=True))
+def is_inside(shift: list, radii: list) -> bool:
+    """Return whether a box K(X) - m lies in the interior of the box X - m with given radii."""
+    return all(abs(ball) < radius for ball, radius in zip(shift, radii, strict=True))
 
 
-def check_derivative(system, centre, residuals):
-    """Compare the derivative with a difference of the residuals; refuse if they differ.
+def check_derivative(system: Callable, centre: list, residuals: list) -> None:
+    """Compare the derivative of a system with a difference; raise `Uncertain` if they differ.
 
-    The difference goes along all unknowns at once.
+    ``system(unknowns)`` returns residuals, given at the centre, and rows of derivatives. The
+    difference of residuals goes along all unknowns at once.
     """
     module, n = flint(), len(centre)
-    # A step so large that differences have many digits, and so small that the derivative hardly
-    # changes.
-    unit = module.arb(2) ** -(0.4 * module.ctx.prec)
-    steps = [unit * max(1, abs(m)) * (n + i) / n for i, m in enumerate(centre)]
+    # The step is large enough for a difference with many digits, and small enough for a nearly
+    # constant derivative.
+    step_size = module.arb(2) ** -(0.4 * module.ctx.prec)
+    steps = [step_size * max(1, abs(m)) * (n + i) / n for i, m in enumerate(centre)]
     moved = [(m + step).mid() for m, step in zip(centre, steps, strict=True)]
-    steps = [b - m for m, b in zip(centre, moved, strict=True)]
-    _, rows, *_ = system([m.union(b) for m, b in zip(centre, moved, strict=True)])
-    moved_residuals, *_ = system(moved)
-    for row, after, before in zip(rows, moved_residuals, residuals, strict=True):
+    steps = [end - m for m, end in zip(centre, moved, strict=True)]
+    between = [m.union(end) for m, end in zip(centre, moved, strict=True)]
+    derivative_rows = system(between)[1]
+    moved_residuals = system(moved)[0]
+    for row, after, before in zip(derivative_rows, moved_residuals, residuals, strict=True):
         change = sum((entry * step for entry, step in zip(row, steps, strict=True)), module.arb(0))
         if not change.overlaps(after - before):
-            raise Uncertain(*WRONG)
+            raise Uncertain(*WRONG_DERIVATIVE)
 
 
-def enclose(system, centre, inverse):
-    """Return a box, a list of balls, with exactly one zero of the system."""
+def enclose(system: Callable, centre: list, inverse: Any) -> list:
+    """Return a box, a list of balls, that is proven to hold exactly one zero of a system.
+
+    ``system(unknowns)`` returns residuals and rows of derivatives; the inverse is near that of the
+    derivative at the centre, which is near the zero.
+    """
     module = flint()
     residuals, *_ = system(centre)
     check_derivative(system, centre, residuals)
@@ -108,14 +127,18 @@ def enclose(system, centre, inverse):
         for step, m in zip(times(inverse, residuals), centre, strict=True)
     ]
     shift = image(system, centre, radii, inverse, residuals)
-    if not inside(shift, radii):
+    if not is_inside(shift, radii):
         raise Uncertain(*FOLD)
     # The zero lies in the image, which is smaller than the box.
     return [m + s for m, s in zip(centre, shift, strict=True)]
 
 
-def uniqueness_radius(system, centre, inverse):
-    """Return a radius, a float, of a box about `centre` that has exactly one zero."""
+def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
+    """Return the radius of a box about a centre that is proven to hold exactly one zero.
+
+    ``system(unknowns)`` returns residuals and rows of derivatives; the inverse is near that of the
+    derivative at the centre.
+    """
     radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
@@ -124,8 +147,8 @@ def uniqueness_radius(system, centre, inverse):
         except Uncertain:
             radius *= 0.1
             continue
-        if inside(shift, radii):
-            # Half of it leaves room for the enclosures of a second program.
+        if is_inside(shift, radii):
+            # Half of the radius leaves room for the wider enclosures of a second program.
             return 0.5 * radius
         share = float(max(abs(s) for s in shift).upper()) / radius
         # The share decreases with the radius; if it is not bounded, a much smaller box is tried.
@@ -133,8 +156,11 @@ def uniqueness_radius(system, centre, inverse):
     raise Uncertain(*FOLD)
 
 
-def eigenvalues(matrix):
-    """Return enclosures of all eigenvalues by Gershgorin discs, complex, the largest first."""
+def eigenvalues(matrix: Any) -> list:
+    """Return enclosures of all eigenvalues of a matrix of balls as complex balls, largest first.
+
+    They are Gershgorin discs of the matrix in the basis of its approximate eigenvectors.
+    """
     module = flint()
     complex_matrix = module.acb_mat(matrix)
     _, vectors = complex_matrix.mid().eig(right=True, algorithm="approx")
@@ -153,37 +179,38 @@ def eigenvalues(matrix):
         clusters.append([disc, *chain(*touching)])
     unions = [[reduce(lambda a, b: a.union(b), cluster)] * len(cluster) for cluster in clusters]
     values = list(chain(*unions))
-    values = [_real(value, values) for value in values]
+    values = [_real_if_single(value, values) for value in values]
     return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
 
 
-def _real(value, values):
-    """Return an eigenvalue, as a real ball if its conjugate can be no other eigenvalue."""
+def _real_if_single(value: Any, values: list) -> Any:
+    """Return an eigenvalue, as a real ball if no other one of `values` can be its conjugate."""
     conjugate = flint().acb(value.real, -value.imag)
     if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
         return flint().acb(value.real)
     return value
 
 
-def verdict(multipliers, matrix, determinant):
-    """Return (stability, reason) by enclosures of the Floquet multipliers.
+def verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple[str, str]:
+    """Return (stability, reason) of an orbit with enclosures of its Floquet multipliers.
 
-    For two multipliers with a known determinant Jury's conditions decide.
+    For two multipliers and a determinant of the monodromy matrix that is not None, Jury's
+    conditions decide.
     """
-    outside = any(abs(value) > 1 for value in multipliers)
-    inside, name = all(abs(value) < 1 for value in multipliers), "all"
+    is_unstable = any(abs(value) > 1 for value in multipliers)
+    is_stable, name = all(abs(value) < 1 for value in multipliers), "all"
     if matrix.nrows() == 2 and determinant is not None:
         trace, name = abs(matrix.trace()), "both"
-        outside = determinant > 1 or trace > 1 + determinant
-        inside = determinant < 1 and trace < 1 + determinant
+        is_unstable = determinant > 1 or trace > 1 + determinant
+        is_stable = determinant < 1 and trace < 1 + determinant
         if determinant == 1 and trace < 2:
             return (
                 "undecided",
                 "nothing is damped on its way: both multipliers lie on the unit circle, exactly, "
                 "and decide nothing",
             )
-    if outside:
+    if is_unstable:
         return "unstable", "a multiplier lies outside the unit circle"
-    if inside:
+    if is_stable:
         return "stable", f"{name} multipliers lie inside the unit circle"
     return UNDECIDED

@@ -9,6 +9,7 @@ the library derives, are exact too. Speeds are fractions of tooth numbers.
 """
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -36,24 +37,29 @@ class MeshTiming(NamedTuple):
     slides: bool  #: whether there is friction
     rate: Fraction = Fraction(1)  #: mesh periods in one of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    pitches: tuple = (Fraction(0), Fraction(0))  #: sliding turns, after the drive side's phase
+    pitches: tuple = (Fraction(0), Fraction(0))  #: sliding reverses, after the drive side's phase
 
-    def changes(self):
-        """Return the phases in mesh periods at which stiffness or sliding changes."""
+    def changes(self) -> set[Fraction]:
+        """Return the phases, in mesh periods, at which stiffness or sliding direction changes."""
         phases = set()
         if self.switches and 0 < self.overlap < 1:
-            phases = {middle + s * self.overlap / 2 for middle in self.phases for s in (1, -1)}
+            for middle in self.phases:
+                phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.slides:
-            turns = (self.phases[DRIVE] + pitch for pitch in self.pitches)
-            phases |= {turn + half for turn in turns for half in (0, Fraction(1, 2))}
+            for pitch in self.pitches:
+                reversal = self.phases[DRIVE] + pitch
+                phases |= {reversal, reversal + Fraction(1, 2)}
         return phases
 
-    def condition(self, side, phase):
-        """Return (stiffness level, 0 upper or 1 lower; sign of sliding) of a side at a phase."""
+    def condition(self, side: int, phase: Fraction) -> tuple[int, int]:
+        """Return (stiffness level, sign of sliding) of a side, COAST or DRIVE, at a phase.
+
+        Level 0 is the upper and 1 the lower stiffness; the phase is in mesh periods.
+        """
         distance = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
-        since_turn = (phase - self.phases[DRIVE] - self.pitches[side]) % 1
+        since_reversal = (phase - self.phases[DRIVE] - self.pitches[side]) % 1
         is_low = self.overlap == 0 or distance > self.overlap / 2
-        return int(is_low), 1 if since_turn < Fraction(1, 2) else -1
+        return int(is_low), 1 if since_reversal < Fraction(1, 2) else -1
 
 
 class MeshNumbers(NamedTuple):
@@ -96,8 +102,11 @@ class ModelNumbers(NamedTuple):
     derived: dict = {}  #: numbers that the library derives from the model, here exact ones
 
 
-def model_reader(model):
-    """Return the function from (model, tuning) to `ModelNumbers`; refuse models without proof."""
+def model_reader(model) -> Callable:
+    """Return the function from (model, tuning) to `ModelNumbers` for the class of a model.
+
+    `Uncertain` is raised for models without proofs.
+    """
     if model.train is not None:
         if model.gyroscopic:
             text = "no proof is written for a train whose axes feel the turning of their frame"
@@ -111,13 +120,13 @@ def model_reader(model):
     raise Uncertain("model", f"{text} contact, not for this {type(model).__name__}")
 
 
-def numbers_of(model, tuning):
-    """Return the `ModelNumbers` of a model at a tuning."""
+def numbers_of(model, tuning: float) -> ModelNumbers:
+    """Return masses, springs, loads and meshes of a model at a tuning in balls."""
     return model_reader(model)(model, tuning)
 
 
-def ball_numbers():
-    """Return `Numbers` that assemble a train in balls of the current precision."""
+def ball_numbers() -> Numbers:
+    """Return the arithmetic that assembles a train in balls of the current precision."""
     arb = flint().arb
     return Numbers(
         object,
@@ -128,31 +137,39 @@ def ball_numbers():
     )
 
 
-def segments_of(meshes, common_period):
-    """Return the `Segment`s of a period of the excitation, with exact fractions as ends."""
+def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
+    """Return the segments of constant stiffness and sliding in one period of the excitation.
+
+    The common period of all meshes, with their timings, is in periods of the reference mesh.
+    """
     starts = {Fraction(0)}
-    for timing in meshes:
+    for timing in timings:
         for count in range(int(common_period * timing.rate)):
             starts |= {(change % 1 + count) / timing.rate for change in timing.changes()}
     segments = []
     for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = [
             [timing.condition(side, (start + end) / 2 * timing.rate) for side in (COAST, DRIVE)]
-            for timing in meshes
+            for timing in timings
         ]
         segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
     return segments
 
 
-def _units(pair):
-    """Return static deflection and natural frequency of a `GearPair` in balls."""
+def _units(pair) -> dict[str, Any]:
+    """Return static deflection ("length") and natural frequency of a `GearPair` in balls."""
     kappa, overlap = flint().arb(pair.stiffness_ratio), flint().arb(pair.contact_ratio) - 1
     mean = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
     return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
 
 
-def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
-    """Return the numbers of one coordinate; `damping` is (coast side, backlash, drive side)."""
+def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values) -> ModelNumbers:
+    """Return the numbers of a model with one coordinate.
+
+    `ground` is its stiffness without contact, `lines` and `stiffness` are flank displacements and
+    stiffness levels of (coast, drive) side, `damping` is that of (coast side, backlash, drive
+    side). `values` are other fields of `ModelNumbers`.
+    """
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
     mesh = MeshNumbers(
@@ -171,8 +188,8 @@ def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values):
     )
 
 
-def _of_pair(pair, tuning):
-    """Return the numbers of a `GearPair`."""
+def _of_pair(pair, tuning: float) -> ModelNumbers:
+    """Return the numbers of a `GearPair`, which do not depend on the tuning."""
     upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
     timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, slides=False)
     return _of_one_degree(
@@ -187,34 +204,35 @@ def _of_pair(pair, tuning):
     )
 
 
-def _of_equation(model, tuning):
-    """Return the numbers of a model of one degree of freedom from its `Equation`."""
+def _of_equation(model, tuning: float) -> ModelNumbers:
+    """Return the numbers of a model of one degree of freedom from its `Equation` at a tuning."""
     arb, equation = flint().arb, model.equation
-    near, far = equation.sides()
-    starts, waves = [0.0, *near.breaks[1:-1].tolist()], {}
-    rows = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
+    drive_side, coast_side = equation.sides()
+    starts, waves = [0.0, *drive_side.breaks[1:-1].tolist()], {}
+    harmonics = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
     # A deviation f acts by its inertia, f''.
-    for order, *parts in equation.deviation.tolist():
-        rows.append((order, *(-((arb(tuning) * order) ** 2) * part for part in parts)))
-    for order, *parts in rows:
+    for order, cosine, sine in equation.deviation.tolist():
+        inertia = -((arb(tuning) * order) ** 2)
+        harmonics.append((order, inertia * cosine, inertia * sine))
+    for order, cosine, sine in harmonics:
         wave = waves.setdefault(Fraction(order), np.full((2, 1), arb(0)))
-        wave[:, 0] += parts
+        wave[:, 0] += cosine, sine
     return _of_one_degree(
         1,
         equation.ground,
         equation.load,
         (equation.lower, equation.upper),
-        [side.lines[:, 0].tolist() for side in (far, near)],
+        [side.lines[:, 0].tolist() for side in (coast_side, drive_side)],
         equation.damping[:, 0].tolist(),
-        segments=[Segment(arb(at), [[(i, 1), (i, 1)]]) for i, at in enumerate(starts)],
+        segments=[Segment(arb(start), [[(i, 1), (i, 1)]]) for i, start in enumerate(starts)],
         length=arb(1),
         frequency=arb(1),
         force_waves=waves,
     )
 
 
-def _of_train(train, tuning):
-    """Return the numbers of a `GearTrain`."""
+def _of_train(train, tuning: float) -> ModelNumbers:
+    """Return the numbers of a `GearTrain`, which do not depend on the tuning."""
     arb, numbers = flint().arb, ball_numbers()
     structure = train.assembled(numbers)
     coast_rows = far_lines(structure, train.by_name, train.meshes, numbers)
@@ -222,7 +240,7 @@ def _of_train(train, tuning):
     meshes = []
     for j, mesh in enumerate(train.meshes):
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
-        # In turns, rounded once and exact from there on.
+        # The pitch in mesh periods is rounded here, and exact from here on.
         pitch = Fraction(train.pitch_phases[mesh.name] / math.tau)
         timing = MeshTiming(
             Fraction(mesh.contact_ratio) - 1,
@@ -263,8 +281,8 @@ def _of_train(train, tuning):
     )
 
 
-def _of_six_degrees(model, tuning):
-    """Return the numbers of a `SixDegreePair`: of its train, with units in balls."""
+def _of_six_degrees(model, tuning: float) -> ModelNumbers:
+    """Return the numbers of a `SixDegreePair`: those of its train, with units in balls."""
     train = TwoGears(gears=model, numbers=ball_numbers())
     bearings = (("y3", "z3", "y2", "z2")[i] for i in model.flexible())
     return _of_train(train, tuning)._replace(

@@ -32,18 +32,18 @@ from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Largest distance of the proven state from the candidate's, in static deflections.
 MAX_DISTANCE = 1e-8
-#: Bits beyond the digits asked for, where contacts come together too, because windows of contacts
-#: at once widen from one to the next; how often the bits are doubled.
+#: Bits beyond the requested digits, the same for contacts that come together, because their windows
+#: widen one another, and the largest number of doublings of the bits.
 _GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
-#: How often contacts at nearly one phase are put into another order.
+#: Largest number of times that contact events are sorted anew.
 _MAX_ORDERS = 4
 #: Largest relative difference of derivatives with ordered contacts and through windows.
 _DERIVATIVE_TOLERANCE = 2.0**-32
 #: Bits in which ranges are proven.
 _RANGE_BITS = 128
-#: Smallest radius of a box: far above the rounding of its centre to a float.
+#: Smallest radius of a box. It is far above the rounding of the centre to a float.
 _MIN_RADIUS = 1e-12
-#: Share of a box in which its image must lie: the enclosures of a second program are wider.
+#: Share of a box in which its image must lie, since the enclosures of a second program are wider.
 _IMAGE_SHARE = 0.8
 #: First and shortest piece of a range, as shares of the range; ratio of neighbouring pieces.
 _FIRST_PIECE, _MIN_PIECE, _PIECE_GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
@@ -92,8 +92,11 @@ def certify(orbit, digits=30):
         return Refusal(*reason.args)
 
 
-def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
-    """Prove an orbit with doubled precision until the enclosures have the digits."""
+def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
+    """Return the certificate of an orbit; double the precision until enclosures have the digits.
+
+    `contacts` are those of `listed_contacts`. The first precision has guard bits beyond the digits.
+    """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
         try:
@@ -109,10 +112,11 @@ def _certificate(orbit, contacts, digits, guard_bits=_GUARD_BITS):
     raise Uncertain("precision", f"only {reached} digits were reached, not {digits}")
 
 
-def listed_contacts(orbit):
-    """Compute (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
+def listed_contacts(orbit: Any) -> tuple[list, list]:
+    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
 
-    Events are (phase, mesh, code before, code after), phases counted on over the mesh periods.
+    Events are (phase from tau = 0, mesh, code before, code after). `Uncertain` is raised if the
+    motion does not have the contacts of the candidate orbit.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
     model_reader(model)
@@ -122,7 +126,7 @@ def listed_contacts(orbit):
     events = [
         (
             2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
-            # Behind the columns of every event the mesh, where there are several.
+            # Events of several meshes have one more column, the mesh.
             int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
             int(row[columns.EVENT_FROM]),
             int(row[columns.EVENT_TO]),
@@ -141,8 +145,11 @@ def listed_contacts(orbit):
     return codes, events
 
 
-def pattern_of(codes, events):
-    """Return the contact codes in the order in which they occur, like `Orbit.pattern`."""
+def pattern_of(codes: list, events: list[tuple]) -> tuple:
+    """Return contact codes in the order in which they occur, those of all meshes without events.
+
+    Events are (phase, mesh, code before, code after, ...).
+    """
     return (events[0][2], *(event[3] for event in events)) if events else tuple(codes)
 
 
@@ -181,10 +188,11 @@ class Proof:
         self._check_period()
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
-    def _check_derivative(self, windows, centre):
-        """Compare the derivative through windows with that of the path; refuse if they differ.
+    def _check_derivative(self, windows: Windows, centre: list) -> None:
+        """Compare the derivative through windows with that of the path at a zero of its equations.
 
-        Enclosures through windows are too wide to compare them with differences.
+        `Uncertain` is raised if they differ. Enclosures through windows are too wide for a
+        comparison with differences.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
@@ -193,23 +201,27 @@ class Proof:
         differences = ordered - identity(n) - flint().arb_mat(rows)
         for difference, entry in zip(differences.entries(), ordered.entries(), strict=True):
             if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(entry)):
-                raise Uncertain(*krawczyk.WRONG)
+                raise Uncertain(*krawczyk.WRONG_DERIVATIVE)
 
-    def _polished(self, state, events):
-        """Return (midpoints of a zero, inverse of the derivative) with contacts in their order."""
+    def _polished(self, state: list, events: list[tuple]) -> tuple[list, Any]:
+        """Return (zero of the orbit equations, inverse of the derivative), with a matching path.
+
+        Newton's method starts at a state and contact events, which are sorted anew if their phases
+        change places.
+        """
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.laws, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, [*state, *self.path.guess])
             state, phases = centre[: len(state)], centre[len(state) :]
-            # What coincides has no order.
-            if all(a - b < smallest_interval() for a, b in pairwise(phases)):
+            # Contact events that coincide have no order.
+            if all(first - second < smallest_interval() for first, second in pairwise(phases)):
                 break
             order = sorted(range(len(phases)), key=phases.__getitem__)
             events = [(phases[i], *events[i][1:]) for i in order]
         return centre, inverse
 
-    def _check_period(self):
-        """Refuse an orbit that may repeat earlier, because its state returns before the end."""
+    def _check_period(self) -> None:
+        """Raise `Uncertain` if the state may return to its start before the end of the period."""
         period, n = self.orbit.period, self.laws.state_count
         for count, node in enumerate(self.path.period_ends, start=1):
             part = count * self.laws.common_period
@@ -218,16 +230,16 @@ class Proof:
                 text = f"{part} mesh period{'s' * (part > 1)} already, not after {period}"
                 raise Uncertain("period", f"it repeats after {text}")
 
-    def contacts(self):
-        """Return [(phase, mesh, code before, code after, rate of distance by tau)]."""
+    def contacts(self) -> list[tuple]:
+        """Return contact events (phase, mesh, code before, code after, distance rate by tau)."""
         contacts = [node for node in self.path.nodes if node.phase is None]
         return [
             (phase, node.mesh, node.before, node.after, speed * self.path.scale)
             for node, phase, speed in zip(contacts, self.phases, self.speeds, strict=True)
         ]
 
-    def certificate(self, digits):
-        """Return (the `Certificate` or `TrainCertificate`, the digits that its enclosures have)."""
+    def certificate(self, digits: int) -> tuple[Certificate | TrainCertificate, int]:
+        """Return (certificate with rounded enclosures, decimal digits that the enclosures have)."""
         balls: list = []
 
         def enclosed(value):
@@ -249,10 +261,10 @@ class Proof:
         multipliers = krawczyk.eigenvalues(self.map)
         stability, reason = krawczyk.verdict(multipliers, self.map, self.determinant)
         if one_degree:
-            least, largest = extrema(self.path, self.arcs, self.ends)
+            smallest, largest = extrema(self.path, self.arcs, self.ends)
             facts = {
                 "pattern": pattern_of(self.codes, contacts),
-                "displacement_min": enclosed(least),
+                "displacement_min": enclosed(smallest),
                 "displacement_max": enclosed(largest),
                 "trace": enclosed(self.map.trace()),
                 "determinant": enclosed(self.determinant),
@@ -326,17 +338,17 @@ class _Range:
         self.laws, self.events = proof.laws, proof.contacts()
         if len(proof.box) < self.laws.state_count + len(events):
             raise Uncertain("together", "contacts come together: no range is proven of them")
-        #: The orbit at the tuning that is reached: its enclosure, a list of balls.
+        #: Enclosure of the orbit at the tuning that is reached so far, a list of balls.
         self.reached = proof.box
 
-    def path(self, scale):
-        """Return the `Path` at a ball of 1 / nu."""
+    def path(self, scale: Any) -> Path:
+        """Return the path of the reached orbit for a ball `scale` of 1 / nu."""
         phases = self.reached[self.laws.state_count :]
-        events = [(at, *event[1:]) for at, event in zip(phases, self.events, strict=True)]
+        events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.laws, self.codes, events, self.orbit.period, scale)
 
-    def prove_up_to(self, to):
-        """Prove all pieces from the orbit to a tuning and return the `RangeCertificate`."""
+    def prove_up_to(self, to: float) -> RangeCertificate:
+        """Prove all pieces of the range from the orbit to a tuning; return the certificate."""
         arb, start = flint().arb, float(self.orbit.tuning)
         at, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
@@ -369,19 +381,23 @@ class _Range:
             self.laws.train_facts(self.codes),
         )
 
-    def _piece(self, scale, end, stability_before):
-        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii))."""
+    def _piece(self, scale: Any, end: Any, stability_before: tuple | None) -> tuple:
+        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii)).
+
+        The ball `scale` holds 1 / nu of the piece, `end` 1 / nu at its end; the stability must be
+        that of the pieces before.
+        """
         path, n = self.path(scale), self.laws.state_count
         zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
-        # As exact floating-point numbers, for a second program.
+        # The centre is given in exact floats, which a second program can read.
         middles = [float(value) for value in zero]
         centre = list(map(flint().arb, middles))
         residuals, *_ = path.equations(centre)
         steps = [float(abs(step).upper()) for step in krawczyk.times(inverse, residuals)]
-        # Wider than the enclosures at both ends, where nothing depends on the tuning too.
+        # The box is wider than the enclosures at both ends, even if nothing depends on the tuning.
         radii = [2.0 * step + max(steps) + _MIN_RADIUS for step in steps]
         shift = krawczyk.image(path.equations, centre, radii, inverse, residuals)
-        if not krawczyk.inside(shift, [_IMAGE_SHARE * radius for radius in radii]):
+        if not krawczyk.is_inside(shift, [_IMAGE_SHARE * radius for radius in radii]):
             raise Uncertain(*krawczyk.FOLD)
         box = [m + s for m, s in zip(centre, shift, strict=True)]
         _, rows, arcs, ends = path.equations(box)
@@ -391,10 +407,10 @@ class _Range:
         if stability == krawczyk.UNDECIDED or stability_before not in (None, stability):
             change = ", unlike before" if stability_before else ""
             raise Uncertain("stability", stability[1] + change)
-        # The whole boxes hold one orbit each: it has to lie in both where they meet.
-        wide = krawczyk.box_of(centre, radii)
+        # Each box holds one orbit. Where two pieces meet, the orbit has to lie in both boxes.
+        full_box = krawczyk.box_of(centre, radii)
         system = self.path(end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
-        if not all(map(flint().arb.contains_interior, 2 * wide, self.reached + next_orbit)):
+        if not all(map(flint().arb.contains_interior, 2 * full_box, self.reached + next_orbit)):
             raise Uncertain(*krawczyk.FOLD)
         return stability, next_orbit, (tuple(middles), tuple(radii))

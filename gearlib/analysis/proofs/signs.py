@@ -1,21 +1,22 @@
 """Proofs that a motion touches no flank line along an arc; extrema of its displacement.
 
-On the pieces of an arc a functional of the state is a Taylor polynomial, whose last coefficient is
-a ball that holds the remainder. Its values where the rate is zero decide its sign and extrema.
+On each piece of an arc a functional of the state is a Taylor polynomial. Its last coefficient is a
+ball that holds the remainder. Its values where the rate is zero decide its sign and extrema.
 """
 
 import math
+from collections.abc import Iterator
 from itertools import chain
 from typing import Any, NamedTuple
 
-from gearlib.analysis.proofs.arc_laws import moved
+from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import flint, norm
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.engines.codes import INVERSE, NORMAL
 
-#: Largest number of bisections of a piece, and its shortest part, as a share that floats
-#: represent exactly.
+#: Largest number of bisections of a piece, and its shortest part, as a share of the piece. Floats
+#: represent all shares exactly.
 _MAX_BISECTIONS, _MIN_PART = 2000, 2**-48
 #: Largest duration of a piece, relative to one over the norm of the law.
 _PIECE_LENGTH = 1.0
@@ -38,10 +39,10 @@ class Curve:
         #: Values at both ends: the states know more of the end than the polynomial.
         self.begin, self.end = coefficients[0], end
 
-    def values_at_rest(self, sign=0):
-        """Yield enclosures of the values where the rate is zero.
+    def values_at_rest(self, sign: int = 0) -> Iterator:
+        """Yield enclosures, balls, of the values at points where the rate is zero.
 
-        Parts in which sign * value > 0 is certain are left out.
+        Parts of the piece with sign * value > 0 are left out.
         """
         arb, parts, bisections = flint().arb, [(0.0, 1.0)], 0
         negligible = arb(2) ** (32 - flint().ctx.prec)
@@ -52,7 +53,7 @@ class Curve:
             if sign * value > 0:
                 continue
             rate, acceleration = self.rate(around), self.acceleration(around)
-            # Where sign * value is concave it has no least value.
+            # A part where sign * value is concave has no minimum inside.
             if rate > 0 or rate < 0 or sign * acceleration < 0:
                 continue
             if acceleration > 0 or acceleration < 0:
@@ -65,8 +66,11 @@ class Curve:
             else:
                 yield self._value_at_rest(around)
 
-    def _zero_of_rate(self, around):
-        """Enclose the zero of the rate by the interval Newton method; None if there is no zero."""
+    def _zero_of_rate(self, around: Any) -> Any:
+        """Return an enclosure of the zero of the rate within a ball of times, None without zero.
+
+        It is found by the interval Newton method.
+        """
         while True:
             middle = around.mid()
             newton = middle - self.rate(middle) / self.acceleration(around)
@@ -77,8 +81,8 @@ class Curve:
                 return narrower
             around = narrower
 
-    def _value_at_rest(self, around):
-        """Enclose the value at a zero of the rate within a ball of times."""
+    def _value_at_rest(self, around: Any) -> Any:
+        """Return an enclosure of the value at a zero of the rate within a ball of times."""
         middle = around.mid()
         # The mean value theorem is sharper, because the rate is small here.
         mean = self.value(middle) + self.rate(around) * (around - middle)
@@ -88,17 +92,22 @@ class Curve:
         return value if around < self.duration else value.union(self.end)
 
 
-def pieces(law, state, end, time, rows):
-    """Yield the `Curve`s of functionals (r, size) on each piece of an arc up to a state `end`."""
+def pieces(law: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
+    """Yield, for each piece of an arc, the `Curve`s of r functionals of the state.
+
+    The arc leads from a modal state to the state `end` in a time, by state' = law state. The rows,
+    shape (r, size), are the functionals.
+    """
     module, size, start = flint(), norm(law), state
-    # The remainder is as small as rounding.
+    # With this degree the remainder is as small as rounding.
     degree = module.ctx.prec // 4 + 2
     count = max(1, math.ceil(float(size * time.mid()) / _PIECE_LENGTH))
     duration = time / count
-    # A wide state would be wrapped anew at every piece; a narrow one needs one exponential.
+    # A wide state is propagated from the start, since each step would widen it. A narrow state is
+    # propagated step by step with one exponential.
     is_wide = count > 1 and max(value.rad() for value in state.entries()) > _WIDE_STATE
     step = None if is_wide or count == 1 else (law * duration).exp()
-    # Row k of a functional's table: its derivative k + 1 over (k + 1)! by the rate of state.
+    # Row k of the table of a functional is its derivative k + 1 over (k + 1)!, by the state's rate.
     orders = [rows]
     for k in range(2, degree + 2):
         orders.append(orders[-1] * law * (1 / module.arb(k)))
@@ -112,7 +121,7 @@ def pieces(law, state, end, time, rows):
         if number == count:
             state = end
         else:
-            state = moved(law, start, number * duration) if is_wide else step * state
+            state = propagated(law, start, number * duration) if is_wide else step * state
         curves = []
         for functional in zip(begins, (rows * state).entries(), tables, remainders, strict=True):
             begin, stop, table, remainder = functional
@@ -121,11 +130,17 @@ def pieces(law, state, end, time, rows):
         yield curves
 
 
-def check_contacts(path, arcs, ends, contact_phases):
-    """Prove that a path has all contacts and crosses at each; return the rates of distance."""
+def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> list:
+    """Prove that a motion has the contact events of a path and no others; return their speeds.
+
+    Arcs are (modal start state, duration), ends the modal states at the nodes of the `Path`. Speeds
+    are rates of flank distances. `Uncertain` is raised if the proof fails.
+    """
     laws, codes, rates, phases = path.laws, list(path.codes), [], path.phases(contact_phases)
-    # The flank lines crossed at the start and at every node: None for a switch.
-    crossed = [None, *((n.mesh, n.side) if n.phase is None else None for n in path.nodes)]
+    # The flank lines that are crossed at the start and at every node, None for a switch.
+    crossed: list = [None]
+    for node in path.nodes:
+        crossed.append((node.mesh, node.side) if node.phase is None else None)
     for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if crossed[i] and crossed[i + 1]:
@@ -146,17 +161,18 @@ def check_contacts(path, arcs, ends, contact_phases):
     return rates
 
 
-def check_arc(laws, law, state, end, time, codes, crossed, at):
-    """Prove that no mesh touches a flank line within an arc, from a modal state to `end`.
+def check_arc(laws, law, state, end, time, codes, crossed, at) -> None:
+    """Prove that no mesh touches a flank line within an arc from a modal state to the state `end`.
 
-    `crossed` are (mesh, side) of the flank line that is crossed at either end, None where there is
-    none; `at` is the phase that a refusal names.
+    The arc has the matrix `law` of the `ArcLaws`, a duration `time` and the contact codes of all
+    meshes. `crossed` are the flank lines, (mesh, side) or None, that are crossed at both ends; `at`
+    is the phase for the message of `Uncertain`.
     """
     bounds = bounds_of(laws, codes)
     rows = flint().arb_mat([bound.row.entries() for bound in bounds])
     curves_of_pieces = list(pieces(law, state, end, time, rows))
     for bound, curves in zip(bounds, zip(*curves_of_pieces, strict=True), strict=True):
-        # On the line at an end of the arc, elsewhere on the right side of it.
+        # At an end of the arc the motion may be on the line, elsewhere on the right side of it.
         values = [value for curve in curves for value in (curve.begin, curve.end)]
         values = values[bound.is_of(crossed[0]) : len(values) - bound.is_of(crossed[1])]
         values_at_rest = (curve.values_at_rest(bound.sign) for curve in curves)
@@ -179,13 +195,16 @@ class Bound(NamedTuple):
     row: Any  #: the distance, a functional of the state
     is_overlap: bool  #: whether both flanks touch where the mesh meets the line
 
-    def is_of(self, crossed):
-        """Return whether a crossed (mesh, side) belongs to this flank line."""
+    def is_of(self, crossed: tuple | None) -> bool:
+        """Return whether a crossed flank line, (mesh, side) or None, is that of this bound."""
         return crossed is not None and crossed[0] == self.mesh and crossed[1] in self.sides
 
 
-def bounds_of(laws, codes):
-    """Return the `Bound`s of the contact codes of all meshes; varying backlash must stay open."""
+def bounds_of(laws: Any, codes: list) -> list[Bound]:
+    """Return the conditions that keep the contact codes of all meshes, from the `ArcLaws`.
+
+    A varying backlash must also stay open.
+    """
     bounds = []
     states = zip(codes, laws.numbers.meshes, laws.distances, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
@@ -199,15 +218,19 @@ def bounds_of(laws, codes):
     return bounds
 
 
-def extrema(path, arcs, ends):
-    """Enclose the smallest and the largest value of the first coordinate along a path."""
+def extrema(path: Any, arcs: list, ends: list) -> tuple:
+    """Return enclosures of the smallest and the largest first coordinate along a `Path`.
+
+    Arcs are (modal start state, duration), ends the modal states at its nodes.
+    """
     displacement = flint().arb_mat([path.laws.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
         for (curve,) in pieces(node.law, state, end, time, displacement):
             values += [curve.begin, curve.end, *curve.values_at_rest()]
-    return _least(values), -_least([-value for value in values])
+    return _enclosed_minimum(values), -_enclosed_minimum([-value for value in values])
 
 
-def _least(balls):
+def _enclosed_minimum(balls: list) -> Any:
+    """Return an enclosure of the smallest of the numbers that balls hold."""
     return min(ball.lower() for ball in balls).union(min(ball.upper() for ball in balls))

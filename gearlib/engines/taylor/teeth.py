@@ -1,15 +1,15 @@
-"""One mesh with individual pairs of teeth: Taylor steps that end where a pair touches or parts.
+"""One mesh with individual pairs of teeth: Taylor steps end where a pair touches or separates.
 
 While the pairs of one set touch, the displacement x over the phase tau follows
 
     x'' = (1 - a x + b) / nu^2 - d (x' - e'),
 
-a and b being straight lines on each segment of phase. A set of the k pairs is an integer with a bit
-for each; set 0 is the backlash and set 2^k the contact of the coast side. If the other pairs of a
-set carry the load, pair i overlaps by p x - r, and touches where this is > 0. Displacements are in
-static deflections, forces over the load. The series converges to rounding on steps below 1.18 over
-the natural frequency. A step ends with its segment and at the first crossing of its polynomial,
-where a pair touches or parts.
+where a and b are straight lines on each segment of phase. A set of the k pairs is an integer with a
+bit for each pair; set 0 is the backlash and set 2^k the contact of the coast side. If the other
+pairs of a set carry the load, pair i overlaps by p x - r, and touches where this is > 0.
+Displacements are in static deflections, forces over the load. The series converges to rounding on
+steps below 1.18 over the natural frequency. A step ends with its segment and at the first crossing
+of its polynomial, where a pair touches or separates.
 """
 
 import math
@@ -35,11 +35,24 @@ from gearlib.engines.polynomial import WORK_ROWS
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor import propagator
 from gearlib.engines.taylor.deviations import set_identity
-from gearlib.engines.taylor.series import MESH_FORCE, ORDER, ROWS, C, V, X, state_at
-from gearlib.engines.taylor.taylor_run import add_samples, add_step, first_crossing, samples_of
+from gearlib.engines.taylor.series import (
+    DISPLACEMENT,
+    MESH_FORCE,
+    ORDER,
+    ROWS,
+    STIFFNESS,
+    VELOCITY,
+    state_at,
+)
+from gearlib.engines.taylor.taylor_run import (
+    add_samples,
+    add_step,
+    first_crossing,
+    samples_of_period,
+)
 
-#: Columns of the tables: value at the start of a segment and slope of the factor of x (a, p), and
-#: of the offset that is subtracted (b, r).
+#: Columns of tables of lines factor x - offset: value at the start of a segment and slope of the
+#: factor (a, p), and of the offset (b, r).
 FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE = range(4)
 
 
@@ -62,138 +75,180 @@ class ToothPairSystem(NamedTuple):
 
 
 @inlined
-def _value(row, t, x):
-    """Return factor x - offset, both linear in the phase t since the start of a segment."""
-    factor = row[FACTOR] + row[FACTOR_SLOPE] * t
-    return factor * x - row[OFFSET] - row[OFFSET_SLOPE] * t
+def _line_value(line, t, x):
+    """Return factor x - offset, both linear in the phase t since the start of a segment.
+
+    The coefficients are (factor, factor slope, offset, offset slope), values at the segment start.
+    """
+    factor = line[FACTOR] + line[FACTOR_SLOPE] * t
+    return factor * x - line[OFFSET] - line[OFFSET_SLOPE] * t
 
 
 @kernel
-def touching(overlap, inside, lower, t, x):
+def touching_set(overlaps, active_set, coast_line, t, x):
     """Return the set of pairs that touch at a displacement x, t after the start of a segment.
 
-    `overlap`, shape (2^k, k, 4), is that of the segment; `inside` is the set of pairs on their path
-    of contact, `lower` the displacement of the coast side.
+    The overlaps, shape (2^k, k, 4), are lines factor x - offset of the segment, by contact set and
+    pair. Bits of `active_set` mark pairs on their path of contact; `coast_line` is the displacement
+    of the coast side.
     """
-    sets, k = overlap.shape[0], overlap.shape[1]
-    touching_set, min_violation = 0, math.inf
-    for s in range(sets):
-        if s & ~inside:
+    sets, pair_count = overlaps.shape[0], overlaps.shape[1]
+    best_set, min_violation = 0, math.inf
+    for contact_set in range(sets):
+        if contact_set & ~active_set:
             continue
         violation = 0.0
-        for i in range(k):
-            if inside >> i & 1:
-                bit = 1 << i
-                value = _value(overlap[s & ~bit, i], t, x)
-                violation = max(violation, -value if s & bit else value)
+        for i in range(pair_count):
+            if active_set >> i & 1:
+                pair_bit = 1 << i
+                value = _line_value(overlaps[contact_set & ~pair_bit, i], t, x)
+                violation = max(violation, -value if contact_set & pair_bit else value)
         if violation < min_violation:
-            touching_set, min_violation = s, violation
-    return sets if touching_set == 0 and x < lower else touching_set
+            best_set, min_violation = contact_set, violation
+    return sets if best_set == 0 and x < coast_line else best_set
 
 
 @inlined
-def _fill_linear(series, target, row, t):
-    """Fill the row `target` of `series` with factor x - offset, linear in phase.
+def _fill_linear(series, quantity, line, t):
+    """Fill the row `quantity` of `series` with factor x - offset, both linear in phase.
 
-    `row` has the columns FACTOR to OFFSET_SLOPE, t is the phase since the start of the segment.
+    The coefficients are (factor, factor slope, offset, offset slope), values at the segment start;
+    the series starts at the phase t since then.
     """
-    level, slope = row[FACTOR] + row[FACTOR_SLOPE] * t, row[FACTOR_SLOPE]
-    series[target, 0] = level * series[X, 0] - row[OFFSET] - row[OFFSET_SLOPE] * t
-    series[target, 1] = level * series[X, 1] + slope * series[X, 0] - row[OFFSET_SLOPE]
+    factor, factor_slope = line[FACTOR] + line[FACTOR_SLOPE] * t, line[FACTOR_SLOPE]
+    series[quantity, 0] = factor * series[DISPLACEMENT, 0] - line[OFFSET] - line[OFFSET_SLOPE] * t
+    series[quantity, 1] = (
+        factor * series[DISPLACEMENT, 1]
+        + factor_slope * series[DISPLACEMENT, 0]
+        - line[OFFSET_SLOPE]
+    )
     for k in range(2, ORDER + 1):
-        series[target, k] = level * series[X, k] + slope * series[X, k - 1]
+        series[quantity, k] = (
+            factor * series[DISPLACEMENT, k] + factor_slope * series[DISPLACEMENT, k - 1]
+        )
 
 
 @inlined
-def _expand(row, t, drag, slip, unit, x, v, series):
+def _expand(line, t, damping, gap_rate, force_scale, x, v, series):
     """Fill the Taylor series of the motion through (x, v), t after the start of a segment.
 
-    `row` has the mesh force of the set, `slip` the rate of the gap without load by phase, and
-    `unit` is 1 / nu^2.
+    The mesh force is factor x - offset with the coefficients (factor, factor slope, offset, offset
+    slope), times `force_scale`, 1 / nu^2. The gap without load changes at a rate by phase.
     """
-    level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
-    # The load and the damping force due to the rate of the gap.
-    load = unit + drag * slip
-    series[X, 0], series[V, 0] = x, v
-    force = level * x - (row[OFFSET] + row[OFFSET_SLOPE] * t) * unit
+    stiffness, stiffness_slope = (
+        (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale,
+        line[FACTOR_SLOPE] * force_scale,
+    )
+    # The external force is the load and the damping force due to the rate of the gap.
+    load = force_scale + damping * gap_rate
+    series[DISPLACEMENT, 0], series[VELOCITY, 0] = x, v
+    force = stiffness * x - (line[OFFSET] + line[OFFSET_SLOPE] * t) * force_scale
     for k in range(ORDER):
         series[MESH_FORCE, k] = force
-        series[X, k + 1] = series[V, k] / (k + 1.0)
-        series[V, k + 1] = (load - force - drag * series[V, k]) / (k + 1.0)
+        series[DISPLACEMENT, k + 1] = series[VELOCITY, k] / (k + 1.0)
+        series[VELOCITY, k + 1] = (load - force - damping * series[VELOCITY, k]) / (k + 1.0)
         load = 0.0
-        force = level * series[X, k + 1] + slope * series[X, k]
+        force = stiffness * series[DISPLACEMENT, k + 1] + stiffness_slope * series[DISPLACEMENT, k]
         if k == 0:
-            force -= row[OFFSET_SLOPE] * unit
+            force -= line[OFFSET_SLOPE] * force_scale
     series[MESH_FORCE, ORDER] = 0.0
     for k in range(ORDER + 1):
-        series[C, k] = 0.0
-    series[C, 0], series[C, 1] = level, slope
+        series[STIFFNESS, k] = 0.0
+    series[STIFFNESS, 0], series[STIFFNESS, 1] = stiffness, stiffness_slope
 
 
 @kernel
-def _map_step(row, t, drag, unit, h, matrix):
-    """Multiply `matrix`, shape (2, 2), by the map of small deviations over a step of length h."""
-    level, slope = (row[FACTOR] + row[FACTOR_SLOPE] * t) * unit, row[FACTOR_SLOPE] * unit
+def _map_step(line, t, damping, force_scale, h, map_matrix):
+    """Multiply a map of deviations, shape (2, 2), in place by the map of a step of length h.
+
+    The step starts t after the start of a segment, whose mesh force is factor x - offset, times
+    `force_scale`, with the coefficients (factor, factor slope, offset, offset slope).
+    """
+    stiffness, stiffness_slope = (
+        (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale,
+        line[FACTOR_SLOPE] * force_scale,
+    )
     image = np.empty((2, 2))
     for j in range(2):
-        previous, a, b = 0.0, 1.0 - j, 1.0 * j
-        first, second, power = a, b, 1.0
+        previous_term, displacement_term, velocity_term = 0.0, 1.0 - j, 1.0 * j
+        displacement, velocity, power = displacement_term, velocity_term, 1.0
         for k in range(ORDER):
-            new = b / (k + 1.0)
-            b = -(level * a + slope * previous + drag * b) / (k + 1.0)
-            previous, a = a, new
+            new_term = velocity_term / (k + 1.0)
+            velocity_term = -(
+                stiffness * displacement_term
+                + stiffness_slope * previous_term
+                + damping * velocity_term
+            ) / (k + 1.0)
+            previous_term, displacement_term = displacement_term, new_term
             power *= h
-            first += a * power
-            second += b * power
-        image[0, j], image[1, j] = first, second
-    multiply(image[0, 0], image[0, 1], image[1, 0], image[1, 1], matrix)
+            displacement += displacement_term * power
+            velocity += velocity_term * power
+        image[0, j], image[1, j] = displacement, velocity
+    multiply(image[0, 0], image[0, 1], image[1, 0], image[1, 1], map_matrix)
 
 
 @inlined
-def _first_event(overlap, inside, lower, closing, s, line, t, h, x, series, to_bernstein, work):
-    """Return (share of a step, number of the pair) of the first touch or loss of contact.
+def _first_contact_event(
+    overlaps,
+    active_set,
+    coast_line,
+    may_jam,
+    contact_set,
+    start_pair,
+    t,
+    h,
+    x,
+    series,
+    to_bernstein,
+    work,
+):
+    """Return (share of a step, number of the pair) of the first pair that touches or separates.
 
-    The step, of length h, starts at x, t after the start of the segment, with the set s of pairs in
-    contact and the Taylor series `series`. The share is 2 if there is no event and -1 if rounding
-    hides whether there is one; the number after the last pair is the coast side. `overlap` and
-    `inside` are those of the segment, `line` is the pair on whose line the step starts, -1 for
-    none. If `closing`, touches on the side without contact count as well.
+    The step, of length h, starts at x, t after the start of a segment with its overlaps, (2^k, k,
+    4), and its active pairs. The share is 2 if there is no event and -1 if rounding hides whether
+    there is one; pair number k is the coast side. The step starts on the line of `start_pair`, or
+    on none if that is -1. If the sides `may_jam`, touches on the other side count as well.
     """
-    coast, k = overlap.shape[0], overlap.shape[1]
+    coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     first_share, first_pair = 2.0, -1
-    for i in range(k):
-        bit = 1 << i
-        if (s == coast and not closing) or not inside & bit:
+    for i in range(pair_count):
+        pair_bit = 1 << i
+        if (contact_set == coast_set and not may_jam) or not active_set & pair_bit:
             continue
-        touches = s != coast and s & bit != 0
-        _fill_linear(series, ROWS + i, overlap[s & ~bit if s != coast else 0, i], t)
-        if line == i:
+        touches = contact_set != coast_set and contact_set & pair_bit != 0
+        _fill_linear(
+            series,
+            ROWS + i,
+            overlaps[contact_set & ~pair_bit if contact_set != coast_set else 0, i],
+            t,
+        )
+        if start_pair == i:
             series[ROWS + i, 0] = 0.0
         side = 1.0 if touches else -1.0
         share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
         if share < first_share:
             first_share, first_pair = share, i
-    if lower > -math.inf and (closing or s == 0 or s == coast):
+    if coast_line > -math.inf and (may_jam or contact_set == 0 or contact_set == coast_set):
         for j in range(ORDER + 1):
-            series[ROWS + k, j] = series[X, j]
-        series[ROWS + k, 0] = 0.0 if line == k else x - lower
-        side = 1.0 if s != coast else -1.0
-        share = first_crossing(series, ROWS + k, 0.0, side, h, to_bernstein, work)
+            series[ROWS + pair_count, j] = series[DISPLACEMENT, j]
+        series[ROWS + pair_count, 0] = 0.0 if start_pair == pair_count else x - coast_line
+        side = 1.0 if contact_set != coast_set else -1.0
+        share = first_crossing(series, ROWS + pair_count, 0.0, side, h, to_bernstein, work)
         if share < first_share:
-            first_share, first_pair = share, k
+            first_share, first_pair = share, pair_count
     return first_share, first_pair
 
 
 @inlined
-def _contact_of(s, coast):
-    """Return the contact code of a set of pairs; `coast` is the set of the coast side."""
-    if s == 0:
+def _contact_code_of(contact_set, coast_set):
+    """Return the contact code of a set of touching pairs, 0 for none and `coast_set` for coast."""
+    if contact_set == 0:
         return BACKLASH
-    return INVERSE if s == coast else NORMAL
+    return INVERSE if contact_set == coast_set else NORMAL
 
 
 @kernel
-def run_pairs(
+def run_tooth_pairs(
     system,
     to_bernstein,
     x,
@@ -202,120 +257,163 @@ def run_pairs(
     record_periods,
     samples,
     events,
-    limit,
+    max_events,
     summary,
-    maps,
-    first,
+    period_maps,
+    first_period,
 ):
     """Run the mesh; arguments and first returns are those of `pair.pair_run.run`.
 
-    `maps`, shape (periods, 2, 2) or (0, 2, 2), gets the derivative of the state after each period
-    by that before; `first` is the mesh period in which the run begins. Returns also the number of
-    steps.
+    The period maps, shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each
+    period by the state before. The run begins in mesh period `first_period` of the excitation.
+    Returns also the number of steps.
     """
     orbit.clear_summary(summary)
-    first_segment, inside = system.first_segment, system.inside
+    first_segment, active_set = system.first_segment, system.inside
     starts, renewed = system.starts, system.renewed
-    force, overlap, slip, damping = system.force, system.overlap, system.slip, system.damping
-    lower, longest, tuning = system.lower, system.longest, system.tuning
-    closing = system.closing
-    k, coast, unit = overlap.shape[2], overlap.shape[1], 1.0 / (tuning * tuning)
-    series, work = np.zeros((ROWS + k + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
+    force, overlaps, gap_rate, damping_levels = (
+        system.force,
+        system.overlap,
+        system.slip,
+        system.damping,
+    )
+    coast_line, max_step, tuning = system.lower, system.longest, system.tuning
+    may_jam = system.closing
+    pair_count, coast_set, force_scale = (
+        overlaps.shape[2],
+        overlaps.shape[1],
+        1.0 / (tuning * tuning),
+    )
+    series, work = np.zeros((ROWS + pair_count + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     strobe_count = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((strobe_count + 1, 2))
-    event_rows, steps, s, line = 0, 0, 0, -1
+    event_rows, steps, contact_set, start_pair = 0, 0, 0, -1
     for period in range(periods):
-        row = period - (periods - strobe_count)
-        if row >= 0:
-            strobes[row, 0], strobes[row, 1] = x, v
+        strobe = period - (periods - strobe_count)
+        if strobe >= 0:
+            strobes[strobe, 0], strobes[strobe, 1] = x, v
         recorded = period - (periods - record_periods)
-        sample, event_count = 0, 0
-        if maps.shape[0] > 0:
-            set_identity(maps[period])
-        number = (first + period) % system.repeats
-        begin = starts[first_segment[number]]
-        rows = samples_of(samples, recorded, record_periods)
-        for p in range(first_segment[number], first_segment[number + 1]):
-            is_start = period == 0 and p == first_segment[number]
-            flanks, pairs = overlap[p], inside[p]
-            if is_start or renewed[p]:
-                contact_before = _contact_of(s, coast)
-                s = touching(flanks, pairs, lower, 0.0, x)
-                line = -1
-                contact_after = _contact_of(s, coast)
-                if contact_after == NORMAL and x < lower:
+        sample_count, event_count = 0, 0
+        if period_maps.shape[0] > 0:
+            set_identity(period_maps[period])
+        number = (first_period + period) % system.repeats
+        period_start = starts[first_segment[number]]
+        period_samples = samples_of_period(samples, recorded, record_periods)
+        for segment in range(first_segment[number], first_segment[number + 1]):
+            is_run_start = period == 0 and segment == first_segment[number]
+            segment_overlaps, active_pairs = overlaps[segment], active_set[segment]
+            if is_run_start or renewed[segment]:
+                code_before = _contact_code_of(contact_set, coast_set)
+                contact_set = touching_set(segment_overlaps, active_pairs, coast_line, 0.0, x)
+                start_pair = -1
+                code_after = _contact_code_of(contact_set, coast_set)
+                if code_after == NORMAL and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
-                if recorded >= 0 and contact_after != contact_before and not is_start:
+                if recorded >= 0 and code_after != code_before and not is_run_start:
                     events, event_rows = orbit.count_event(
                         events,
                         event_rows,
                         period,
-                        starts[p] - begin,
-                        contact_before,
-                        contact_after,
+                        starts[segment] - period_start,
+                        code_before,
+                        code_after,
                         v,
                         summary,
                     )
-            phase, end = starts[p], starts[p + 1]
+            phase, end = starts[segment], starts[segment + 1]
             while phase < end:
-                t, drag = phase - starts[p], damping[1 if s else 0]
-                contact = _contact_of(s, coast)
-                force_row = force[p, s]
-                _expand(force_row, t, drag, slip[p], unit, x, v, series)
-                h = min(longest, end - phase)
+                t, damping = phase - starts[segment], damping_levels[1 if contact_set else 0]
+                contact_code = _contact_code_of(contact_set, coast_set)
+                force_line = force[segment, contact_set]
+                _expand(force_line, t, damping, gap_rate[segment], force_scale, x, v, series)
+                h = min(max_step, end - phase)
                 if end - phase - h < 1e-13:
                     h = end - phase
-                event_share, pair = _first_event(
-                    flanks, pairs, lower, closing, s, line, t, h, x, series, to_bernstein, work
+                event_share, pair = _first_contact_event(
+                    segment_overlaps,
+                    active_pairs,
+                    coast_line,
+                    may_jam,
+                    contact_set,
+                    start_pair,
+                    t,
+                    h,
+                    x,
+                    series,
+                    to_bernstein,
+                    work,
                 )
                 if event_share < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
-                if event_share <= 1.0 and (s != 0 and pair == k if s != coast else pair < k):
+                if event_share <= 1.0 and (
+                    contact_set != 0 and pair == pair_count
+                    if contact_set != coast_set
+                    else pair < pair_count
+                ):
                     return x, v, 0, events, 0, JAMMED, steps
                 h = h if event_share > 1.0 else event_share * h
                 x, v = state_at(series, h)
                 steps += 1
                 if not within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
-                if maps.shape[0] > 0:
-                    _map_step(force_row, t, drag, unit, h, maps[period])
+                if period_maps.shape[0] > 0:
+                    _map_step(force_line, t, damping, force_scale, h, period_maps[period])
                 if recorded >= 0:
                     # The lower stiffness is that of a single pair.
-                    low = s < coast and s & (s - 1) == 0
-                    add_step(tuning, low, to_bernstein, h, contact, series, work, summary)
+                    low = contact_set < coast_set and contact_set & (contact_set - 1) == 0
+                    add_step(tuning, low, to_bernstein, h, contact_code, series, work, summary)
                     if orbit.unresolved(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
-                    sample = add_samples(tuning, phase - begin, h, contact, series, rows, sample)
+                    sample_count = add_samples(
+                        tuning,
+                        phase - period_start,
+                        h,
+                        contact_code,
+                        series,
+                        period_samples,
+                        sample_count,
+                    )
                 phase += h
                 if event_share > 1.0:
-                    line = -1
+                    start_pair = -1
                     continue
                 event_count += 1
-                if event_count > limit:
+                if event_count > max_events:
                     return x, v, 0, events, 0, EVENT_LIMIT, steps
-                line = pair
-                s = (coast if s == 0 else 0) if pair == k else s ^ (1 << pair)
-                contact_after = _contact_of(s, coast)
-                if maps.shape[0] > 0:
-                    t = phase - starts[p]
-                    jump = (_value(force[p, s], t, x) - _value(force_row, t, x)) * unit
-                    jump += (damping[1 if s else 0] - drag) * (v - slip[p])
+                start_pair = pair
+                contact_set = (
+                    (coast_set if contact_set == 0 else 0)
+                    if pair == pair_count
+                    else contact_set ^ (1 << pair)
+                )
+                code_after = _contact_code_of(contact_set, coast_set)
+                if period_maps.shape[0] > 0:
+                    t = phase - starts[segment]
+                    jump = (
+                        _line_value(force[segment, contact_set], t, x)
+                        - _line_value(force_line, t, x)
+                    ) * force_scale
+                    jump += (damping_levels[1 if contact_set else 0] - damping) * (
+                        v - gap_rate[segment]
+                    )
                     factor, rate = 1.0, v
-                    if pair < k:
-                        row_of = flanks[s & ~(1 << pair), pair]
-                        factor = row_of[FACTOR] + row_of[FACTOR_SLOPE] * t
-                        rate = factor * v + row_of[FACTOR_SLOPE] * x - row_of[OFFSET_SLOPE]
+                    if pair < pair_count:
+                        overlap_line = segment_overlaps[contact_set & ~(1 << pair), pair]
+                        factor = overlap_line[FACTOR] + overlap_line[FACTOR_SLOPE] * t
+                        rate = (
+                            factor * v + overlap_line[FACTOR_SLOPE] * x - overlap_line[OFFSET_SLOPE]
+                        )
                     # The saltation matrix of a tangential crossing is the identity.
                     if rate != 0.0:
-                        multiply(1.0, 0.0, -jump * factor / rate, 1.0, maps[period])
-                if contact_after != contact and recorded >= 0:
+                        multiply(1.0, 0.0, -jump * factor / rate, 1.0, period_maps[period])
+                if code_after != contact_code and recorded >= 0:
                     events, event_rows = orbit.count_event(
                         events,
                         event_rows,
                         period,
-                        phase - begin,
-                        contact,
-                        contact_after,
+                        phase - period_start,
+                        contact_code,
+                        code_after,
                         v,
                         summary,
                     )
@@ -335,5 +433,5 @@ class Propagator(propagator.Propagator):
         self.system = model.system(tuning)
 
     def integrate(self, *arguments):
-        """Call `run_pairs` with the arguments and returns of that function."""
-        return run_pairs(self.system, propagator.TO_BERNSTEIN, *arguments)
+        """Run the kernel `run_tooth_pairs` with its remaining arguments; return its results."""
+        return run_tooth_pairs(self.system, propagator.TO_BERNSTEIN, *arguments)
