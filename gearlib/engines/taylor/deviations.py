@@ -84,11 +84,8 @@ def _fill_equation(constants, contact_code, sign, series, deviation):
     The motion has the Taylor series `series` and velocities of one sign. The constants, shape
     (COLUMNS,), are those of contact code and segment.
     """
-    damping_series, stiffness_series, force_slope = (
-        deviation[_DAMPING],
-        deviation[_STIFFNESS],
-        deviation[_FORCE_SLOPE],
-    )
+    damping_series, stiffness_series = deviation[_DAMPING], deviation[_STIFFNESS]
+    force_slope = deviation[_FORCE_SLOPE]
     d2, d3, p2, p3 = sign * constants[D2], constants[D3], constants[P2], constants[P3]
     for k in range(ORDER):
         damping_series[k] = 2.0 * d2 * series[VELOCITY, k] + 3.0 * d3 * series[VELOCITY_SQUARE, k]

@@ -118,7 +118,7 @@ def tabulate_law(law):
     )
     constants = np.empty((3, law.stiffness_lines.shape[0], COLUMNS))
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
-    load = _fill_harmonics(law.force_harmonics, harmonics[EXCITATION])
+    mean_force = _fill_harmonics(law.force_harmonics, harmonics[EXCITATION])
     for contact_code in (INVERSE, BACKLASH, NORMAL):
         # In the backlash the stiffness of the drive side is recorded, but it exerts no force.
         is_coast = contact_code == INVERSE
@@ -132,20 +132,11 @@ def tabulate_law(law):
             row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
             row[P2], row[P3] = side * law.stiffness_powers[0], law.stiffness_powers[1]
             row[FLANK_LINE] = law.coast_line if is_coast else law.drive_line
-            row[START_STIFFNESS], row[STIFFNESS_SLOPE] = (
-                stiffness_lines[segment, 0] + mean,
-                stiffness_lines[segment, 1],
-            )
-            row[START_PHASE], row[GROUND_STIFFNESS], row[MEAN_FORCE] = (
-                law.segment_bounds[segment],
-                law.ground_stiffness,
-                load,
-            )
-            row[DRIVE_LINE], row[COAST_LINE], row[TUNING] = (
-                law.drive_line,
-                law.coast_line,
-                law.tuning,
-            )
+            row[START_STIFFNESS] = stiffness_lines[segment, 0] + mean
+            row[STIFFNESS_SLOPE] = stiffness_lines[segment, 1]
+            row[START_PHASE], row[MEAN_FORCE] = law.segment_bounds[segment], mean_force
+            row[GROUND_STIFFNESS], row[TUNING] = law.ground_stiffness, law.tuning
+            row[DRIVE_LINE], row[COAST_LINE] = law.drive_line, law.coast_line
             row[STEP_SCALE] = law.tolerance ** (1.0 / ORDER)
     return constants, harmonics
 
@@ -227,20 +218,13 @@ def expand(
     velocity beyond the first.
     """
     i = contact_code + 1
-    d1, d2, d3 = (
-        constants[i, segment, D1],
-        velocity_sign * constants[i, segment, D2],
-        constants[i, segment, D3],
-    )
-    p2, p3, ground = (
-        constants[i, segment, P2],
-        constants[i, segment, P3],
-        constants[i, segment, GROUND_STIFFNESS],
-    )
+    d1, d3 = constants[i, segment, D1], constants[i, segment, D3]
+    d2 = velocity_sign * constants[i, segment, D2]
+    p2, p3 = constants[i, segment, P2], constants[i, segment, P3]
+    ground = constants[i, segment, GROUND_STIFFNESS]
     stiffness_slope = constants[i, segment, STIFFNESS_SLOPE]
-    stiffness = constants[i, segment, START_STIFFNESS] + stiffness_slope * (
-        phase - constants[i, segment, START_PHASE]
-    )
+    segment_phase = phase - constants[i, segment, START_PHASE]
+    stiffness = constants[i, segment, START_STIFFNESS] + stiffness_slope * segment_phase
     is_touching, has_harmonics = contact_code != BACKLASH, harmonics[i, 0, 0] != 0.0
     has_nonlinear_damping, has_nonlinear_stiffness = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
     for k in range(ORDER + 1):

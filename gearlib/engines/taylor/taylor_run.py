@@ -228,12 +228,8 @@ def run_nonlinear(
     series, work = np.zeros((ROWS, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     deviation, max_stiffness = np.zeros((6, ORDER + 1)), stiffness_bound(law)
     # Each access to a named tuple counts references, so the loop uses local names.
-    segment_bounds, below_mean, tuning, has_maps = (
-        law.segment_bounds,
-        law.below_mean,
-        law.tuning,
-        period_maps.shape[0] > 0,
-    )
+    segment_bounds, below_mean, tuning = law.segment_bounds, law.below_mean, law.tuning
+    has_maps = period_maps.shape[0] > 0
     strobe_count = min(periods, orbit.STROBE_PERIODS) if record_periods else 0
     strobes = np.empty((strobe_count + 1, 2))
     event_rows, steps = 0, 0

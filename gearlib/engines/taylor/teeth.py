@@ -78,7 +78,7 @@ class ToothPairSystem(NamedTuple):
 def _line_value(line, t, x):
     """Return factor x - offset, both linear in the phase t since the start of a segment.
 
-    The coefficients are (factor, factor slope, offset, offset slope), values at the segment start.
+    The line is (factor, factor slope, offset, offset slope), with values at the segment start.
     """
     factor = line[FACTOR] + line[FACTOR_SLOPE] * t
     return factor * x - line[OFFSET] - line[OFFSET_SLOPE] * t
@@ -112,8 +112,8 @@ def touching_set(overlaps, active_set, coast_line, t, x):
 def _fill_linear(series, quantity, line, t):
     """Fill the row `quantity` of `series` with factor x - offset, both linear in phase.
 
-    The coefficients are (factor, factor slope, offset, offset slope), values at the segment start;
-    the series starts at the phase t since then.
+    The line is (factor, factor slope, offset, offset slope), with values at the segment start; the
+    series starts at the phase t since then.
     """
     factor, factor_slope = line[FACTOR] + line[FACTOR_SLOPE] * t, line[FACTOR_SLOPE]
     series[quantity, 0] = factor * series[DISPLACEMENT, 0] - line[OFFSET] - line[OFFSET_SLOPE] * t
@@ -132,13 +132,11 @@ def _fill_linear(series, quantity, line, t):
 def _expand(line, t, damping, gap_rate, force_scale, x, v, series):
     """Fill the Taylor series of the motion through (x, v), t after the start of a segment.
 
-    The mesh force is factor x - offset with the coefficients (factor, factor slope, offset, offset
-    slope), times `force_scale`, 1 / nu^2. The gap without load changes at a rate by phase.
+    The mesh force is factor x - offset, times `force_scale`, 1 / nu^2; the line is (factor, factor
+    slope, offset, offset slope). The gap without load changes at a rate by phase.
     """
-    stiffness, stiffness_slope = (
-        (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale,
-        line[FACTOR_SLOPE] * force_scale,
-    )
+    stiffness = (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale
+    stiffness_slope = line[FACTOR_SLOPE] * force_scale
     # The external force is the load and the damping force due to the rate of the gap.
     load = force_scale + damping * gap_rate
     series[DISPLACEMENT, 0], series[VELOCITY, 0] = x, v
@@ -162,12 +160,10 @@ def _map_step(line, t, damping, force_scale, h, map_matrix):
     """Multiply a map of deviations, shape (2, 2), in place by the map of a step of length h.
 
     The step starts t after the start of a segment, whose mesh force is factor x - offset, times
-    `force_scale`, with the coefficients (factor, factor slope, offset, offset slope).
+    `force_scale`; the line is (factor, factor slope, offset, offset slope).
     """
-    stiffness, stiffness_slope = (
-        (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale,
-        line[FACTOR_SLOPE] * force_scale,
-    )
+    stiffness = (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale
+    stiffness_slope = line[FACTOR_SLOPE] * force_scale
     image = np.empty((2, 2))
     for j in range(2):
         previous_term, displacement_term, velocity_term = 0.0, 1.0 - j, 1.0 * j
@@ -271,19 +267,12 @@ def run_tooth_pairs(
     orbit.clear_summary(summary)
     first_segment, active_set = system.first_segment, system.inside
     starts, renewed = system.starts, system.renewed
-    force, overlaps, gap_rate, damping_levels = (
-        system.force,
-        system.overlap,
-        system.slip,
-        system.damping,
-    )
+    force, overlaps = system.force, system.overlap
+    gap_rate, damping_levels = system.slip, system.damping
     coast_line, max_step, tuning = system.lower, system.longest, system.tuning
     may_jam = system.closing
-    pair_count, coast_set, force_scale = (
-        overlaps.shape[2],
-        overlaps.shape[1],
-        1.0 / (tuning * tuning),
-    )
+    pair_count, coast_set = overlaps.shape[2], overlaps.shape[1]
+    force_scale = 1.0 / (tuning * tuning)
     series, work = np.zeros((ROWS + pair_count + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     strobe_count = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((strobe_count + 1, 2))
