@@ -35,6 +35,7 @@ class Base:
     proves_periods = False
 
     def __init__(self, model: Any, tuning: float):
+        """Set the model and its tuning."""
         self.model, self.tuning = model, tuning
 
     def at(self, tuning: float) -> "Base":

@@ -161,6 +161,7 @@ class _OneDegreeRun(_Run):
     RESTART_DISTANCE = 1e-15
 
     def __init__(self, problem: OneDegree, tol: float):
+        """Set the right-hand side and the relative tolerance of a step."""
         super().__init__(problem, tol=tol)
         self._branches: dict = {}
 
@@ -243,6 +244,7 @@ class _TrainRun(_Run):
     problem: PiecewiseLinear
 
     def __init__(self, problem: PiecewiseLinear, tol: float):
+        """Compile the equations of a right-hand side for a relative tolerance of a step."""
         import heyoka as hy
 
         super().__init__(problem, tol=tol)

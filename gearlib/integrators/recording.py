@@ -57,6 +57,7 @@ class Run:
     """
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
+        """Set the right-hand side and the settings of the solver, and tabulate low stiffness."""
         self.problem, self.settings, self.evaluations = problem, settings, 0
         self.meshes = range(len(problem.backlashes))
         # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.

@@ -88,6 +88,7 @@ class OneDegree(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
+        """Take over the law of a model at a tuning, smoothed if the sharpness is positive."""
         self.law = law = model.law(tuning)
         self.contact_law = equation_of_motion.contact_law_of(law, sharpness)
         self.segment_bounds = law.segment_bounds
@@ -207,6 +208,7 @@ class PiecewiseLinear(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float):
+        """Take over the system of a model at a tuning, with its flank distances and rates."""
         self.propagator = model.propagator(tuning)
         self.system, self._grid = self.propagator.whole()
         system, size = self.system, model.size

@@ -65,6 +65,7 @@ class Split(Run):
     RESTART_DISTANCE = 1e-14
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
+        """Set the right-hand side and the settings of the solver, and list the segments."""
         super().__init__(problem, **settings)
         #: For each mesh period: (segment, start, end) of its segments.
         self._segments = []

@@ -47,7 +47,8 @@ class ArcLaws:
     ``common_period``          mesh periods after which the excitation repeats
     """
 
-    def __init__(self, model, tuning):
+    def __init__(self, model, tuning: float):
+        """Set the laws of the arcs of a model at a tuning in balls, in a modal basis."""
         self.numbers, self.tuning = numbers_of(model, tuning), flint().arb(tuning)
         self.one_degree, self.common_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.numbers.meshes)

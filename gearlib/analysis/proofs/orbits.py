@@ -156,7 +156,11 @@ def pattern_of(codes: list, events: list[tuple]) -> tuple:
 class Proof:
     """The proof of one orbit at the current precision of ball arithmetic."""
 
-    def __init__(self, orbit, codes, events):
+    def __init__(self, orbit, codes: list, events: list[tuple]):
+        """Prove a candidate orbit with its contact codes at tau = 0 and its contact events.
+
+        Events are (phase, mesh, code before, code after). `Uncertain` is raised if a step fails.
+        """
         self.orbit, self.codes = orbit, tuple(codes)
         self.laws = laws = ArcLaws(orbit.pair, orbit.tuning)
         if orbit.period % laws.common_period:
@@ -329,7 +333,8 @@ def certify_range(orbit, *, to):
 class _Range:
     """The proof of a branch over a range of tunings, piece by piece."""
 
-    def __init__(self, orbit, codes, events):
+    def __init__(self, orbit, codes: list, events: list[tuple]):
+        """Prove the orbit, with contact codes at tau = 0 and contact events, at its own tuning."""
         if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
             name = type(orbit.pair).__name__
             text = "with harmonics of load, deviation or run-out is proven"

@@ -65,7 +65,8 @@ class Path:
     code after, ...) in their order, phases counted on over the periods; `scale` is 1 / nu, a ball.
     """
 
-    def __init__(self, laws, codes, events, period, scale=None):
+    def __init__(self, laws, codes, events, period: int, scale=None):
+        """Set nodes and arcs; the period is in mesh periods, `scale` is by default 1 / tuning."""
         self.laws, self.codes = laws, tuple(codes)
         self.scale = 1 / laws.tuning if scale is None else scale
         #: Nodes; numbers of those at which a common period ends; phases near those of contacts.
@@ -241,7 +242,8 @@ def smallest_interval() -> Any:
 class Windows:
     """A `Path` with windows of time around contacts that come together."""
 
-    def __init__(self, path, phases):
+    def __init__(self, path: Path, phases: list):
+        """Group the nodes of a `Path` by the phases of its contact events, balls in their order."""
         self.path, self.laws = path, path.laws
         #: (Indices of the nodes that are passed together, phase).
         self.groups: list = []

@@ -19,6 +19,7 @@ class Propagator(Base):
     description = "Taylor steps"
 
     def __init__(self, model, tuning: float, tolerance: float = TOLERANCE):
+        """Set the law of a model at a tuning, for a truncation error of each step."""
         super().__init__(model, tuning)
         self.tolerance = tolerance
         self.law = model.law(tuning, tolerance)

@@ -417,7 +417,8 @@ class Propagator(propagator.Propagator):
 
     at = Base.at
 
-    def __init__(self, model, tuning):
+    def __init__(self, model, tuning: float):
+        """Set the tables of the tooth pairs of a model at a tuning."""
         Base.__init__(self, model, tuning)
         self.system = model.system(tuning)
 
