@@ -32,7 +32,7 @@ class Curve:
     """A functional along a piece of an arc: a polynomial with balls as coefficients."""
 
     def __init__(self, coefficients: list, duration: Any, end: Any):
-        """Set the polynomial by power coefficients, balls, its duration and its value at the end."""
+        """Set the polynomial by its coefficients, balls, its duration and its value at the end."""
         self.value = flint().arb_poly(coefficients)
         self.rate = self.value.derivative()
         self.acceleration = self.rate.derivative()
