@@ -5,7 +5,7 @@ import numpy as np
 #: Shares of time that are this close to each other differ by the rounding of sums.
 FRACTION_TOLERANCE = 1e-9
 #: Width of a line in a plot over the height of the orbit: 0.3 mm in a phase plane of 3 cm.
-LINE = 0.01
+LINE_WIDTH = 0.01
 #: A motion so many times as large as its model grows; undamped ones reach 1e8 and more.
 MAX_GROWTH = 1e3
 
@@ -49,7 +49,7 @@ def without_growth(curve, extent):
 def spread(run):
     """Return the largest distance between mesh periods of a record over the height of the orbit.
 
-    A spread below `LINE` is a single line in a plot.
+    A spread below `LINE_WIDTH` is a single line in a plot.
     """
     x, share = run.displacement.values, run.phase.values / (2.0 * np.pi) % 1.0
     group = np.unique(np.round(share, 9) % 1.0, return_inverse=True)[1]
@@ -73,7 +73,7 @@ def ending(run):
 
 def steadiness(run):
     """Return as text whether a record is a single line in a plot, and where the motion settles."""
-    if spread(run) > LINE:
+    if spread(run) > LINE_WIDTH:
         return f"unsteady, {ending(run)}"
     return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {ending(run)}"
 

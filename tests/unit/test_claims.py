@@ -10,7 +10,7 @@ import xarray as xr
 from gearlib import config, sweep
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motions import LINE, spread, steadiness
+from gearlib.data.motions import LINE_WIDTH, spread, steadiness
 from gearlib.studies import (
     certificates,
     claims,
@@ -22,7 +22,7 @@ from gearlib.studies import paper as paper_studies
 from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift
 from gearlib.studies.claims.data import Data, NoData
-from gearlib.studies.claims.scene_claims import contact_ratios, jump_words, phase_shift
+from gearlib.studies.claims.scene_claims import contact_ratios, jump_description, phase_shift
 from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
@@ -143,9 +143,9 @@ def test_steady_is_what_draws_a_single_line():
     # Mesh periods 0.02 apart in an orbit 2.04 high.
     assert spread(orbit(1.0)) == pytest.approx(0.0, abs=1e-12)
     assert spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
-    assert spread(orbit(1.0, 1.02)) < LINE < spread(orbit(1.0, 1.03))
+    assert spread(orbit(1.0, 1.02)) < LINE_WIDTH < spread(orbit(1.0, 1.03))
     # Two loops by turns repeat, and are no single line.
-    assert drift(orbit(1.0, 1.5)) < 1e-12 and spread(orbit(1.0, 1.5)) > LINE
+    assert drift(orbit(1.0, 1.5)) < 1e-12 and spread(orbit(1.0, 1.5)) > LINE_WIDTH
 
 
 def test_both_readings_of_steady_are_printed(paper):
@@ -188,7 +188,7 @@ def test_what_moves_the_jump_between_the_papers_tunings_is_named():
     jumps |= {"shift_low": tunings - 0.8157 - half, "shift_high": tunings - 0.8157 + half}
     jumps = {name: ("variation", values) for name, values in jumps.items()}
     jumps |= {"kind": ("variation", ["none", "below", "between", "above", "doubtful"])}
-    words = jump_words(SimpleNamespace(jump=xr.Dataset(jumps)))
+    words = jump_description(SimpleNamespace(jump=xr.Dataset(jumps)))
     assert words.startswith("; from rest the orbit jumps at 0.8157000;")
     assert words.endswith(" with: between 2")
 

@@ -1,9 +1,8 @@
 """The paper's statements, checked against computed data.
 
-Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots;
-nothing is typed in. Where a strict reading answers otherwise, the verdict names both. A statement
-that differs stays in the table with its numbers; one for which the configuration has no data is
-"not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots. If a
+strict criterion gives another answer, the verdict names both. A statement without data in the
+configuration is "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
 
 ===================  =================================================
 module               responsibility
@@ -15,13 +14,18 @@ module               responsibility
 ===================  =================================================
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
 
 from gearlib.data.files import replacing
 from gearlib.studies.claims.data import Data, NoData
 from gearlib.studies.claims.statements import CHECKS
 
-HOLDS, DIFFERS, OPEN = "holds", "differs", "not evaluated"
+HOLDS, DIFFERS, NOT_EVALUATED = "holds", "differs", "not evaluated"
 
 
 @dataclass(frozen=True)
@@ -37,29 +41,27 @@ class Claim:
 
 
 def evaluate(
-    pair,
-    dampings,
-    resonance,
-    phase_planes,
-    phase_lag,
-    jump,
-    scenes,
-):
-    """Return the claims P1-P13.
+    pair: Any,
+    dampings: dict[str, dict],
+    resonance: xr.Dataset,
+    phase_planes: xr.Dataset,
+    phase_lag: xr.Dataset,
+    jump: xr.Dataset,
+    scenes: dict[str, xr.Dataset],
+) -> list[Claim]:
+    """Return the claims P1 to P13, judged on the data of a configuration.
 
-    pair (the gear pair; its damping is not used); dampings ({"material_damping": float,
-    "backlash_damping": float}, the damping combinations, N s/m, by name); resonance, phase_planes:
-    as gathered by `gearlib.data.gathering`; phase_lag: as computed by `gearlib.studies.phase_lag`;
-    jump: as computed by `gearlib.studies.jump`; scenes (as computed by `gearlib.studies.scenes`, by
-    name; P8 and P11-P13 look at those whose names begin with fig4, fig6, fig7, fig8).
+    `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
+    and backlash_damping (N s/m). The datasets are those of the targets of these names, scenes by
+    name; P8 and P11 to P13 use scenes whose names begin with fig4, fig6, fig7 and fig8.
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
     return [judge(check, data) for check in CHECKS]
 
 
-def judge(check, data):
-    """Return the claim of one statement."""
+def judge(check: tuple, data: Data) -> Claim:
+    """Return the claim of one statement; `check` is an entry of `CHECKS`."""
     identifier, statement, where, figure, rule = check
     try:
         holds, computed, *strictly = rule(data)
@@ -67,17 +69,17 @@ def judge(check, data):
         if strictly:
             verdict += f" at plot resolution; strictly {strictly[0]}"
     except NoData as reason:
-        verdict, computed = OPEN, str(reason)
+        verdict, computed = NOT_EVALUATED, str(reason)
     return Claim(identifier, statement, where, computed, verdict, figure)
 
 
-def rows(claims):
-    """Yield the claims as a table, a row per statement."""
+def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
+    """Yield the rows of the table of claims: the names of the columns, then a row per claim."""
     yield [field.name for field in fields(Claim)]
     yield from map(astuple, claims)
 
 
-def write_markdown(claims, path):
+def write_markdown(claims: Sequence[Claim], path: Path) -> None:
     """Write the claims as a Markdown table, replacing the file in one step."""
     lines = [
         "# Statements of the paper against computed data",

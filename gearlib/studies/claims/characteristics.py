@@ -1,59 +1,73 @@
 """Rules for the statements on scales, characteristics and phase planes, Fig. 3 and 5.
 
-A rule gets the `Data` and returns (whether the statement holds, the computed numbers in words).
-All are judged with the accuracy of the paper's plots. Where a stricter reading, that an orbit
-repeats after whole mesh periods within 1e-6 of its height, gives another answer, a rule returns
-what it finds as a third item.
+A rule gets the `Data` of a configuration and returns whether the statement holds, and a
+description of the computed numbers. Statements are judged with the accuracy of the paper's plots.
+If the strict criterion gives another answer, that an orbit must repeat after whole mesh periods to
+within 1e-6 of its height, a rule returns a third item that describes it.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+import xarray as xr
 
-from gearlib.data.motions import LINE, ending, spread, true_intervals
-from gearlib.studies.claims.data import READING, TOUCH
+from gearlib.data.motions import LINE_WIDTH, ending, spread, true_intervals
+from gearlib.studies.claims.data import CONTACT_TOLERANCE, PLOT_RESOLUTION, Data
 
-#: How far the band around nu = 0.66 may reach to be "a small region": the paper gives one figure.
+#: Half width, in tuning, of the "small region" near 0.66: the paper does not state it.
 SMALL_REGION = 0.02
 
 
-def intervals(tuning, where):
-    """Return the ranges of tuning in which `where` is true, in words."""
-    pairs = [(tuning[i], tuning[j]) for i, j in true_intervals(where)]
-    return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} ... {b:.4g}" for a, b in pairs) or "none"
+def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
+    """Return the intervals of tuning in which a condition holds, as text."""
+    texts = []
+    for first, last in true_intervals(condition):
+        lower, upper = tuning[first], tuning[last]
+        texts.append(f"{lower:.4g}" if lower == upper else f"{lower:.4g} ... {upper:.4g}")
+    return ", ".join(texts) or "none"
 
 
-def scales(data):
+def loses_contact(curve: xr.Dataset) -> np.ndarray:
+    """Return whether contact is lost at each tuning of a characteristic or phase plane."""
+    return curve.displacement_min.values < -CONTACT_TOLERANCE
+
+
+def scales(data: Data) -> tuple:
+    """Judge P1: the printed tunings at the largest and the smallest stiffness."""
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
-    got = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
-    # Printed with four decimals.
-    holds = all(
-        abs(a - b) <= 0.5001e-4 for nu in printed for a, b in zip(printed[nu], got[nu], strict=True)
-    )
-    return holds, "; ".join(f"{nu:g}: {a:.5f}, {b:.5f}" for nu, (a, b) in got.items())
+    computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
+    # The paper prints four decimals.
+    differences = np.subtract([*printed.values()], [*computed.values()])
+    holds = bool((np.abs(differences) <= 0.5001e-4).all())
+    texts = [f"{nu:g}: {largest:.5f}, {least:.5f}" for nu, (largest, least) in computed.items()]
+    return holds, "; ".join(texts)
 
 
-def damping_ratios(data):
-    # N s/m, as printed, and half a unit of the last printed digit.
+def damping_ratios(data: Data) -> tuple:
+    """Judge P2: the printed damping ratios of three material dampings."""
+    # Damping in N s/m -> printed ratio, and half a unit of its last digit.
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
-    got = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
-    holds = all(abs(got[k] - beta) <= digit for k, (beta, digit) in printed.items())
-    return holds, "; ".join(f"{k:g} N s/m: {beta:.6g}" for k, beta in got.items())
+    computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
+    holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
+    return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
 
 
-def conservative_smooth(data):
-    curve = data.curve(data.names(False, False)[0], 0.6, 0.8 - READING)
-    lost = curve.displacement_min.values < -TOUCH
+def conservative_smooth(data: Data) -> tuple:
+    """Judge P4: without damping contact is lost below a tuning of 0.8 only in a small region."""
+    curve = data.curve(data.names(False, False)[0], 0.6, 0.8 - PLOT_RESOLUTION)
+    lost = loses_contact(curve)
     tuning = curve.tuning.values
     inside = abs(tuning - 0.66) <= SMALL_REGION
     holds = bool(lost[inside].any() and not lost[~inside].any())
-    # The upper end is the paper's 0.8 less the reading of its plot; where exactly bounces begin
-    # is the next statement.
-    return holds, f"below {0.8 - READING:g}: contact lost at {intervals(tuning, lost)}"
+    # The upper limit leaves room for the next statement, which says where bounces begin.
+    return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {interval_text(tuning, lost)}"
 
 
-def conservative_chaotic(data):
+def conservative_chaotic(data: Data) -> tuple:
+    """Judge P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
     curve = data.curve(data.names(False, False)[0], 0.7, 1.12)
     tuning = curve.tuning.values
-    lost = curve.displacement_min.values < -TOUCH
+    lost = curve.displacement_min.values < -CONTACT_TOLERANCE
     first = tuning[lost][0] if lost.any() else np.nan
     above = tuning >= first
     share = {
@@ -61,130 +75,154 @@ def conservative_chaotic(data):
         "inverse mesh": (curve.fraction_inverse.values[above] > 0).mean(),
         "unsteady": (curve.period.values[above] == 0).mean(),
     }
-    # "Bounces and inverse mesh, chaotic": no tuning without bounces, and each found in most.
-    holds = abs(first - 0.8) <= READING and share["contact lost"] == 1.0
+    # Every tuning must have bounces, most of them back-side contact and chaotic motion.
+    holds = abs(first - 0.8) <= PLOT_RESOLUTION and share["contact lost"] == 1.0
     holds &= share["inverse mesh"] > 0.5 and share["unsteady"] > 0.5
-    # At which of them, rounding decides: the motion is chaotic.
-    words = ", ".join(f"{name}: {in_words(value)}" for name, value in share.items())
-    return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {words}"
+    text = ", ".join(f"{name}: {share_text(value)}" for name, value in share.items())
+    return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {text}"
 
 
-def in_words(share):
-    """Return a share of chaotic motions: exactly how many, rounding decides."""
-    some = "most" if share > 0.5 else "some"
-    return {1.0: "all", 0.0: "none"}.get(float(share), some)
+def share_text(share: float) -> str:
+    """Return a share of chaotic motions as "all", "most", "some" or "none".
+
+    The exact number depends on rounding errors.
+    """
+    if share in (0.0, 1.0):
+        return "all" if share else "none"
+    return "most" if share > 0.5 else "some"
 
 
-def damped_bounces(data):
-    low, high = 0.6, data.resonance.tuning.values[-1]
-    holds, words = True, []
+def damped_bounces(data: Data) -> tuple:
+    """Judge P6: with material damping contact is lost only between the tunings 0.8 and 1.12."""
+    highest = data.resonance.tuning.values[-1]
+    holds, texts = True, []
     for name in data.names(material=True):
-        curve = data.curve(name, low, max(high, 1.12 + 2 * READING))
+        curve = data.curve(name, 0.6, max(highest, 1.12 + 2 * PLOT_RESOLUTION))
         tuning = curve.tuning.values
-        lost = curve.displacement_min.values < -TOUCH
+        lost = loses_contact(curve)
         inverse = bool((curve.fraction_inverse.values > 0).any())
         first, last = (tuning[lost][0], tuning[lost][-1]) if lost.any() else (np.nan, np.nan)
-        holds &= abs(first - 0.8) <= 2 * READING and abs(last - 1.12) <= 2 * READING
+        holds &= abs(first - 0.8) <= 2 * PLOT_RESOLUTION and abs(last - 1.12) <= 2 * PLOT_RESOLUTION
         holds &= not inverse
-        words.append(
-            f"{name}: {intervals(tuning, lost)}, inverse mesh {'yes' if inverse else 'no'}"
+        texts.append(
+            f"{name}: {interval_text(tuning, lost)}, inverse mesh {'yes' if inverse else 'no'}"
         )
-    return bool(holds), "contact lost at " + "; ".join(words)
+    return bool(holds), "contact lost at " + "; ".join(texts)
 
 
-def only_oil_bounces_above(data):
-    high = data.resonance.tuning.values[-1]
+def only_oil_bounces_above(data: Data) -> tuple:
+    """Judge P7: above a tuning of 1.12, damped motions lose contact with oil damping only."""
+    highest = data.resonance.tuning.values[-1]
     damped = [name for name, flags in data.dampings.items() if any(flags)]
     oil = data.names(False, True)
     lost = {}
     for name in damped:
-        # Above the paper's 1.12 by more than the reading of its plot.
-        curve = data.curve(name, 1.12 + 2 * READING, high)
-        lost[name] = float((curve.displacement_min.values < -TOUCH).mean())
+        # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
+        curve = data.curve(name, 1.12 + 2 * PLOT_RESOLUTION, highest)
+        lost[name] = float(loses_contact(curve).mean())
     holds = all((share > 0) == (name in oil) for name, share in lost.items())
-    words = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
-    return holds, f"tunings above 1.14 with contact lost: {words}"
+    text = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
+    return holds, f"tunings above 1.14 with contact lost: {text}"
 
 
-_PLANES = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
+#: Tunings of the phase planes in the paper's Fig. 5.
+_PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 
 
-def conservative_planes(data):
+def conservative_planes(data: Data) -> tuple:
+    """Judge P9: which phase planes without damping are unsteady, bounce, or strike back sides."""
     name = data.names(False, False)[0]
-    planes = data.planes(name, list(_PLANES))
-    unsteady = np.array([spread(planes.isel(tuning=i)) > LINE for i in range(len(_PLANES))])
-    lost = planes.displacement_min.values < -TOUCH
+    planes = data.planes(name, _PLANE_TUNINGS)
+    unsteady = _spreads(planes) > LINE_WIDTH
+    lost = loses_contact(planes)
     inverse = planes.fraction_inverse.values > 0
-    at = np.array(_PLANES)
+    tunings = np.array(_PLANE_TUNINGS)
     holds = bool(unsteady.all())
-    holds &= at[lost].tolist() == [0.66, 0.80, 0.81, 0.82]
-    holds &= at[inverse].tolist() == [0.81, 0.82]
-    words = {"unsteady": unsteady, "bounces": lost, "inverse mesh": inverse}
-    words = "; ".join(f"{key} at {listed(at[where])}" for key, where in words.items())
-    return holds, words, *_strictly({name: (planes, unsteady)})
+    holds &= tunings[lost].tolist() == [0.66, 0.80, 0.81, 0.82]
+    holds &= tunings[inverse].tolist() == [0.81, 0.82]
+    conditions = {"unsteady": unsteady, "bounces": lost, "inverse mesh": inverse}
+    text = "; ".join(
+        f"{condition} at {tuning_list(tunings[selected])}"
+        for condition, selected in conditions.items()
+    )
+    return holds, text, *_strict_differences({name: (planes, unsteady)})
 
 
-def damped_planes(data):
+def damped_planes(data: Data) -> tuple:
+    """Judge P10: which phase planes with damping are unsteady."""
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.names(False, True):
         expected[name] = [0.60, 0.66, 0.78]
-    at = np.array(_PLANES)
-    holds, words, seen = True, [], {}
+    tunings = np.array(_PLANE_TUNINGS)
+    holds, texts, planes_by_damping = True, [], {}
     for name in expected:
-        planes = data.planes(name, list(_PLANES))
-        spreads = np.array([spread(planes.isel(tuning=i)) for i in range(at.size)])
-        seen[name] = planes, spreads > LINE
-        holds &= at[spreads > LINE].tolist() == expected[name]
-        at_these = ", ".join(
-            f"{at[i]:.2f} ({spreads[i]:.1g}, {ending(planes.isel(tuning=i))})"
-            for i in np.flatnonzero(spreads > LINE)
+        planes = data.planes(name, _PLANE_TUNINGS)
+        spreads = _spreads(planes)
+        unsteady = spreads > LINE_WIDTH
+        planes_by_damping[name] = planes, unsteady
+        holds &= tunings[unsteady].tolist() == expected[name]
+        cases = ", ".join(
+            f"{tunings[i]:.2f} ({spreads[i]:.1g}, {ending(planes.isel(tuning=i))})"
+            for i in np.flatnonzero(unsteady)
         )
-        words.append(f"{name} unsteady at {at_these or 'none'}")
-    words = "; ".join(words) + " (in brackets: how far mesh periods lie apart, over the height)"
-    return holds, words, *_strictly(seen)
+        texts.append(f"{name} unsteady at {cases or 'none'}")
+    text = "; ".join(texts) + " (in brackets: how far mesh periods lie apart, over the height)"
+    return holds, text, *_strict_differences(planes_by_damping)
 
 
-def _strictly(seen):
-    """Return what does not repeat strictly but looks steady, or the reverse; empty: nothing.
+def _spreads(planes: xr.Dataset) -> np.ndarray:
+    """Return the distance of mesh periods over the orbit height in each phase plane."""
+    return np.array([spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
-    `seen`: phase planes and whether they look unsteady, by the name of the damping.
+
+def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> list[str]:
+    """Return a description of orbits that look steady but do not repeat, or the reverse.
+
+    `planes_by_damping` maps dampings to their phase planes and to whether each looks unsteady. The
+    list is empty if there are no such orbits.
     """
-    others = []
-    for name, (planes, unsteady) in seen.items():
+    differences = []
+    for name, (planes, unsteady) in planes_by_damping.items():
         for i in range(unsteady.size):
             plane = planes.isel(tuning=i)
-            period = repeats(plane)
+            period = repetition_period(plane)
             if unsteady[i] == (period == 0):
                 continue
-            change = f"changes by {drift(plane):.1g} of its height per orbit"
-            change = f"repeats after {period} periods" if period else change
-            others.append(f"{name} at {float(plane.tuning):.2f} {change}")
-    return [", ".join(others)] if others else []
+            text = f"changes by {drift(plane):.1g} of its height per orbit"
+            if period:
+                text = f"repeats after {period} periods"
+            differences.append(f"{name} at {float(plane.tuning):.2f} {text}")
+    return [", ".join(differences)] if differences else []
 
 
-def drift(run):
-    """Return by how much an unsteady orbit misses repeating, over its height.
+def drift(run: xr.Dataset) -> float:
+    """Return the smallest change of an orbit after whole mesh periods, over its height.
 
-    The smallest over whole numbers of mesh periods up to half the record; tells a motion that
-    still settles from one that never does.
+    It distinguishes a motion that still settles from one that never repeats.
     """
-    return min(_misses(run), default=np.nan)
+    return min(_changes_by_period(run), default=np.nan)
 
 
-def repeats(run):
-    """Return after how many mesh periods a record repeats to 1e-6 of its height; 0: it does not."""
-    return next((n for n, miss in enumerate(_misses(run), 1) if miss <= 1e-6), 0)
+def repetition_period(run: xr.Dataset) -> int:
+    """Return the mesh periods after which an orbit repeats to 1e-6 of its height, 0 if never."""
+    for period, change in enumerate(_changes_by_period(run), 1):
+        if change <= 1e-6:
+            return period
+    return 0
 
 
-def _misses(run):
-    x, n = run.displacement.values, _per_period(run)
-    return [np.abs(x[k:] - x[:-k]).max() / np.ptp(x) for k in range(n, x.size // 2 + 1, n)]
+def _changes_by_period(run: xr.Dataset) -> list[float]:
+    """Return the largest change of displacement after 1, 2, ... mesh periods, over the height.
+
+    The periods go up to half the record.
+    """
+    displacement = run.displacement.values
+    samples_per_period = round(2.0 * np.pi / float(run.phase[1] - run.phase[0]))
+    shifts = range(samples_per_period, displacement.size // 2 + 1, samples_per_period)
+    height = np.ptp(displacement)
+    return [np.abs(displacement[n:] - displacement[:-n]).max() / height for n in shifts]
 
 
-def _per_period(run):
-    # The phase starts at zero, so that its size over its span counts the samples of a period.
-    return round(2.0 * np.pi / float(run.phase[1] - run.phase[0]))
-
-
-def listed(values):
-    return ", ".join(f"{value:.2f}" for value in values) or "none"
+def tuning_list(tunings: Sequence[float]) -> str:
+    """Return tunings as text with two decimals."""
+    return ", ".join(f"{tuning:.2f}" for tuning in tunings) or "none"

@@ -1,12 +1,16 @@
-"""The data of one configuration, asked for by what a statement needs."""
+"""The computed data of one configuration, selected by what a statement needs."""
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-#: Displacements this little below a flank line are contact: far above rounding (1e-14), far below
-#: the thickness of a line. A conservative mesh from rest touches y = 0 in every period.
-TOUCH = 1e-6
-#: The paper reads nu = 0.8 and 1.12 off a plot of its own resolution, 0.01.
-READING = 0.01
+#: Displacements down to this much below zero count as contact. It is far above rounding errors,
+#: 1e-14, and far below the width of a plotted line: undamped motions touch y = 0 in every period.
+CONTACT_TOLERANCE = 1e-6
+#: Resolution in tuning of the plot from which the paper reads nu = 0.8 and 1.12.
+PLOT_RESOLUTION = 0.01
 
 
 class NoData(Exception):
@@ -14,58 +18,74 @@ class NoData(Exception):
 
 
 class Data:
-    """The data of one configuration, asked for by what a statement needs."""
+    """The computed data of one configuration, selected by what a statement needs."""
 
-    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes):
+    def __init__(
+        self,
+        pair: Any,
+        dampings: dict[str, dict],
+        resonance: xr.Dataset,
+        phase_planes: xr.Dataset,
+        phase_lag: xr.Dataset,
+        jump: xr.Dataset,
+        scenes: dict[str, xr.Dataset],
+    ) -> None:
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
+        #: Name of a damping -> whether it has material damping, and backlash damping.
         self.dampings = {
             name: (values["material_damping"] > 0.0, values["backlash_damping"] > 0.0)
             for name, values in dampings.items()
         }
 
-    def names(self, material=None, backlash=None):
+    def names(self, material: bool | None = None, backlash: bool | None = None) -> list[str]:
         """Return the dampings with or without (None: either) material and backlash damping."""
-        found = [
+        names = [
             name
             for name, (has_material, has_backlash) in self.dampings.items()
             if material in (None, has_material) and backlash in (None, has_backlash)
         ]
-        if not found:
+        if not names:
             raise NoData("no such damping combination is configured")
-        return found
+        return names
 
-    def curve(self, name, low, high):
-        """Return the cold characteristic of one damping on [low, high]."""
+    def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
+        """Return the characteristic from rest of one damping on a range of tunings."""
         if "cold" not in self.resonance.direction.values:
             raise NoData("no cold resonance characteristic is configured")
         tuning = self.resonance.tuning.values
-        # Half a step of slack at most: tunings are decimals, bounds may differ by rounding.
-        slack = 1e-9
-        chosen = (tuning >= low - slack) & (tuning <= high + slack)
-        if not chosen.any() or tuning[0] > low + READING or tuning[-1] < high - READING:
-            raise NoData(f"the configured tunings do not cover {low:g} ... {high:g}")
-        curve = self.resonance.sel(damping=name, direction="cold").isel(tuning=chosen)
+        # Tunings are decimals and may differ from the limits by rounding errors.
+        rounding = 1e-9
+        selected = (tuning >= lowest - rounding) & (tuning <= highest + rounding)
+        starts_late = tuning[0] > lowest + PLOT_RESOLUTION
+        ends_early = tuning[-1] < highest - PLOT_RESOLUTION
+        if not selected.any() or starts_late or ends_early:
+            raise NoData(f"the configured tunings do not cover {lowest:g} ... {highest:g}")
+        curve = self.resonance.sel(damping=damping, direction="cold").isel(tuning=selected)
         if (curve.status != 0).any():
-            raise NoData(f"some runs of {name} could not go on")
+            raise NoData(f"some runs of {damping} could not go on")
         return curve
 
-    def scene(self, figure, cases=None):
-        """Return the scene of a figure, which must have so many cases (None: any number)."""
-        found = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
-        if not found or cases not in (None, found[0].sizes["case"]):
-            raise NoData(f"no scene {figure}{f' of {cases} cases' if cases else ''} is configured")
-        if (found[0].status != 0).any():
-            raise NoData("some of the runs could not go on")
-        return found[0]
+    def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
+        """Return the first scene whose name begins with a figure, such as "fig4".
 
-    def planes(self, names, tunings):
-        """Return the phase planes of some dampings at some tunings."""
-        there = self.phase_planes.tuning.values
+        Raise NoData if there is none, or if it does not have this number of cases (None: any).
+        """
+        scenes = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
+        if not scenes or cases not in (None, scenes[0].sizes["case"]):
+            raise NoData(f"no scene {figure}{f' of {cases} cases' if cases else ''} is configured")
+        if (scenes[0].status != 0).any():
+            raise NoData("some of the runs could not go on")
+        return scenes[0]
+
+    def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
+        """Return the phase planes of one damping at some tunings."""
+        configured = self.phase_planes.tuning.values
         for tuning in tunings:
-            if not np.isclose(there, tuning, rtol=0.0, atol=1e-9).any():
+            if not np.isclose(configured, tuning, rtol=0.0, atol=1e-9).any():
                 raise NoData(f"no phase plane at nu = {tuning:g} is configured")
-        planes = self.phase_planes.sel(damping=names).sel(tuning=tunings, method="nearest")
+        planes = self.phase_planes.sel(damping=damping)
+        planes = planes.sel(tuning=list(tunings), method="nearest")
         if (planes.status != 0).any():
             raise NoData("some of the runs could not go on")
         return planes

@@ -2,84 +2,93 @@
 
 import numpy as np
 
-from gearlib.data.motions import LINE, spread
+from gearlib.data.motions import LINE_WIDTH, spread
 from gearlib.studies.certificates import FIG6_TUNINGS
-from gearlib.studies.claims.characteristics import in_words, repeats
-from gearlib.studies.claims.data import NoData
+from gearlib.studies.claims.characteristics import repetition_period, share_text
+from gearlib.studies.claims.data import Data, NoData
 
-#: Degrees; a shift smaller than that is within the line width of a printed time course.
+#: Smaller phase shifts, degrees, are within the line width of a printed time history.
 VISIBLE_SHIFT = 1.0
 
 
-def phase_shift(data):
+def phase_shift(data: Data) -> tuple:
+    """Judge P3: the material damping visibly shifts the phase of the motion."""
     lag = data.phase_lag.lag.isel(harmonic=0)
     if lag.size < 2 or lag.isnull().any():
         raise NoData("fewer than two dampings have an orbit of one mesh period")
     pairs = zip(lag.damping.values, lag.values, strict=True)
-    words = ", ".join(f"k1 = {k:g} N s/m: {v:.3f}" for k, v in pairs)
+    text = ", ".join(f"k1 = {damping:g} N s/m: {degrees:.3f}" for damping, degrees in pairs)
     tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
-    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {words}"
+    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
 
 
-def contact_ratios(data):
+def contact_ratios(data: Data) -> tuple:
+    """Judge P8: a small contact ratio means mostly low mesh stiffness, a large one mostly high."""
     scene = data.scene("fig4", 2)
-    low = scene.fraction_min_stiffness.values
-    high = (scene.fraction_normal + scene.fraction_inverse).values - low
-    words = "; ".join(
-        f"{title}: {100 * a:.0f} % in mesh at C_min, {100 * b:.0f} % at C_max"
-        for title, a, b in zip(scene.case.values, low, high, strict=True)
+    low_stiffness = scene.fraction_min_stiffness.values
+    high_stiffness = (scene.fraction_normal + scene.fraction_inverse).values - low_stiffness
+    text = "; ".join(
+        f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
+        for title, low, high in zip(scene.case.values, low_stiffness, high_stiffness, strict=True)
     )
-    return bool(low[0] > 0.5 and high[1] > 0.5), words
+    return bool(low_stiffness[0] > 0.5 and high_stiffness[1] > 0.5), text
 
 
-def two_tunings(data):
+def two_tunings(data: Data) -> tuple:
+    """Judge P11: two neighbouring tunings give small and large bounces."""
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
     if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
-        raise NoData(
-            f"no scene fig6 with tunings {FIG6_TUNINGS[0]:g} and {FIG6_TUNINGS[1]:g} is configured"
-        )
-    words = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
-    # Small and large bounces: one several times as deep as the other.
+        first, second = FIG6_TUNINGS
+        raise NoData(f"no scene fig6 with tunings {first:g} and {second:g} is configured")
+    text = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
+    # Large bounces are at least three times as deep as small ones.
     small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in FIG6_TUNINGS)
-    return bool(small > 0.0 and large > 3.0 * small), words + jump_words(data)
+    return bool(small > 0.0 and large > 3.0 * small), text + jump_description(data)
 
 
-def jump_words(data):
-    """Return where the motion from rest jumps, and what moves it between the paper's tunings."""
+def jump_description(data: Data) -> str:
+    """Return where the motion from rest jumps, and what moves the jump between two tunings.
+
+    The tunings are those of the paper's Fig. 6.
+    """
     jumps = data.jump
-    base = float(jumps.jump[0])
-    if not np.isfinite(base):
+    reference = float(jumps.jump[0])
+    if not np.isfinite(reference):
         return "; no jump from rest in the scan"
-    # Of a tolerance the whole range over its starts.
-    low, high = base + jumps.shift_low.values, base + jumps.shift_high.values
-    inside = (low >= FIG6_TUNINGS[0]) & (high <= FIG6_TUNINGS[1])
-    movers = [
-        f"{kind} {value:g}"
-        for kind, value in zip(jumps.kind.values[inside], jumps.value.values[inside], strict=True)
-    ]
-    words = f"; from rest the orbit jumps at {base:.7f}"
-    movers = ", ".join(movers) or "no variation"
-    return words + f"; between {FIG6_TUNINGS[0]:g} and {FIG6_TUNINGS[1]:g} with: {movers}"
+    lower, upper = FIG6_TUNINGS
+    lowest, highest = reference + jumps.shift_low.values, reference + jumps.shift_high.values
+    between = (lowest >= lower) & (highest <= upper)
+    variations = zip(jumps.kind.values[between], jumps.value.values[between], strict=True)
+    texts = ", ".join(f"{kind} {value:g}" for kind, value in variations) or "no variation"
+    location = f"; from rest the orbit jumps at {reference:.7f}"
+    return location + f"; between {lower:g} and {upper:g} with: {texts}"
 
 
-def time_at_min_stiffness(data):
+def time_at_min_stiffness(data: Data) -> tuple:
+    """Judge P12: the order of three dampings by time in mesh at the lower stiffness."""
     scene = data.scene("fig7", 3)
     material, oil, both = scene.fraction_min_stiffness.values
-    words = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {oil:.4f} of the time"
-    return bool(both > material > oil), words
+    text = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {oil:.4f} of the time"
+    return bool(both > material > oil), text
 
 
-def six_degrees(data):
+def six_degrees(data: Data) -> tuple:
+    """Judge P13: the undamped motion with six degrees of freedom is unsteady and bounces."""
     run = data.scene("fig8", 1).isel(case=0)
-    apart, bounces, period = spread(run), float(run.bounces), repeats(run)
-    share = float(run.losing_share)
-    words = f"mesh periods {apart:.1g} of the height apart, {bounces:.3g} bounces per mesh period, "
-    words += f"y_min {float(run.displacement_min):.3g}"
+    distance, bounces, period = spread(run), float(run.bounces), repetition_period(run)
+    unsteady, share = distance > LINE_WIDTH, float(run.losing_share)
+    text = (
+        f"mesh periods {distance:.1g} of the height apart, "
+        f"{bounces:.3g} bounces per mesh period, y_min {float(run.displacement_min):.3g}"
+    )
     if not run.free_of_rounding:
-        words = f"from rest {'unsteady' if apart > LINE else 'steady'}, contact "
-        words += f"{'lost' if bounces > 0.0 else 'kept'}; lost from {in_words(share)} of the "
-        words += "seeded starts beside; how often, rounding decides"
-    # Steady over several mesh periods: no single line in a plot, and yet it repeats.
-    strictly = [f"it repeats after {period} periods"] if apart > LINE and period else []
-    return apart > LINE and bounces > 0.0 and share > 0.5, words, *strictly
+        text = (
+            f"from rest {'unsteady' if unsteady else 'steady'}, "
+            f"contact {'lost' if bounces > 0.0 else 'kept'}; "
+            f"lost from {share_text(share)} of the seeded starts beside; "
+            "how often, rounding decides"
+        )
+    # A motion of several mesh periods is no single line in a plot, but it repeats.
+    strictly = [f"it repeats after {period} periods"] if unsteady and period else []
+    return unsteady and bounces > 0.0 and share > 0.5, text, *strictly
