@@ -95,7 +95,7 @@ def test_the_settled_orbit(known, name):
 def test_a_problem_that_settles_on_no_orbit_of_one_period_has_none():
     # Without damping, and so on nothing at all.
     problem = build("conservative")
-    orbit, multiplier = references.settled(problem)
+    orbit, multiplier = references.settled_orbit(problem)
     assert np.isnan(orbit).all() and math.isnan(multiplier)
 
 

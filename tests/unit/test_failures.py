@@ -142,13 +142,13 @@ def test_the_judge_is_never_the_method_itself():
     for key, question in known.items():
         for method, module in integrators.METHODS.items():
             if module.takes(question.model):
-                judge, options = failures.judge_of(question, method)
+                judge, options = failures.reference_method(question, method)
                 assert judge != method or (method == "scipy" and options["rtol"] == 1e-13), key
-    assert failures.judge_of(known["rest_near"], "rk4") == ("exact", {})
-    assert failures.judge_of(known["rest_near"], "exact") == ("taylor", {})
-    assert failures.judge_of(known["cubic_damping"], "rk4") == ("taylor", {})
-    assert failures.judge_of(known["cubic_damping"], "taylor")[0] == "scipy"
-    assert failures.judge_of(known["stiff_bearings"], "scipy") == ("exact", {})
+    assert failures.reference_method(known["rest_near"], "rk4") == ("exact", {})
+    assert failures.reference_method(known["rest_near"], "exact") == ("taylor", {})
+    assert failures.reference_method(known["cubic_damping"], "rk4") == ("taylor", {})
+    assert failures.reference_method(known["cubic_damping"], "taylor")[0] == "scipy"
+    assert failures.reference_method(known["stiff_bearings"], "scipy") == ("exact", {})
 
 
 def test_interpreted_solvers_run_the_brief_periods_of_long_problems():

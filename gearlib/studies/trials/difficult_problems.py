@@ -63,24 +63,29 @@ _RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617,
 _EVENTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
-def _ratios(**changes):
-    """Return a pair by its ratios."""
+def _ratios(**changes: float) -> GearPair:
+    """Return the default gear pair with changed arguments of `GearPair.from_ratios`."""
     return GearPair.from_ratios(**(_RATIOS | changes))
 
 
-def _grazing(side, exponent):
-    """Return the problem whose motion turns 10^exponent past or short of the normal flank line."""
+def _grazing(side: str, exponent: int) -> Problem:
+    """Return a problem whose motion turns back at a distance of 10^exponent from the flank line.
+
+    `side` is "past" or "short of" the drive-side flank line.
+    """
     tuning, turn, depth = 0.9, 0.9, 10.0**exponent * (1 if side == "past" else -1)
-    # Backwards from the turning point; a depth in the backlash differs from one in contact by
-    # depth times itself.
+    # The start is computed backwards from the turning point, with the equation of contact.
     high = levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
     start = meissner.state_after((-depth, 0.0), high, 0.0, tuning, -turn)
     words = f"grazing, 1e{exponent} {side} the flank line"
     return Problem(words, _UNDAMPED, tuning, start, **_EVENTS)
 
 
-def _tongue(name, centre, periods):
-    """Return the problems inside a tongue of parametric resonance and just beyond its edge."""
+def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
+    """Return the problems at a tuning inside an instability tongue and just beyond its edge.
+
+    `name` ends the names of the problems, `periods` are their mesh periods.
+    """
     equation, problems = meissner.equation_of(_ENDLESS), {}
     (order,) = meissner.orders(equation, centre, centre)
     beyond = meissner.tongue(equation, order).stop + 1e-4
@@ -95,22 +100,27 @@ def _tongue(name, centre, periods):
     return problems
 
 
-def _planets(words, push=3.0, ahead=0.0, **changes):
-    """Return the problem of three planets in phase, whose sun is pushed off static equilibrium.
+def _planets(
+    description: str,
+    sun_displacement: float = 3.0,
+    planet_displacement: float = 0.0,
+    **changes: Any,
+) -> Problem:
+    """Return a problem of three planets in phase that starts near static equilibrium.
 
-    push, ahead: displacements of the sun, and of the first planet alone, along their base circles,
-    in static deflections.
+    The sun and the first planet are displaced along their base circles, in static deflections;
+    `changes` are arguments of `planetary`.
     """
     # Lin and Parker's train at its second rotational mode, 1475 Hz, 30 % jump of the stiffness.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
     state, coordinates = train.start_state("static"), train.structure.coordinates
-    state[coordinates.index(("sun", "u"))] += push
-    state[coordinates.index(("planet 1", "u"))] += ahead
+    state[coordinates.index(("sun", "u"))] += sun_displacement
+    state[coordinates.index(("planet 1", "u"))] += planet_displacement
     tuning = 2.0 * math.pi * 1475.0 / train.reference_angular_frequency
-    return Problem(words, train, tuning, tuple(state.tolist()))
+    return Problem(description, train, tuning, tuple(state.tolist()))
 
 
-def _state_problems():
+def _state_problems() -> dict[str, Problem]:
     """Return the problems that compare final states, as name -> `Problem`."""
     six_degrees = SixDegreePair(
         pair=PAPER,
@@ -173,7 +183,7 @@ def _state_problems():
     return {name: Problem(*row) for name, row in rows.items()}
 
 
-def problems():
+def problems() -> dict[str, Problem]:
     """Return all problems, as name -> `Problem`."""
     bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, (0.0, -1e-8), **_EVENTS)
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
@@ -185,7 +195,7 @@ def problems():
         record_periods=3900,
         brief_periods=60,
         quantity="fractions",
-        # What fractions over the brief periods scatter by.
+        # The fractions of time over the brief periods scatter by this amount.
         tolerance=0.05,
     )
     conservative = Problem(
@@ -214,6 +224,8 @@ def problems():
         **_tongue("066", 0.6614, 64),
         # Their references are exact runs, which two other codes confirm.
         "planets_at_once": _planets("three meshes part at once"),
-        "planets_apart": _planets("three meshes part 1e-12 apart", ahead=5e-12),
-        "planets_alike": _planets("all six meshes of a train part", push=6.0, ring_phase=0.0),
+        "planets_apart": _planets("three meshes part 1e-12 apart", planet_displacement=5e-12),
+        "planets_alike": _planets(
+            "all six meshes of a train part", sun_displacement=6.0, ring_phase=0.0
+        ),
     }

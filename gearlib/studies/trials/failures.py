@@ -1,24 +1,27 @@
-"""The verdict of one method on one problem, by rule; the whole matrix.
+"""Judge methods on difficult problems by rules.
 
-A run is judged against the reference that shares nothing with it but the model: the exact
-propagator where it takes the model, else Taylor steps to rounding. These two are judged by each
-other, and where only one of them takes the model, by scipy's DOP853 split at events at a
-tolerance of 1e-13. The first rule that holds gives the verdict:
+The reference of a run is the exact propagator if it can run the model, else Taylor steps. The two
+are references of each other; if only one of them can run the model, its reference is scipy's
+DOP853, restarted at events, with a tolerance of 1e-13. The first rule that applies gives the
+verdict:
 
 ==================  ===========================================================================
 verdict             rule
 ==================  ===========================================================================
 refused             the method does not take the model
 diverged            the motion left the range of floating-point numbers, or its height is more
-                    than `FAR` times that of the reference (one static deflection if larger)
+                    than `DIVERGENCE_RATIO` times that of the reference (or times one static
+                    deflection, if this is larger)
 stalled             no end within `MAX_EVENTS` steps or phases a mesh period, iterations without
                     rest, or steps below the spacing of numbers
 right               the error is within the tolerance of the problem (where fractions are
                     compared: and both motions repeat, or neither does)
 wrong attractor     orbit or fractions are compared, and the period differs, or height (over that
-                    of the reference), bounces per period or a fraction by more than `SHARE`
+                    of the reference), bounces per period or a fraction by more than
+                    `MIN_ATTRACTOR_CHANGE`
 invented motion     energy or deviation is compared, and is larger than that of the reference; or
-                    the reference rests or repeats, and the height is more than `GROWTH` times its
+                    the reference rests or repeats, and the height is more than `MAX_GROWTH`
+                    times that of the reference
 missed event        the record has other contact events, or in another order (not where orbit or
                     fractions are compared: those have no events in common one by one)
 inaccurate          none of these
@@ -26,9 +29,12 @@ inaccurate          none of these
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 
 from gearlib import integrators
 from gearlib.data import status
@@ -36,25 +42,25 @@ from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
-from gearlib.studies.trials.difficult_problems import problems
+from gearlib.studies.trials.difficult_problems import Problem, problems
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.integrators import scipy_ivp  # noqa: F401
 
-#: From right to worse; their order is that of the flags in the matrix.
+#: Names of the verdicts in the order of their codes.
 VERDICTS = (
     "right inaccurate missed_event wrong_attractor invented_motion diverged stalled refused"
 ).split()
-#: Change of an orbit that makes it another one; all of its quantities are of order 1.
-SHARE = 0.05
-#: Height over that of a steady reference which the problem does not have.
-GROWTH = 2.0
-#: Height over that of the reference which no motion of the problem can have.
-FAR = 1e3
-#: Most steps or phases in one mesh period: more than any problem needs, few enough to end.
+#: Orbits with larger relative differences are different attractors.
+MIN_ATTRACTOR_CHANGE = 0.05
+#: A motion that is so many times larger than a steady reference is invented.
+MAX_GROWTH = 2.0
+#: A motion that is so many times larger than the reference has diverged.
+DIVERGENCE_RATIO = 1e3
+#: Limit on steps or arcs per mesh period: more than any problem needs.
 MAX_EVENTS = 30_000
-#: Judge of the library's own solvers where the other one does not take the model.
-SPLIT = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
+#: Reference method and options for models that only one solver of the library can run.
+SPLIT_REFERENCE = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": True})
 
 
 class Outcome(NamedTuple):
@@ -76,13 +82,16 @@ class Outcome(NamedTuple):
         return self.high - self.low
 
 
-def outcome_of(run, model):
-    """Return the `Outcome` of a result of `gearlib.simulate`; of trains, means over the meshes."""
+def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
+    """Return the quantities of a result of `gearlib.simulate` that the rules compare.
+
+    Fractions and bounces of gear trains are means over the meshes.
+    """
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
     contacts, state = [run.event_from.values, run.event_to.values], run.final_state.values
     if model.mesh_names:
-        # What several meshes do at once has no order.
+        # Simultaneous events of several meshes have no order in time.
         order = np.argsort(run.event_mesh.values, kind="stable")
         contacts = [codes[order] for codes in (run.event_mesh.values, *contacts)]
         state = model.reduction()[0] @ state
@@ -100,90 +109,104 @@ def outcome_of(run, model):
     )
 
 
-def _distance(tuning, state, other):
-    """Return the distance of two states, velocities in units of displacements."""
-    off, half = np.abs(np.subtract(state, other)), len(state) // 2
-    return float(max(off[:half].max(), tuning * off[half:].max()))
+def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
+    """Return the largest difference of two states, whose velocities are scaled by the tuning."""
+    difference = np.abs(np.subtract(state, other))
+    displacements, velocities = np.split(difference, 2)
+    return float(max(displacements.max(), tuning * velocities.max()))
 
 
-def wrong_contacts(contacts, expected):
-    """Return how many events are missing, spurious or out of order."""
+def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
+    """Return the number of contact events that are missing, spurious or out of order."""
     differing = sum(a != b for a, b in zip(contacts, expected, strict=False))
     return differing + abs(len(contacts) - len(expected))
 
 
-def amount(problem, outcome):
-    """Return energy or deviation, where one is compared: what a method must not make more of."""
+def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
+    """Return the quantity of the problem that a method must not increase.
+
+    It is the energy, or the distance from the orbit without contact loss.
+    """
     if problem.quantity == "energy":
-        # Constant stiffness, the mean one: rest position 1, natural frequency 1 / nu.
+        # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / nu.
         x, v = outcome.state
         return 0.5 * ((x - 1.0) ** 2 + (problem.tuning * v) ** 2)
     return _distance(problem.tuning, outcome.state, problem.orbit)
 
 
-def error(problem, outcome, reference):
-    """Return the error of a complete run in the quantity of its problem."""
+def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
+    """Return the error of a completed run in the quantity that its problem compares."""
     match problem.quantity:
         case "contacts":
             return float(wrong_contacts(outcome.contacts, reference.contacts))
         case "fractions":
             return float(np.abs(np.subtract(outcome.fractions, reference.fractions)).max())
         case "energy" | "deviation":
-            expected = amount(problem, reference)
-            return abs(amount(problem, outcome) - expected) / expected
+            expected = energy_or_deviation(problem, reference)
+            return abs(energy_or_deviation(problem, outcome) - expected) / expected
         case "orbit":
-            off = max(abs(outcome.low - reference.low), abs(outcome.high - reference.high))
-            return off / reference.height
-    off = _distance(problem.tuning, outcome.state, reference.state)
-    return off / max(1.0, reference.height)
+            differences = outcome.low - reference.low, outcome.high - reference.high
+            return max(map(abs, differences)) / reference.height
+    distance = _distance(problem.tuning, outcome.state, reference.state)
+    return distance / max(1.0, reference.height)
 
 
-def _is_other_attractor(problem, outcome, reference):
-    """Return whether settled motions differ in more than their digits."""
-    # Motions that do not repeat have no height in common, only fractions.
+def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
+    """Return whether a run has settled on another motion than the reference."""
+    # Motions that do not repeat have comparable fractions of time only.
     changes = [*np.abs(np.subtract(outcome.fractions, reference.fractions))]
     if problem.quantity == "orbit":
         changes.append(abs(outcome.bounces - reference.bounces))
         changes.append(abs(outcome.height - reference.height) / reference.height)
-    return outcome.period != reference.period or max(changes) > SHARE
+    return outcome.period != reference.period or max(changes) > MIN_ATTRACTOR_CHANGE
 
 
-def _is_invented(problem, outcome, reference):
-    """Return whether a motion is larger than its problem has one."""
+def _is_invented(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
+    """Return whether the motion of a run is larger than any motion of the problem."""
     if problem.quantity in ("energy", "deviation"):
-        return amount(problem, outcome) > amount(problem, reference)
-    # A reference at rest has a period as well, with a height of rounding.
+        largest = energy_or_deviation(problem, reference)
+        return energy_or_deviation(problem, outcome) > largest
+    # A reference at rest also has a period, and a height of rounding errors.
     steady = reference.period > 0
-    return steady and outcome.height > GROWTH * max(reference.height, problem.tolerance)
+    return steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
 
 
-def decide(problem, outcome, reference):
-    """Return (verdict, error) of a run against its reference, by the rules of the module."""
+def decide(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
+    """Return the verdict on a run by comparison with its reference, and its error.
+
+    The first rule that applies gives the verdict.
+    """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
-    off, settles = error(problem, outcome, reference), problem.quantity in ("orbit", "fractions")
-    repeats = (outcome.period == 0) == (reference.period == 0)
-    if not outcome.height <= FAR * max(1.0, reference.height):
-        return "diverged", off
-    if off <= problem.tolerance and (repeats or problem.quantity != "fractions"):
-        return "right", off
+    deviation = error(problem, outcome, reference)
+    settles = problem.quantity in ("orbit", "fractions")
+    same_repetition = (outcome.period == 0) == (reference.period == 0)
+    if not outcome.height <= DIVERGENCE_RATIO * max(1.0, reference.height):
+        return "diverged", deviation
+    if deviation <= problem.tolerance and (same_repetition or problem.quantity != "fractions"):
+        return "right", deviation
     if settles and _is_other_attractor(problem, outcome, reference):
-        return "wrong_attractor", off
+        return "wrong_attractor", deviation
     if _is_invented(problem, outcome, reference):
-        return "invented_motion", off
+        return "invented_motion", deviation
     if not settles and outcome.contacts != reference.contacts:
-        return "missed_event", off
-    return "inaccurate", off
+        return "missed_event", deviation
+    return "inaccurate", deviation
 
 
-def run(problem, method, options, periods, max_events=MAX_EVENTS):
-    """Return the `Outcome` of a method on a problem."""
+def run(
+    problem: Problem, method: str, options: dict, periods: int, max_events: int = MAX_EVENTS
+) -> Outcome:
+    """Return the outcome of a method on a problem over a number of mesh periods.
+
+    `max_events` limits the steps or arcs per mesh period.
+    """
     result = simulate(
         problem.model,
         problem.tuning,
         periods=periods,
         record_periods=min(periods, problem.record_periods or periods),
-        # Extrema of step methods are those of step ends and samples.
+        # Step methods find extrema only at the ends of steps and at samples.
         samples_per_period=256 if problem.quantity == "orbit" else 1,
         initial_state=problem.state,
         method=method,
@@ -194,30 +217,34 @@ def run(problem, method, options, periods, max_events=MAX_EVENTS):
     return outcome_of(result, problem.model)
 
 
-def judge_of(problem, method):
-    """Return (method, options) of the reference for a method on a problem."""
+def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
+    """Return method and options of the reference with which a method is compared on a problem."""
     for judge in integrators.AUTOMATIC:
         if judge != method and integrators.METHODS[judge].takes(problem.model):
             return judge, {}
-    return SPLIT
+    return SPLIT_REFERENCE
 
 
-def try_method(problem, method, options):
-    """Return the verdict on one method, its error and how it was found, by variable."""
-    verdict, off, periods, evaluations, judge = "refused", math.nan, 0, 0, ""
+def try_method(problem: Problem, method: str, options: dict) -> dict:
+    """Return the verdict on a method with these options on a problem, its error, and the run data.
+
+    The keys are names of variables of the matrix.
+    """
+    verdict, deviation, periods, evaluations, judge = "refused", math.nan, 0, 0, ""
     message = integrators.refusal(problem.model, method)
     if not message:
-        # scipy's steps are interpreted: thousands of times slower than compiled ones.
-        brief = problem.brief_periods if method == "scipy" else None
-        periods, (judge, judge_options) = brief or problem.periods, judge_of(problem, method)
+        # Interpreted steps of scipy are thousands of times slower than compiled steps.
+        short_periods = problem.brief_periods if method == "scipy" else None
+        periods = short_periods or problem.periods
+        judge, judge_options = reference_method(problem, method)
         outcome = run(problem, method, options, periods)
-        # The judge has no such bound: whatever it needs, the problem needs.
+        # The reference may use as many arcs as the problem needs.
         reference = run(problem, judge, judge_options, periods, 1_000_000)
-        verdict, off = decide(problem, outcome, reference)
+        verdict, deviation = decide(problem, outcome, reference)
         evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
     return {
         "verdict": np.int8(VERDICTS.index(verdict)),
-        "error": off,
+        "error": deviation,
         "periods": np.int32(periods),
         "evaluations": np.int64(evaluations),
         "judge": judge,
@@ -225,13 +252,16 @@ def try_method(problem, method, options):
     }
 
 
-def compute(name, method, options):
-    """Return the verdicts of one method on all problems: a column of the matrix by its name."""
-    known = problems()
+def compute(name: str, method: str, options: dict) -> xr.Dataset:
+    """Return the verdicts on a method with these options on all problems, a column of the matrix.
 
-    def description(key):
-        problem = known[key]
-        # The states of trains have as many components as they have coordinates and rates.
+    `name` labels the column.
+    """
+    problems_by_name = problems()
+
+    def description(problem_name: str) -> dict:
+        problem = problems_by_name[problem_name]
+        # States of gear trains have more than two components and are not stored.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
         return {
             "words": problem.words,
@@ -243,10 +273,10 @@ def compute(name, method, options):
             "tolerance": problem.tolerance,
         }
 
-    each = {"problem": list(known)}
-    axes = each | {"trial": [name]}
-    data = stacked(axes, lambda key, _: try_method(known[key], method, options))
-    data |= stacked(each, description)
+    problem_axis = {"problem": list(problems_by_name)}
+    axes = problem_axis | {"trial": [name]}
+    data = stacked(axes, lambda key, _: try_method(problems_by_name[key], method, options))
+    data |= stacked(problem_axis, description)
     data |= {
         "method": ("trial", np.array([method], dtype=object)),
         "options": ("trial", np.array([canonical_json(options)], dtype=object)),

@@ -1,14 +1,16 @@
-"""The fastest method of this library beside the fastest solver of another package, as a table."""
+"""Tabulate the fastest method of this library and the fastest solver of another package."""
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import xarray as xr
 
 from gearlib.studies.trials.work_precision import OF_LIBRARY
 
-#: Decades of the table: the last one is near the last place of a state.
+#: Decades of accuracy; the last one is close to the resolution of floating-point numbers.
 DECADES = range(1, 16)
-#: Prefix of the columns -> what stands in the place of a method where there is none.
+#: Prefix of the columns -> text that replaces a method if no method is accurate enough.
 UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
 _COLUMNS = (
     "method",
@@ -19,39 +21,41 @@ _COLUMNS = (
 )
 
 
-def fastest(error, seconds, decade):
-    """Return the index of the fastest with an error <= 10^-decade; None: there is none.
+def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
+    """Return the index of the fastest method with an error of at most 10^-decade, None without any.
 
-    error, seconds (shape (n,), NaN: no candidate).
+    `errors` and `seconds` have an entry for each setting of a method, NaN where it has no result.
     """
-    # A decade is reached with its bound, rounding of the power included. The slope of a disturbed
-    # measurement may be negative: it is no time.
-    able = np.flatnonzero((error <= 10.0**-decade * (1.0 + 1e-9)) & (seconds > 0.0))
-    return int(able[np.argmin(seconds[able])]) if able.size else None
+    # The limit allows for rounding of the power. Disturbed measurements may have negative times.
+    limit = 10.0**-decade * (1.0 + 1e-9)
+    accurate = np.flatnonzero((errors <= limit) & (seconds > 0.0))
+    return int(accurate[np.argmin(seconds[accurate])]) if accurate.size else None
 
 
-def rows(errors, times):
-    """Yield the fastest of this library and of others, for every problem and decade.
+def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[list]:
+    """Yield the rows of the table of the fastest methods: the names of the columns, then values.
 
-    errors, times: datasets of `gearlib.studies.trials.work_precision`, one for each method.
+    `errors` and `times` are datasets of `gearlib.studies.trials.work_precision`, one per method.
+    Each problem and decade of accuracy has a row with the fastest method of this library ("own")
+    and the fastest solver of other packages ("other").
     """
     yield [
         *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),
         *(f"{owner}_{column}" for owner in UNREACHED for column in _COLUMNS),
     ]
 
-    def joined(datasets, name):
+    def joined(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
         return np.concatenate([data[name].values for data in datasets], axis=-1)
 
-    own = [[data.attrs["method"] in OF_LIBRARY] * data.sizes["rung"] for data in errors]
-    candidates = {"own": np.concatenate(own), "other": ~np.concatenate(own)}
+    is_own = [[data.attrs["method"] in OF_LIBRARY] * data.sizes["rung"] for data in errors]
+    candidates = {"own": np.concatenate(is_own), "other": ~np.concatenate(is_own)}
     lines, knobs, error = (joined(errors, name) for name in ("line", "knob", "state_error"))
     evaluations, seconds = joined(errors, "period_evaluations"), joined(times, "period_time")
     for i, problem in enumerate(errors[0].problem.values):
         for decade in DECADES:
             cells, fastest_times = [], []
-            for owner, chosen in candidates.items():
-                k = fastest(error[i], np.where(chosen, seconds[i], math.nan), decade)
+            for owner, selected in candidates.items():
+                k = fastest(error[i], np.where(selected, seconds[i], math.nan), decade)
                 if k is None:
                     cells += [f"{UNREACHED[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
                     continue

@@ -10,10 +10,11 @@ finds. Nothing is shared with the methods that are measured but the matrices of 
 freedom, whose floats are taken as they are.
 """
 
+from collections.abc import Sequence
 from decimal import Decimal, getcontext, localcontext
 from functools import reduce
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,21 +38,23 @@ class Equations(NamedTuple):
     start: np.ndarray  #: z at rest on the normal flank line
 
 
-def run(model, tuning, periods, digits, state=None):
-    """Run mesh periods; return the end (x, dx/dtau), phases of events and their contact codes.
+def run(
+    model: Any, tuning: float, periods: int, digits: int, state: Sequence | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the final (x, dx/dtau) of a run, the phases of its contact events and their codes.
 
-    model: `GearPair`, `SixDegreePair`, or `OneDegreePair` with cubic damping; digits: how many
-    decimal digits of each step are right; state: (x, dx/dtau) at tau = 0 of one degree of freedom,
-    None for rest on the normal flank line. Codes (before, after) have the shape (n, 2).
+    `model` is a `GearPair`, a `SixDegreePair`, or a `OneDegreePair` with cubic damping; `digits`
+    are the correct decimal digits of each step; `state` is (x, dx/dtau) at tau = 0 for one degree
+    of freedom, None for rest on the drive-side flank. Codes (before, after) have the shape (n, 2).
     """
     with localcontext(prec=digits + GUARD_DIGITS):
         equations = (_six_degrees if model.equation is None else _one_degree)(model, tuning)
         z, contact, phases, codes = equations.start, NORMAL, [], []
         if state is not None:
             z = decimals([*state, 1])
-            # That just behind the start, which may lie on a flank line.
+            # The start may lie on a flank line: the contact just behind it is decisive.
             ahead = z + equations.matrices[BACKLASH, 0] @ z * Decimal(10) ** -digits
-            contact = _contact_of(equations.lines @ ahead)
+            contact = _contact_code(equations.lines @ ahead)
         for period in range(periods):
             for segment, (phase, end) in enumerate(pairwise(equations.bounds)):
                 while phase < end:
@@ -60,7 +63,7 @@ def run(model, tuning, periods, digits, state=None):
                     length = min(_step_length(series), Decimal(tuning) / 4, end - phase)
                     distances = (equations.lines @ series.T).tolist()
                     length, after = _end_of_step(contact, distances, length)
-                    z, phase = _value(series, length), phase + length
+                    z, phase = _series_value(series, length), phase + length
                     if after != contact:
                         phases.append(2 * period * _pi() + phase)
                         codes.append((contact, after))
@@ -70,8 +73,8 @@ def run(model, tuning, periods, digits, state=None):
         return end_state, np.array(phases, object), np.array(codes, np.int8).reshape(-1, 2)
 
 
-def _one_degree(model, tuning):
-    """Return the `Equations` of one degree of freedom, z = (x, dx/dtau, 1)."""
+def _one_degree(model: Any, tuning: float) -> Equations:
+    """Return the equations of a model with one degree of freedom, state z = (x, dx/dtau, 1)."""
     pair, nu = model.mesh, Decimal(tuning)
     ratios = pair.contact_ratio, pair.stiffness_ratio, pair.backlash_ratio
     epsilon, kappa, backlash = map(Decimal, ratios)
@@ -86,11 +89,11 @@ def _one_degree(model, tuning):
     cubic = {code: Decimal(model.equation.damping[code + 1, 2]) * nu for code in _CODES}
     far = [0, 0, 1] if backlash.is_infinite() else [1, 0, backlash]
     lines = decimals([[1, 0, 0], far])
-    return Equations(matrices, cubic, _bounds(epsilon), lines, decimals([0, 0, 1]))
+    return Equations(matrices, cubic, _segment_bounds(epsilon), lines, decimals([0, 0, 1]))
 
 
-def _six_degrees(model, tuning):
-    """Return the `Equations` of six degrees of freedom, z as in its `TrainSystem`."""
+def _six_degrees(model: Any, tuning: float) -> Equations:
+    """Return the equations of a `SixDegreePair`, with the state z of its `TrainSystem`."""
     system, turn = model.system(tuning), Decimal(model.pitch_phase)
     segments = range(system.starts.size - 1)
     matrices = {
@@ -98,8 +101,8 @@ def _six_degrees(model, tuning):
         for code in _CODES
         for segment in segments
     }
-    # Which segments there are is known from the floats; where they end, in all digits.
-    exact = _bounds(Decimal(model.pair.contact_ratio))
+    # The floats tell which segments there are, the decimals where exactly they end.
+    exact = _segment_bounds(Decimal(model.pair.contact_ratio))
     exact += [(turn + k * _pi()) % (2 * _pi()) for k in range(2)]
     bounds = [min(exact, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
@@ -110,8 +113,8 @@ def _six_degrees(model, tuning):
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
 
 
-def _pi():
-    """Return pi in the present precision, by the iteration of Gauss and Legendre."""
+def _pi() -> Decimal:
+    """Return pi in the current decimal precision, by the Gauss-Legendre iteration."""
     a, b, total = Decimal(1), Decimal("0.5").sqrt(), Decimal("0.25")
     for k in range(getcontext().prec.bit_length()):
         total -= 2**k * ((a - b) / 2) ** 2
@@ -119,20 +122,23 @@ def _pi():
     return (a + b) ** 2 / (4 * total)
 
 
-def _bounds(epsilon):
-    """Return the phases that bound the segments of constant stiffness."""
-    return [_pi() * share for share in (0, epsilon - 1, 3 - epsilon, 2)]
+def _segment_bounds(contact_ratio: Decimal) -> list[Decimal]:
+    """Return the mesh phases, 0 to 2 pi, that bound the segments of constant stiffness."""
+    return [_pi() * multiple for multiple in (0, contact_ratio - 1, 3 - contact_ratio, 2)]
 
 
-def _contact_of(distances):
-    """Return the contact code at distances from the normal and the inverse flank line."""
+def _contact_code(distances: Sequence[Decimal]) -> int:
+    """Return the contact code at distances from the drive-side and the back-side flank line."""
     if distances[0] >= 0:
         return NORMAL
     return INVERSE if distances[1] < 0 else BACKLASH
 
 
-def _series(matrix, cubic, z):
-    """Return the coefficients of the power series of z, shape (digits + 1, n)."""
+def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarray:
+    """Return the coefficients of the power series of the motion from z, shape (digits + 1, n).
+
+    `matrix`, shape (n, n), is that of the linear equation, `cubic` the cubic damping.
+    """
     count = getcontext().prec
     series, squares = np.zeros((count + 1, len(z)), object), np.zeros(count, object)
     series[0] = z
@@ -145,23 +151,29 @@ def _series(matrix, cubic, z):
     return series
 
 
-def _step_length(series):
-    """Return the length at which the last two terms reach the last digit."""
+def _step_length(series: np.ndarray) -> Decimal:
+    """Return the step length at which the last two terms of a series reach the last digit."""
     order = len(series) - 1
     exponent = np.abs(series[-2:]).max().adjusted()
     return Decimal(10.0 ** ((-getcontext().prec - exponent) / order))
 
 
-def _value(series, length):
-    """Return the sum of a power series, or of several, at a length."""
+def _series_value(series: np.ndarray | list, length: Decimal) -> Any:
+    """Return the sum of a power series, or of several, at a distance from its centre."""
     return reduce(lambda value, coefficients: value * length + coefficients, series[::-1])
 
 
-def _end_of_step(contact, distances, length):
-    """Return (length, contact code) just behind the change of contact in a step, or at its end."""
+def _end_of_step(
+    contact: int, distances: list[list[Decimal]], length: Decimal
+) -> tuple[Decimal, int]:
+    """Return length and contact code just behind the first change of contact, or at the step end.
 
-    def contact_at(place):
-        return _contact_of([_value(distance, place) for distance in distances])
+    `distances` are the power series of the distances from both flank lines, `contact` is the code
+    at the start, `length` the length of the step.
+    """
+
+    def contact_at(length: Decimal) -> int:
+        return _contact_code([_series_value(distance, length) for distance in distances])
 
     if contact_at(length) == contact:
         return length, contact

@@ -1,6 +1,7 @@
-"""Test problems of work and precision: models, and runs of any method."""
+"""Define the test problems of the work-precision study, and run any method on them."""
 
 import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 
 class Case(NamedTuple):
-    """What makes a test problem of the gear pair."""
+    """Tuning and damping of a test problem."""
 
     tuning: float
     damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
@@ -54,12 +55,12 @@ class Motion(NamedTuple):
     evaluations: int = 0  #: of the right-hand side
 
 
-def build(name, pair, six_degrees, settings):
-    """Return the `Problem` of a name in `CASES`.
+def build(name: str, pair: dict, six_degrees: dict, settings: dict) -> Problem:
+    """Return the test problem with a name of `CASES`.
 
-    pair: keyword arguments of `GearPair`, without damping; six_degrees: what `SixDegreePair` needs
-    beyond the pair; settings: damping (N s/m), cubic_damping (N s^3/m^3), periods,
-    conservative_periods, record_periods.
+    `pair` has arguments of `GearPair` without damping, `six_degrees` further arguments of
+    `SixDegreePair`; `settings` have damping (N s/m), cubic_damping (N s^3/m^3), periods,
+    conservative_periods and record_periods.
     """
     case = CASES[name]
     material, oil = (settings["damping"] if damped else 0.0 for damped in case.damped)
@@ -70,18 +71,27 @@ def build(name, pair, six_degrees, settings):
         cubic = settings["cubic_damping"]
         model = OneDegreePair(pair=model, cubic_damping=cubic, backlash_cubic_damping=cubic)
     elif name == "reducer":
-        # Three equal branches, whose meshes part and touch at once; axes fixed.
+        # Three equal branches on fixed axes: their meshes lose contact simultaneously.
         model = split_power_reducer(model, support_stiffness=math.inf)
-    # Without damping rounding errors grow with every bounce: longer runs compare nothing. Steps of
-    # trains are interpreted.
-    brief = name in ("conservative", "reducer")
-    periods = settings["conservative_periods" if brief else "periods"]
+    # Without damping, rounding errors grow with every bounce. Steps of trains are interpreted.
+    short = name in ("conservative", "reducer")
+    periods = settings["conservative_periods" if short else "periods"]
     recorded = min(settings["record_periods"], periods)
     return Problem(model, case.tuning, periods, recorded, case.steady)
 
 
-def run(problem, method=None, options=None, state=(0.0, 0.0), periods=None):
-    """Return the `Motion` of a method on a problem, by default over its mesh periods from rest."""
+def run(
+    problem: Problem,
+    method: str | None = None,
+    options: dict | None = None,
+    state: Sequence[float] = (0.0, 0.0),
+    periods: int | None = None,
+) -> Motion:
+    """Return the motion that a method computes for a test problem.
+
+    It starts from `state` (displacement, velocity) and lasts the mesh periods of the problem by
+    default.
+    """
     periods = periods or problem.periods
     data = simulate(
         problem.model,
@@ -96,14 +106,14 @@ def run(problem, method=None, options=None, state=(0.0, 0.0), periods=None):
     end, order = data.final_state.values, np.arange(data.sizes["event"])
     if problem.model.mesh_names:
         end = end.reshape(2, -1) @ problem.model.structure.lines[0]
-        # What several meshes do at once has no order.
+        # Simultaneous events of several meshes have no order in time.
         order = np.argsort(data.event_mesh.values, kind="stable")
     codes = np.column_stack([data.event_from.values, data.event_to.values])
     return Motion(end, data.event_phase.values[order], codes[order], int(data.evaluations))
 
 
-def difference_map(period_map, state, step):
-    """Return the derivative (2, 2) of a map of states by central differences of half width step."""
+def difference_map(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
+    """Return the derivative (2, 2) of a map of states by central differences of width 2 `step`."""
     columns = [
         (period_map(state + shift) - period_map(state - shift)) / (2 * step)
         for shift in step * np.eye(2, dtype=int)
@@ -111,6 +121,6 @@ def difference_map(period_map, state, step):
     return np.column_stack(columns).astype(float)
 
 
-def largest_multiplier(matrix):
-    """Return the largest |eigenvalue|; NaN if the matrix holds NaN."""
+def largest_multiplier(matrix: np.ndarray) -> float:
+    """Return the largest absolute eigenvalue of a matrix, NaN if the matrix contains NaN."""
     return float(np.abs(np.linalg.eigvals(matrix)).max()) if np.isfinite(matrix).all() else math.nan

@@ -1,4 +1,4 @@
-"""Work-precision data: the errors of each method over its cost in evaluations and wall time.
+"""Compute the errors of each method over its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
 steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations
@@ -16,11 +16,13 @@ problem, against `gearlib.studies.trials.references`:
 """
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from timeit import repeat as timeit
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from gearlib import integrators
 from gearlib.data.files import canonical_json
@@ -83,67 +85,83 @@ LINES = (
     Line("heyoka", "heyoka", "other", "tol", (*(10.0**-k for k in range(3, 16, 2)), 1e-16)),
 )
 
-#: Shortest span to time, seconds, far above the clock's resolution; longest run and most calls.
+#: Shortest timed interval in seconds, longest run in mesh periods, limit on calls of a run.
 MIN_SPAN, MAX_PERIODS, MAX_CALLS = 2e-3, 2**18, 2**14
-#: Runs that take more seconds are timed once: no interruption is long against them.
+#: Runs that take longer, in seconds, are timed once, because interruptions are short in comparison.
 MAX_REPEATED = 0.05
 
 
-def rungs(method):
-    """Return (line, text of the accuracy parameter, options) of every setting of a method."""
+def rungs(method: str) -> list[tuple[Line, str, dict]]:
+    """Return line, text of the accuracy parameter and options of every setting of a method."""
     settings = []
     for line in (line for line in LINES if line.method == method):
         for value in line.values:
             options = line.options | ({line.knob: value} if line.knob else {})
             if line.knob == "rtol":
-                # ode45's defaults keep this ratio of the two.
+                # The ratio of the tolerances is that of the defaults of ode45.
                 options["atol"] = 1e-3 * value
             settings.append((line, f"{line.knob} = {value:g}" if line.knob else "", options))
     return settings
 
 
-def state_error(motion, reference):
-    """Return the larger error of displacement and dx/dtau; NaN for a run that stopped early."""
+def state_error(motion: problems.Motion, reference: problems.Motion) -> float:
+    """Return the larger error of displacement and dx/dtau, NaN for a run that stopped early."""
     return float(np.abs(motion.state - reference.state).max())
 
 
-def event_error(motion, reference):
-    """Return the largest error of the phases of events; NaN if there is nothing to compare."""
+def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
+    """Return the largest error of the phases of contact events.
+
+    It is NaN without events, or if the events differ in number or kind.
+    """
     if not np.array_equal(motion.codes, reference.codes) or not len(reference.codes):
         return math.nan
     return float(np.abs(motion.phases - reference.phases).max())
 
 
-def errors(method, known, pair, six_degrees, settings):
-    """Return the errors and evaluations of a method on the problems.
+def errors(
+    method: str, known: xr.Dataset, pair: dict, six_degrees: dict, settings: dict
+) -> xr.Dataset:
+    """Return the errors and evaluations of a method on the test problems, for all its settings.
 
-    known: of `gearlib.studies.trials.references.compute`, of the same parameters; the others as in
-    `gearlib.studies.trials.problems.build`. NaN where a method takes no such model or stops early.
+    `known` are the references from `gearlib.studies.trials.references.compute`; `pair`,
+    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. Values
+    are NaN if the method cannot run the model or stops early.
     """
     names = known.problem.values.tolist()
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
     motions = {name: references.motion_of(known, name) for name in names}
 
-    def measured(name, rung):
-        options, reference = rung[-1], known.sel(problem=name)
-        return _errors_of(method, options, built[name], motions[name], reference)
+    def errors_on(name: str, rung: tuple) -> dict:
+        *_, options = rung
+        reference = known.sel(problem=name)
+        return _setting_errors(method, options, built[name], motions[name], reference)
 
-    data = stacked({"problem": names, "rung": rungs(method)}, measured)
-    data |= stacked({"problem": names}, lambda name: _floors(built[name], motions[name]))
+    data = stacked({"problem": names, "rung": rungs(method)}, errors_on)
+    data |= stacked({"problem": names}, lambda name: _error_floors(built[name], motions[name]))
     title = f"Errors of method {method} and what they cost in evaluations"
     parameters = {"settings": settings, "six_degrees": six_degrees, "difference": DIFFERENCE}
     return _dataset(title, method, names, data, pair, parameters)
 
 
-def _errors_of(method, options, problem, expected, reference):
-    """Return the errors of one setting of a method on one problem, and its evaluations."""
+def _setting_errors(
+    method: str,
+    options: dict,
+    problem: problems.Problem,
+    expected: problems.Motion,
+    reference: xr.Dataset,
+) -> dict[str, float]:
+    """Return the errors of a method with these options on a problem, and its evaluations.
+
+    `expected` is the exact motion, `reference` has the exact settled orbit and its multiplier.
+    """
     state = event = multiplier = evaluations = math.nan
     if integrators.METHODS[method].takes(problem.model):
         motion = problems.run(problem, method, options)
-        # Below, nothing is known of the reference of a train.
-        least = references.TRAINS if problem.model.mesh_names else 0.0
-        state = np.maximum(state_error(motion, expected), least)
-        event = np.maximum(event_error(motion, expected), least)
+        # Smaller errors are below the accuracy of the reference of a gear train.
+        accuracy = references.TRAIN_ACCURACY if problem.model.mesh_names else 0.0
+        state = np.maximum(state_error(motion, expected), accuracy)
+        event = np.maximum(event_error(motion, expected), accuracy)
         if np.isfinite(motion.state).all():
             evaluations = motion.evaluations / problem.periods
         if problem.steady:
@@ -161,9 +179,9 @@ def _errors_of(method, options, problem, expected, reference):
     }
 
 
-def _floors(problem, reference):
-    """Return the least errors of state, event phases and multiplier that numbers can show."""
-    state, phase, multiplier = references.TRAINS, references.TRAINS, math.nan
+def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict[str, float]:
+    """Return the smallest visible errors of state, event phase and multiplier: rounding errors."""
+    state, phase, multiplier = references.TRAIN_ACCURACY, references.TRAIN_ACCURACY, math.nan
     if not problem.model.mesh_names:
         state = np.spacing(np.abs(reference.state).max()) / 2.0
         phase = np.spacing(reference.phases.max()) / 2.0 if reference.phases.size else math.nan
@@ -171,8 +189,13 @@ def _floors(problem, reference):
     return {"state_floor": state, "event_floor": phase, "multiplier_floor": multiplier}
 
 
-def _dataset(title, method, names, data, pair, parameters):
-    """Return a described dataset over problem and rung, with the settings of a method."""
+def _dataset(
+    title: str, method: str, names: Sequence[str], data: dict, pair: dict, parameters: dict
+) -> xr.Dataset:
+    """Return variables over problem and rung as a dataset that describes the settings of a method.
+
+    `names` are those of the problems; `pair` and `parameters` are written to the attributes.
+    """
     lines, knobs, options = zip(*rungs(method), strict=True)
     columns = {
         "line": [line.name for line in lines],
@@ -186,34 +209,43 @@ def _dataset(title, method, names, data, pair, parameters):
     return result_of_many(title, data, coords, method, method=method, **origin)
 
 
-def times(method, names, pair, six_degrees, settings, repeats):
-    """Return the wall times of a method on the problems; nothing else may run beside.
+def times(
+    method: str,
+    names: Sequence[str],
+    pair: dict,
+    six_degrees: dict,
+    settings: dict,
+    repeats: int,
+) -> xr.Dataset:
+    """Return the wall times of a method per mesh period, for all its settings and problems.
 
-    names, pair, six_degrees, settings: as in `gearlib.studies.trials.problems.build`; repeats: how
-    many runs are timed (of long ones fewer), of which the shortest counts.
-
-    Over (problem, rung): period_time, without start, tables, record and compilation; NaN where the
-    method does not take the model or stops early. closed_form_time: of one evaluation of the closed
-    form of contact.
+    No other program may run at the same time. `names`, `pair`, `six_degrees` and `settings` are
+    arguments of `gearlib.studies.trials.problems.build`. The shortest of `repeats` runs counts;
+    long runs are timed once. period_time excludes the start of a run and is NaN if the method
+    cannot run the model; closed_form_time is that of one evaluation of the closed form of contact.
     """
 
-    def timed(name, rung):
+    def time_on(name: str, rung: tuple) -> dict:
+        *_, options = rung
         problem = problems.build(name, pair, six_degrees, settings)
-        return {"period_time": _period_time(problem, method, rung[-1], repeats)}
+        return {"period_time": _period_time(problem, method, options, repeats)}
 
-    data = stacked({"problem": names, "rung": rungs(method)}, timed)
+    data = stacked({"problem": names, "rung": rungs(method)}, time_on)
     data["closed_form_time"] = closed_form_time(repeats)
     parameters = {"settings": settings, "six_degrees": six_degrees, "repeats": repeats}
     return _dataset(f"Wall times of method {method}", method, names, data, pair, parameters)
 
 
-def _period_time(problem, method, options, repeats):
-    """Return the wall time of a mesh period, seconds; NaN if there is no run, or it stops early."""
+def _period_time(problem: problems.Problem, method: str, options: dict, repeats: int) -> float:
+    """Return the wall time of a method per mesh period of a problem, in seconds.
+
+    The shortest of `repeats` runs counts. NaN if the method cannot run the model or stops early.
+    """
     if not integrators.METHODS[method].takes(problem.model):
         return math.nan
     _, integrator, options = integrators.choose(problem.model, method, options)
 
-    def run(periods, calls):
+    def run(periods: int, calls: int) -> bool:
         if method == "exact":
             engine = problem.model.propagator(problem.tuning, method)
             starts = np.tile(engine.start((0.0, 0.0)), (calls, 1))
@@ -221,8 +253,8 @@ def _period_time(problem, method, options, repeats):
         arguments = problem.model, problem.tuning, (0.0, 0.0), Span(periods, 1, MAX_EVENTS)
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
-    # heyoka compiles a contact when it first comes. Closed forms end when they have provably
-    # settled: only the run is timed whose error is known, and which has not settled.
+    """Return the wall time per mesh period of ``run(periods, calls)``, without the start of a run.
+    # so that the timed run must not be longer than that of the problem.
     short, longest = 64 if method == "heyoka" else 1, MAX_PERIODS
     if method == "exact":
         short = max(1, problem.periods // 2)
@@ -230,40 +262,47 @@ def _period_time(problem, method, options, repeats):
     return math.nan if run(short, 1) else seconds_per_period(run, short, longest, repeats)
 
 
-def seconds_per_period(run, short, longest, repeats):
-    """Return the wall time of a period of ``run(periods, calls)``, without the start of a run.
+def seconds_per_period(run: Callable, short: int, longest: int, repeats: int) -> float:
+    """Return the wall time of a mesh period of ``run(periods, calls)``, without the start of a run.
 
-    It is the difference of a run that is long enough, of at most `longest` periods, and a short
-    one; quick runs are called many times. The shortest of `repeats` counts, since other work on
-    the machine can only lengthen them.
+    It is the difference of a long run, of at most `longest` periods, and a run of `short` periods.
+    Quick runs are called many times. The shortest of `repeats` measurements counts, because other
+    programs can only slow a run down.
     """
     long, calls = short + 1, 1
 
-    def shortest(repeats):
+    def shortest_times(repeats: int) -> Iterator[float]:
         for periods in (short, long):
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
-    rest, whole = shortest(1)
-    while whole - rest < max(MIN_SPAN, rest) and calls < MAX_CALLS:
+    short_time, long_time = shortest_times(1)
+    while long_time - short_time < max(MIN_SPAN, short_time) and calls < MAX_CALLS:
         long, calls = (min(4 * long, longest), calls) if long < longest else (long, 2 * calls)
-        rest, whole = shortest(1)
-    if whole < MAX_REPEATED:
-        rest, whole = shortest(repeats)
-    return (whole - rest) / (calls * (long - short))
+        short_time, long_time = shortest_times(1)
+    if long_time < MAX_REPEATED:
+        short_time, long_time = shortest_times(repeats)
+    return (long_time - short_time) / (calls * (long - short))
 
 
 @kernel
-def _evolve_again(lev, u, v, t, n):
-    for _ in range(n):
-        u, v = evolve(lev, u, v, t)
+def _evolve_repeatedly(level, u, v, t, count):
+    for _ in range(count):
+        u, v = evolve(level, u, v, t)
     return u, v
 
 
-def closed_form_time(repeats, count=100_000):
-    """Return the shortest time of one evaluation of the closed form of contact, seconds."""
-    lev = level_at_tuning(1.0, 0.06, 0.9)
-    _evolve_again(lev, 1.0, 0.0, 1.0, 1)
+def closed_form_time(repeats: int, count: int = 100_000) -> float:
+    """Return the time of one evaluation of the closed form of contact, in seconds.
+
+    `count` evaluations are timed together; the shortest of `repeats` measurements counts.
+    """
+    level = level_at_tuning(1.0, 0.06, 0.9)
+    _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)
     return (
-        min(timeit(lambda: _evolve_again(lev, 1.0, 0.0, 1.0, count), number=1, repeat=repeats))
+        min(
+            timeit(
+                lambda: _evolve_repeatedly(level, 1.0, 0.0, 1.0, count), number=1, repeat=repeats
+            )
+        )
         / count
     )
