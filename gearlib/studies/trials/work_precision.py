@@ -253,7 +253,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
         arguments = problem.model, problem.tuning, (0.0, 0.0), Span(periods, 1, MAX_EVENTS)
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
-    """Return the wall time per mesh period of ``run(periods, calls)``, without the start of a run.
+    # The short run lets heyoka compile the contact states. Closed forms stop when they settle,
     # so that the timed run must not be longer than that of the problem.
     short, longest = 64 if method == "heyoka" else 1, MAX_PERIODS
     if method == "exact":
