@@ -9,6 +9,8 @@ reduced mass: its mesh carries J_2 / r_b2^2 times the acceleration along the lin
 addition to its load.
 """
 
+from typing import Any
+
 import numpy as np
 
 from gearlib import checks
@@ -17,21 +19,24 @@ from gearlib import checks
 _ROUNDING = 1e-9
 
 
-def mesh_acceleration(pair, driven_mass, base_radius):
-    """Return the acceleration of the displacement of a pair per d2tau/dtheta2, shape (1,).
+def mesh_acceleration(pair: Any, driven_mass: float, base_radius: float) -> np.ndarray:
+    """Return the acceleration that a run-up adds to the displacement of a `GearPair`, shape (1,).
 
-    `driven_mass` is J_2 / r_b2^2, kg; `base_radius` is that of the reference gear, m.
+    It is dimensionless, per unit of d2tau/dtheta2. `driven_mass` is J_2 / r_b2^2 of the driven gear
+    in kg, `base_radius` the base radius of the reference gear in m.
     """
     force = driven_mass * base_radius * pair.mean_eigenfrequency**2 / pair.teeth
     return np.array([force / pair.load])
 
 
-def train_accelerations(train, driver=None, mass=None):
-    """Return the accelerations of the coordinates of a train per d2tau/dtheta2, shape (n,).
+def train_accelerations(
+    train: Any, driver: str | None = None, mass: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the accelerations that a run-up adds to the n coordinates of a `GearTrain`, (n,).
 
-    `driver` names the body that accelerates the train, by default the body with the largest input
-    power; `mass` is by default the mass matrix of the train. Raises ValueError if the driver is
-    unknown, does not rotate, or cannot accelerate all bodies.
+    They are dimensionless, per unit of d2tau/dtheta2. `driver` names the body that accelerates the
+    train, by default the body with the largest input power; `mass` is the mass matrix in kg, by
+    default that of the train. Raises ValueError if the driver cannot accelerate all bodies.
     """
     names, structure, free = list(train.by_name), train.structure, train.free_motions
     mass = structure.mass if mass is None else mass
@@ -47,6 +52,7 @@ def train_accelerations(train, driver=None, mass=None):
         driver_motion = rotation @ rigid_motion
         rotates = abs(driver_motion) > _ROUNDING * np.abs(rigid_motion).max()
         checks.require(rotates, "driver", driver, "a body that turns")
+        # The driver's force makes the power of all forces on the rigid motion zero.
         force = force - rotation * (rigid_motion @ force / driver_motion)
         unbalanced = np.abs(free.T @ force)
         largest = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()
@@ -55,17 +61,21 @@ def train_accelerations(train, driver=None, mass=None):
     return np.linalg.solve(mass, force) / train.static_deflection
 
 
-def _rigid_motion(train, names):
-    """Return the rigid rotation of a train per radian of mesh phase, m, and the body speeds."""
+def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]]:
+    """Return the rigid rotation of a `GearTrain` and the speeds of its bodies, given by `names`.
+
+    The rotation holds the n coordinates in m, the speeds are angles, both per radian of reference
+    mesh phase.
+    """
     motions, free, pinion = train.structure.motions, train.free_motions, train.reference_pinion.name
     frame_speed = train.carrier_ratio * train.speeds[pinion]
     speeds = [float(train.speeds[name] + frame_speed) for name in names]
-    body_motions = np.zeros((len(names), 3))
-    for row, speed, body in zip(body_motions, speeds, train.bodies, strict=True):
-        row[2] = speed * body.base_radius
+    body_motions = np.zeros((len(names), 3))  # x, y and arc length on the base circle
+    for body_motion, speed, body in zip(body_motions, speeds, train.bodies, strict=True):
+        body_motion[2] = speed * body.base_radius
         if body.carrier:
             pin_speed = speeds[names.index(body.carrier)] * train.by_name[body.carrier].base_radius
-            row[:2] = -np.sin(body.angle) * pin_speed, np.cos(body.angle) * pin_speed
+            body_motion[:2] = -np.sin(body.angle) * pin_speed, np.cos(body.angle) * pin_speed
     i = names.index(pinion)
     if free.shape[1] == 1:
         pinion_rotation = motions[i, 2] @ free[:, 0]
@@ -73,5 +83,6 @@ def _rigid_motion(train, names):
             # Bodies on torsional supports do not rotate, whatever their tooth numbers say.
             return free[:, 0] * (body_motions[i, 2] / pinion_rotation), speeds
     basis = free if free.size else np.eye(motions.shape[2])
-    rows = motions.reshape(-1, len(basis)) @ basis
-    return basis @ np.linalg.lstsq(rows, body_motions.ravel(), rcond=None)[0], speeds
+    motions_of_basis = motions.reshape(-1, len(basis)) @ basis
+    amplitudes = np.linalg.lstsq(motions_of_basis, body_motions.ravel(), rcond=None)[0]
+    return basis @ amplitudes, speeds

@@ -1,13 +1,15 @@
-"""Models from plain values: those in the text of a dataset, and trains of a configuration."""
+"""Models from plain values: from the text in a dataset, and trains from a configuration."""
 
 import json
 import math
+from typing import Any
 
 from gearlib.data.files import canonical_json
 from gearlib.models import profiles
 from gearlib.models.geometry import mesh as geometry
 from gearlib.models.geometry.drawings import gear
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.model import Model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
@@ -24,52 +26,56 @@ _PROFILES = {
 _TRAINS_OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
 
 
-def model_of(text):
+def model_of(text: str) -> Model | None:
     """Return the model that a dataset describes in a text, or None if that is not possible.
 
-    The text is `canonical_json` of ``model.as_dict()``, and the model must reproduce it exactly. A
-    `LoadSharingPair` cannot be restored.
+    The text is the `canonical_json` of ``model.as_dict()``, and the model must reproduce it
+    exactly. A `LoadSharingPair` cannot be restored.
     """
     try:
-        values = _plain(json.loads(text))
-        model = _model(values) if isinstance(values, dict) else None
+        fields = _field_values(json.loads(text))
+        model = _model_with(fields) if isinstance(fields, dict) else None
     except (TypeError, ValueError, KeyError):
         return None
     return model if model is not None and canonical_json(model.as_dict()) == text else None
 
 
-def _plain(value):
-    """Return a decoded JSON value with tuples, infinities and `Harmonics` as models use them."""
+def _field_values(value: Any) -> Any:
+    """Return a decoded JSON value as models store it, with tuples, infinities and `Harmonics`."""
     if isinstance(value, dict):
-        entries = {name: _plain(entry) for name, entry in value.items()}
+        entries = {name: _field_values(entry) for name, entry in value.items()}
         return Harmonics(**entries) if entries.keys() == {"cosines", "sines"} else entries
     if isinstance(value, list):
-        return tuple(map(_plain, value))
+        return tuple(map(_field_values, value))
     return {"inf": math.inf, "-inf": -math.inf}.get(value, value)
 
 
-def _model(values):
-    """Return the model with the fields in a dict, or None if no class has these fields."""
+def _model_with(values: dict[str, Any]) -> Model | None:
+    """Return the model with the fields in a dict, or None if no class has these fields.
+
+    The fields determine the class. The dict is changed.
+    """
     if "bodies" in values:
         for name, element in {"bodies": Body, "meshes": Mesh, "shafts": Shaft}.items():
             values[name] = tuple(element(**entry) for entry in values[name])
         return GearTrain(**values)
     if "base_radii" in values:
         return SixDegreePair(**(values | {"pair": GearPair(**values["pair"])}))
-    names = declared(GearPair).keys()
-    pair = GearPair(**{name: values.pop(name) for name in names if name in values})
+    pair_fields = declared(GearPair).keys()
+    pair = GearPair(**{name: values.pop(name) for name in pair_fields if name in values})
     if "profile" in values:
-        entries = values.pop("profile")
-        profile = _PROFILES[entries.pop("kind")](**entries)
+        profile_fields = values.pop("profile")
+        profile = _PROFILES[profile_fields.pop("kind")](**profile_fields)
         return OneDegreePair(pair=pair, profile=profile, **values)
     return None if values else pair
 
 
-def described(kind, arguments, pair):
-    """Return the train of a kind in the section `train` of a configuration.
+def described(kind: str, arguments: dict[str, Any], pair: dict[str, Any] | None) -> GearTrain:
+    """Return the gear train that the section `train` of a configuration describes.
 
-    `arguments` are those of the function or class of that kind, with gears, bodies, meshes and
-    shafts as dicts; `pair` holds the arguments of the `GearPair` that some kinds need, or None.
+    `kind` is its kind, such as "idler" or "planetary"; `arguments` are those of the function or
+    class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` holds the arguments
+    of the `GearPair` that some kinds need, or None.
     """
     if kind in _TRAINS_OF_PAIRS:
         return getattr(ready_made, kind)(GearPair(**pair), **arguments)
@@ -89,17 +95,33 @@ def described(kind, arguments, pair):
     return GearTrain(**(arguments | elements))
 
 
-def _body(gears, *, name, gear=None, **values):
-    """Return the `Body` of a drawn gear or, without a drawing, of values."""
-    return Body.from_gear(gears[name], name, **values) if gear else Body(name=name, **values)
+def _body(drawn_gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
+    """Return the `Body` of this name with given fields, and those of its drawing if it has one.
+
+    `drawn_gears` maps names of bodies to `SpurGear`; `gear` is not None if the body is drawn.
+    """
+    if gear:
+        return Body.from_gear(drawn_gears[name], name, **fields)
+    return Body(name=name, **fields)
 
 
-def _mesh(gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
-    """Return the `Mesh` of two drawn gears or, with a given stiffness, of values."""
+def _mesh(
+    drawn_gears: dict,
+    *,
+    stiffness: str = "iso",
+    stiffness_options: dict | None = None,
+    centre_distance: float | None = None,
+    **values: Any,
+) -> Mesh:
+    """Return the `Mesh` with the fields in `values`, or that of two drawn gears.
+
+    `drawn_gears` maps names of bodies to `SpurGear`. If both gears are drawn and no stiffness is
+    given, the stiffness follows by a method and its options. `centre_distance` is in m.
+    """
     values = {"material_damping": None} | values
-    for key in {"deviation", "inverse_deviation"} & values.keys():
-        values[key] = Harmonics(**values[key])
-    pinion, wheel = (gears.get(values[key]) for key in ("pinion", "wheel"))
+    for name in {"deviation", "inverse_deviation"} & values.keys():
+        values[name] = Harmonics(**values[name])
+    pinion, wheel = (drawn_gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
     mesh = geometry.Mesh(pinion, wheel, centre_distance)

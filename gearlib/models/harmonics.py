@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from gearlib import checks
 from gearlib.parameters import FINITE, Many, check, documented
@@ -19,14 +19,18 @@ class Harmonics:
         If an amplitude is not a finite number.
     """
 
-    cosines: Annotated[tuple, Many(FINITE), "Amplitudes of orders 1, 2, ... per mesh period"] = ()
-    sines: Annotated[tuple, Many(FINITE), "Likewise; the shorter one is filled with zeros"] = ()
+    cosines: Annotated[
+        tuple, Many(FINITE), "Amplitudes of cosines of orders 1, 2, ... per mesh period"
+    ] = ()
+    sines: Annotated[
+        tuple, Many(FINITE), "Amplitudes of sines; the shorter tuple is filled with zeros"
+    ] = ()
 
     def __post_init__(self):
         check(self)
 
     @classmethod
-    def from_table(cls, phase, values, count=None):
+    def from_table(cls, phase: Any, values: Any, count: int | None = None) -> "Harmonics":
         """Return the harmonics of a table over one mesh period, without its mean.
 
         Parameters
@@ -63,8 +67,8 @@ class Harmonics:
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
-    def table(self, scale=1.0):
-        """Return the harmonics as rows (order, cosine, sine), shape (n, 3), scaled by a factor."""
+    def table(self, scale: float = 1.0) -> Any:
+        """Return an array (n, 3) with rows (order, cosine, sine), amplitudes times `scale`."""
         import numpy as np
 
         n = max(len(self.cosines), len(self.sines))

@@ -73,63 +73,76 @@ class Model:
                 object.__setattr__(self, name, default(self))
 
     @property
-    def piecewise_linear(self):
-        """Whether the motion between events has a closed form."""
+    def piecewise_linear(self) -> bool:
+        """Whether the motion between two contact events has a closed form."""
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
-    def propagators(self):
-        """Name of a method -> module of `gearlib.engines`; the default comes first."""
+    def propagators(self) -> dict[str, str]:
+        """Method name -> module of `gearlib.engines` that integrates the model; default first."""
         exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
-    def propagator_class(self, method=None):
+    def propagator_class(self, method: str | None = None) -> type:
         """Return the engine class of a method in `propagators`, by default of the first one."""
-        name = self.propagators[method or next(iter(self.propagators))]
-        return import_module(f"gearlib.engines.{name}").Propagator
+        module_name = self.propagators[method or next(iter(self.propagators))]
+        return import_module(f"gearlib.engines.{module_name}").Propagator
 
-    def steps_per_period(self, tuning):
-        """Return the least number of integration steps in a mesh period; 1 for closed forms."""
+    def steps_per_period(self, tuning: float) -> float:
+        """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
         return 1.0
 
-    def propagator(self, tuning, method=None, **options):
-        """Return the engine that integrates the model at a tuning by a method in `propagators`."""
+    def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
+        """Return the engine that integrates the model at a tuning by a method in `propagators`.
+
+        `options` are keyword arguments of the engine class.
+        """
         return self.propagator_class(method)(self, float(tuning), **options)
 
-    def law(self, tuning, tolerance=0.0):
-        """Return the equation of one degree of freedom for Taylor steps of a tolerance."""
+    def law(self, tuning: float, tolerance: float = 0.0) -> Any:
+        """Return the equation of one degree of freedom for Taylor steps with an error tolerance."""
         return self.equation.law(tuning, tolerance)
 
-    def system(self, tuning):
-        """Return the matrices of a piecewise-linear model at a tuning, a `TrainSystem`."""
+    def system(self, tuning: float) -> Any:
+        """Return the matrices of a piecewise-linear model at a tuning, as a `TrainSystem`."""
         return (self.train or self.equation).system(tuning)
 
-    def linear(self, system):
-        """Return the modes in permanent contact: (frequencies, shapes, free motions, mass)."""
+    def linear(self, system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the natural modes of a `TrainSystem` in permanent contact, dimensionless.
+
+        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one mode
+        or motion per column.
+        """
         if self.train:
             return self.train.linear(system)
-        unit = np.ones((1, 1))
-        return np.array([self.equation.natural]), unit, np.zeros((1, 0)), unit
+        identity = np.ones((1, 1))
+        return np.array([self.equation.natural]), identity, np.zeros((1, 0)), identity
 
-    def outputs(self, system):
-        """Return rows that map states to extra recorded variables, shape (e, 3, p, n)."""
+    def outputs(self, system: Any) -> np.ndarray:
+        """Return the row vectors that map states to extra recorded variables, (e, 3, p, n).
+
+        There are e variables, 3 contact states and p segments, and states have n components.
+        """
         return np.zeros((0, *system.effect.shape[:2], len(system.base_matrix)))
 
-    def initial(self, system, state):
-        """Return the full state vector at tau = 0 with a displacement and its rate dx/dtau."""
+    def initial(self, system: Any, state: tuple[float, float]) -> np.ndarray:
+        """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
         full_state = 0.0 * system.drive_lines[0]
         full_state[:2] = state
         return full_state
 
-    def check_state(self, value):
+    def check_state(self, initial_state: Any) -> Any:
         """Return a checked initial state: displacement and dx/dtau, or all components."""
-        if isinstance(value, (tuple, list)) and len(value) == self.size > 2:
-            finite = "finite", math.isfinite
-            return tuple(checks.number("initial_state", entry, *finite) for entry in value)
-        return checks.state("initial_state", value)
+        n = self.size
+        if isinstance(initial_state, (tuple, list)) and len(initial_state) == n > 2:
+            return tuple(
+                checks.number("initial_state", entry, "finite", math.isfinite)
+                for entry in initial_state
+            )
+        return checks.state("initial_state", initial_state)
 
     @property
-    def settable(self):
+    def settable(self) -> dict[str, tuple[str, str]]:
         """The finite numbers that `with_values` can change: name -> (CF units, description).
 
         A name is a field of the model or its `GearPair`, an entry of a field with several values
@@ -144,22 +157,26 @@ class Model:
                 if type(value) is float and math.isfinite(value):
                     numbers.setdefault(name, (units, description))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
-                    indices = [f"[{i}]" for i, entry in enumerate(value) if math.isfinite(entry)]
-                    numbers |= {name + i: (units, f"{description} {i}") for i in indices}
+                    for i, entry in enumerate(value):
+                        if math.isfinite(entry):
+                            numbers[f"{name}[{i}]"] = units, f"{description} [{i}]"
         if self.mesh:
             numbers |= {name: ("1", description) for name, description in RATIO_NAMES.items()}
         return numbers
 
-    def value(self, name):
-        """Return a number by its name in `settable`."""
+    def value(self, name: str) -> float:
+        """Return a number of the model by its name in `settable`, such as ``masses[0]``."""
         field, _, index = name.rstrip("]").partition("[")
         value = getattr(self, field)
         return value[int(index)] if index else value
 
-    def with_values(self, changes):
-        """Return a copy with the numbers name -> value of `settable` changed, ratios last."""
+    def with_values(self, new_values: dict[str, float]) -> "Model":
+        """Return a copy of the model with new values of numbers in `settable`, name -> value.
+
+        Ratios such as ``damping_ratio`` are set last, from the changed parameters.
+        """
         fields: dict = {}
-        for name, value in changes.items():
+        for name, value in new_values.items():
             field, _, index = name.rstrip("]").partition("[")
             if index:
                 entries = list(fields.get(field, getattr(self, field)))
@@ -169,54 +186,66 @@ class Model:
                 fields[name] = value
         model = self.replace(**fields)
         for name in RATIOS:
-            if name in changes:
-                model = model.replace(**ratio_fields(model.mesh, name, changes[name]))
+            if name in new_values:
+                model = model.replace(**ratio_fields(model.mesh, name, new_values[name]))
         return model
 
     parameter = value
 
-    def with_parameter(self, name, value):
+    def with_parameter(self, name: str, value: float) -> Any:
         """Return a copy of the model with a new value of one of `parameters`."""
         return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
 
-    def disturbed(self, state, disturbance):
+    def disturbed(self, state: tuple[float, ...], disturbance: float) -> tuple:
         """Return an initial state with a disturbance added to the displacement."""
         return state[0] + disturbance, *state[1:]
 
-    def empty_record(self, samples=0, events=16):
-        """Return empty tables (samples, events, summary) for the record of a run."""
+    def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
+        """Return uninitialized tables (samples, events, summary) for the record of a run.
+
+        `samples` and `events` are the numbers of rows of the first two tables.
+        """
         from gearlib.engines import orbit  # Creating a model must not load the kernels.
 
-        columns = orbit.SAMPLE_COLUMNS + len(self.extra_samples)
-        tables = (samples, columns), (events, orbit.EVENT_COLUMNS), orbit.SUMMARY_COLUMNS
-        return tuple(np.empty(shape) for shape in tables)
+        sample_table = np.empty((samples, orbit.SAMPLE_COLUMNS + len(self.extra_samples)))
+        event_table = np.empty((events, orbit.EVENT_COLUMNS))
+        return sample_table, event_table, np.empty(orbit.SUMMARY_COLUMNS)
 
-    def extra_sample_variables(self, samples):
-        """Return the `extra_samples` in a table of samples: name -> (dims, values)."""
+    def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
+        """Return the `extra_samples` of a run as dataset variables, name -> (dims, values).
+
+        They are the last columns of the table of samples, shape (samples, columns).
+        """
         columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
-        names = zip(self.extra_samples, columns, strict=True)
-        return {name: (("phase",), values) for name, values in names}
+        named_columns = zip(self.extra_samples, columns, strict=True)
+        return {name: (("phase",), values) for name, values in named_columns}
 
-    def extra_summary_variables(self, dims, table, span):
-        """Return the summaries that other models do not have: name -> (dims, values)."""
+    def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
+        """Return the summary variables that other models do not have, name -> (dims, values).
+
+        `summaries` has the dimensions `dims`, then the columns of a summary over a phase `span`.
+        """
         return {}
 
-    def coordinates(self):
-        """Return the coordinates of datasets that belong to the model: name -> labels."""
+    def coordinates(self) -> dict[str, list]:
+        """Return the dataset coordinates that belong to the model: name -> labels."""
         return {"component": list(self.components)}
 
-    def reduction(self):
-        """Return matrices (reduce, lift) that remove the free rotation from a state, and back."""
+    def reduction(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return (reduce, lift): a matrix that removes the free rotation from a state, and back."""
         return np.eye(self.size), np.eye(self.size)
 
     @property
-    def flank_lines(self):
+    def flank_lines(self) -> Any:
         """Displacements at which drive-side and coast-side contact begin."""
         return self.equation.upper, self.equation.lower
 
     @property
-    def extent(self):
-        """Largest length of the model: unit of displacement, flank positions, load deflections."""
+    def extent(self) -> float:
+        """Largest length of the model, in its unit of displacement, at least 1.
+
+        It is the largest of the flank positions, the deflection by the load, and the deviation.
+        """
         positions, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
         lengths += positions[np.isfinite(positions)].tolist()
         if self.equation is not None:
@@ -225,32 +254,40 @@ class Model:
             lengths += [force / equation.natural**2, np.abs(equation.deviation[:, 1:]).sum()]
         return float(max(lengths))
 
-    def bound(self, tuning, state=(0.0, 0.0)):
-        """Return the displacement above which a motion from a state counts as unbounded."""
+    def bound(self, tuning: float, state: Any = (0.0, 0.0)) -> float:
+        """Return the displacement above which a motion counts as unbounded.
+
+        It exceeds the lengths of the model and of the initial `state`, n displacements then n
+        velocities, by `UNBOUNDED_FACTOR`. A state given by name, such as "static", adds nothing.
+        """
         n = 0 if isinstance(state, str) else len(state) // 2
         lengths = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
         return UNBOUNDED_FACTOR * max(self.extent, *lengths)
 
-    def damped(self):
+    def damped(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
         equation = self.equation
-        return bool(equation.damping[0 if math.isfinite(equation.lower) else 1 :].any())
+        first_row = 0 if math.isfinite(equation.lower) else 1  # row 0: coast-side contact
+        return bool(equation.damping[first_row:].any())
 
-    def scales(self):
-        """Return the scalar variables of datasets that depend on the model alone."""
+    def scales(self) -> dict:
+        """Return the dataset variables that depend on the model alone, name -> value."""
         return {}
 
-    def tuning_at(self, speed):
+    def tuning_at(self, speed: Any) -> Any:
         """Return the tuning nu at a speed of the reference gear in rpm (float or array)."""
         return speed / self.speed(1.0)
 
     @property
-    def periods_per_revolution(self):
+    def periods_per_revolution(self) -> float:
         """Mesh periods in a revolution of the reference gear; not always a whole number."""
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
-    def speed_scales(self, tuning):
-        """Return the variables of datasets that depend on the tuning (float or array)."""
+    def speed_scales(self, tuning: Any) -> dict:
+        """Return the dataset variables that depend on the tuning (float or array) alone.
+
+        They are name -> value in SI units, speed in rpm; empty if nothing rotates.
+        """
         if self.speed is None:
             return {}
         frequency = self.mesh_frequency(tuning)
@@ -261,12 +298,16 @@ class Model:
             "speed": self.speed(tuning),
         }
 
-    def as_dict(self):
+    def as_dict(self) -> dict:
         """Return the parameters as a dict of plain values, in the order of the fields."""
-        profiles = {x: y.as_dict() for x, y in fields_of(self).items() if isinstance(y, Profile)}
+        profiles = {
+            name: value.as_dict()
+            for name, value in fields_of(self).items()
+            if isinstance(value, Profile)
+        }
         return dataclasses.asdict(self) | profiles
 
-    def replace(self, **changes):
+    def replace(self, **changes: Any) -> Any:
         """Return a checked copy with changed parameters of the model or of its `GearPair`.
 
         A name that both have means the field of the model. A field that still has its default
@@ -278,42 +319,49 @@ class Model:
         ValueError
             If a name is unknown, or the model does not allow a value.
         """
-        names = fields_of(self)
-        known_names = names | (fields_of(self.mesh) if self.mesh else {})
-        checks.known(type(self).__name__, changes, list(known_names))
+        own_fields = fields_of(self)
+        known_fields = own_fields | (fields_of(self.mesh) if self.mesh else {})
+        checks.known(type(self).__name__, changes, list(known_fields))
         recomputed = {
             name: None
             for name, default in self.defaults.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        pair_changes = {name: changes.pop(name) for name in {*changes} - {*names}}
+        pair_changes = {name: changes.pop(name) for name in {*changes} - {*own_fields}}
         pair = changes.get("pair", self.mesh)
         if pair_changes and is_model(pair):
             changes["pair"] = pair.replace(**pair_changes)
         return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]
 
 
-def fields_of(instance):
+def fields_of(instance: Any) -> dict[str, Any]:
     """Return the fields of a dataclass instance as a dict, name -> value."""
     return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
 
 
-def natural_scale(model, units):
-    """Return a typical magnitude of a quantity with the given CF units, from the model's scales."""
-    force, length, rate = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
-    scales = {"N": force, "m": length, "s": 1.0 / rate, "kg": force / length / rate**2}
+def natural_scale(model: Any, units: str) -> float:
+    """Return a typical size of a quantity with CF units such as "N s m-1", in these units.
+
+    It follows from the load, the static deflection and the mesh frequency of the model.
+    """
+    force, length, frequency = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
+    mass = force / length / frequency**2
+    scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
     powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
     return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
 
 
-def unchecked(dataclass, **values):
-    """Create an instance of a frozen dataclass without its checks, which only accept floats."""
+def unchecked(dataclass: type, **values: Any) -> Any:
+    """Return an instance of a frozen dataclass with field values, without its checks.
+
+    Missing fields get their defaults. The checks only accept floats, not enclosures.
+    """
     instance = object.__new__(dataclass)
     for field in dataclasses.fields(dataclass):
         object.__setattr__(instance, field.name, values.get(field.name, field.default))
     return instance
 
 
-def is_model(value):
+def is_model(value: Any) -> bool:
     """Return whether a value is a model."""
     return isinstance(value, Model)

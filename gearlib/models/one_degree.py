@@ -27,12 +27,13 @@ d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.taylor.series import Law
 from gearlib.models import one_mesh_system
 from gearlib.models.harmonics import Harmonics
@@ -62,20 +63,24 @@ class Equation:
     deviation: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     natural: float = 1.0  #: natural frequency in contact, which sets the step length
 
-    def is_piecewise_linear(self):
-        """Return whether the equation is linear with constant coefficients between events."""
+    def is_piecewise_linear(self) -> bool:
+        """Return whether the equation is linear with constant coefficients between switches."""
         nonlinear = self.damping[:, 1:].any() or self.powers.any()
         constant = all(
             not side.harmonics.size and not side.lines[:, 1].any() for side in (self.near, self.far)
         )
         return bool(constant and not nonlinear)
 
-    def law(self, tuning, tolerance):
-        """Return the equation at an excitation frequency for Taylor steps of a tolerance."""
-        unit, (near, far) = 1.0 / tuning**2, self.sides()
-        # With velocities by phase, x' becomes nu x' and the whole equation is divided by nu^2.
+    def law(self, tuning: float, tolerance: float) -> Law:
+        """Return the equation at an excitation frequency, the tuning, for Taylor steps.
+
+        `tolerance` is the allowed error of a step. Velocities are by mesh phase, so that x' becomes
+        nu x' and the equation is divided by nu^2.
+        """
+        force_scale, (near, far) = 1.0 / tuning**2, self.sides()
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
-        waves = np.array([1.0, unit, unit])
+        # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
+        harmonic_scale = np.array([1.0, force_scale, force_scale])
         return Law(
             tuning,
             self.upper - self.lower,
@@ -83,25 +88,25 @@ class Equation:
             damping[BACKLASH + 1],
             self.powers,
             near.breaks,
-            near.lines * unit,
+            near.lines * force_scale,
             near.low,
-            near.harmonics * waves,
-            np.vstack([[0.0, self.load * unit, 0.0], self._excitation(unit)]),
+            near.harmonics * harmonic_scale,
+            np.vstack([[0.0, self.load * force_scale, 0.0], self._excitation(force_scale)]),
             tolerance,
             self.upper,
             self.lower,
-            self.ground * unit,
+            self.ground * force_scale,
             damping[INVERSE + 1],
-            far.lines * unit,
-            far.harmonics * waves,
+            far.lines * force_scale,
+            far.harmonics * harmonic_scale,
         )
 
-    def system(self, tuning):
-        """Return the matrices of a piecewise-linear equation at an excitation frequency.
+    def system(self, tuning: float) -> TrainSystem:
+        """Return the state-space matrices of a piecewise-linear equation.
 
-        The state is q = x - f, dq/dt, the constant 1 and a cosine and a sine of each order, over
-        the time t of the model. The deviation f moves the flanks, so that no inertia force of it
-        appears.
+        `tuning` is the excitation frequency. The state holds q = x - f, dq/dt, the constant 1, and
+        a cosine and a sine of each order, over the time t of the model. The deviation f moves the
+        flanks, so that its inertia does not appear as a force.
         """
         near, far = self.sides()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
@@ -112,11 +117,11 @@ class Equation:
         free = one_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
         free[0, 1] = 1.0
         free[1, 2] = self.load
-        for row, harmonics in ((free[1], self.force), (upper, self.deviation)):
+        for row_vector, harmonics in ((free[1], self.force), (upper, self.deviation)):
             for order, cosine, sine in harmonics:
                 column = 3 + 2 * int(np.searchsorted(orders, order))
-                row[column : column + 2] += cosine, sine
-        # `upper` is still the row of x here, and upper @ free that of its rate.
+                row_vector[column : column + 2] += cosine, sine
+        # At this point upper @ state is x and (upper @ free) @ state is dx/dt.
         free[1] -= self.ground * upper + gap_damping * (upper @ free)
         lower[:] = upper
         upper[2] = -self.upper
@@ -129,15 +134,15 @@ class Equation:
             free, force_input, flanks, near.low, near.breaks, orders, tuning
         )
 
-    def _excitation(self, unit):
-        """Return the forces and the inertia of the deviation as rows (order, cosine, sine)."""
-        deviation = self.deviation.copy()
+    def _excitation(self, force_scale: float) -> np.ndarray:
+        """Return the scaled forces, then the inertia of the deviation, as (order, cosine, sine)."""
+        inertia = self.deviation.copy()
         # The second derivative of a harmonic of order n is -n^2 times the harmonic.
-        deviation[:, 1:] *= -(deviation[:, :1] ** 2)
-        return np.vstack([self.force * np.array([1.0, unit, unit]), deviation])
+        inertia[:, 1:] *= -(inertia[:, :1] ** 2)
+        return np.vstack([self.force * np.array([1.0, force_scale, force_scale]), inertia])
 
-    def sides(self):
-        """Return the stiffness of near and far contact, both cut at the same phases."""
+    def sides(self) -> tuple[Pieces, Pieces]:
+        """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
         if self.near is self.far:
             return self.near, self.far
         breaks = np.union1d(self.near.breaks, self.far.breaks)
@@ -145,9 +150,16 @@ class Equation:
 
 
 def equation_of_pair(
-    pair, stiffness: Pieces, nonlinear_damping=0.0, **other_terms: np.ndarray
+    pair: GearPair,
+    stiffness: Pieces,
+    nonlinear_damping: np.ndarray | float = 0.0,
+    **other_terms: np.ndarray,
 ) -> Equation:
-    """Return the equation of motion of a `GearPair` with nonlinear damping and other terms."""
+    """Return the dimensionless equation of motion of a gear pair.
+
+    `nonlinear_damping`, shape (3, 3), has the rows coast side, backlash and drive side and the
+    columns 0, d2 and d3; `other_terms` are further fields of `Equation`, such as the force.
+    """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
         [pair.damping_ratio, pair.backlash_damping_ratio, pair.damping_ratio]
@@ -188,32 +200,39 @@ class OneDegreePair(WithPair):
         "Mesh stiffness over the phase",
         "C(tau)",
     ] = Rectangular()
-    excitation: Annotated[Harmonics, _HARMONICS, "Added to the load, N"] = Harmonics()
-    deviation: Annotated[Harmonics, _HARMONICS, "Of the flanks f(tau), m"] = Harmonics()
+    excitation: Annotated[Harmonics, _HARMONICS, "External force in N, added to the load"] = (
+        Harmonics()
+    )
+    deviation: Annotated[
+        Harmonics, _HARMONICS, "Deviation f(tau) of the flanks from the involute in m"
+    ] = Harmonics()
 
     one_mesh = True
     nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")
 
     @property
-    def force_note(self):
-        """A sentence on the jumps of the mesh force; "" unless the profile is rectangular."""
+    def force_note(self) -> str:
+        """A sentence on jumps of the mesh force for results; "" unless stiffness is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
     parameters = property(lambda model: named(type(model)), doc="Its numbers beside the pair's.")
 
     @cached_property
-    def equation(self):
-        """The equation of motion in units of the static deflection and of 1 / Omega_s."""
+    def equation(self) -> Equation:
+        """The equation of motion with lengths in static deflections and times in 1 / Omega_s."""
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
-        scales = np.array([1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass])
-        material = 0.0, self.quadratic_damping, self.cubic_damping
-        oil = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
+        damping_scales = np.array(
+            [1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass]
+        )
+        # Linear, quadratic and cubic damping; the linear damping is that of the pair.
+        in_contact = 0.0, self.quadratic_damping, self.cubic_damping
+        in_backlash = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
         powers = np.array([self.quadratic_stiffness, self.cubic_stiffness])
         return equation_of_pair(
             pair,
             self.profile.pieces(pair),
-            np.array([material, oil, material]) * scales,
+            np.array([in_contact, in_backlash, in_contact]) * damping_scales,
             powers=powers * [deflection, deflection**2],
             force=self.excitation.table(1.0 / pair.load),
             deviation=self.deviation.table(1.0 / deflection),
@@ -225,7 +244,7 @@ class _Stiffness(Number):
 
     words = "a finite number >= 0, a Series or Steps"
 
-    def check(self, name, value):
+    def check(self, name: str, value: Any) -> Any:
         return value if isinstance(value, (Series, Steps)) else super().check(name, value)
 
 
@@ -234,7 +253,7 @@ class _Edge(Number):
 
     words = "a number < infinity"
 
-    def accepts(self, value):
+    def accepts(self, value: float) -> bool:
         return value < math.inf
 
 
@@ -286,7 +305,7 @@ class DeadZoneOscillator(Model):
     deviation: Annotated[
         Harmonics,
         _HARMONICS,
-        "Motion of the support; its inertia is a force of amplitude (n W)^2",
+        "Motion of the support; its inertia is a force with amplitudes times (n W)^2",
         "f",
     ] = Harmonics()
 
@@ -329,19 +348,21 @@ class DeadZoneOscillator(Model):
     }
     references = "Kahraman, Singh: Journal of Sound and Vibration 142 (1990) 49-75"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the edges and stiffnesses, and set default values."""
         upper = FINITE.check("upper_edge", self.upper_edge)
         allowed = f"from -inf to upper_edge = {upper!r}"
         checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
         super().__post_init__()
-        names = ["upper_stiffness", "lower_stiffness"][: 1 + math.isfinite(self.lower_edge)]
+        names = ["upper_stiffness"]
+        if math.isfinite(self.lower_edge):
+            names.append("lower_stiffness")
         if not any(_mean(getattr(self, name)) for name in names):
             values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
             raise ValueError(f"{values} is not allowed: one contact must have a stiffness > 0")
 
     @cached_property
-    def equation(self):
+    def equation(self) -> Equation:
         """The equation of motion in the units of the parameters."""
         near = _pieces(self.upper_stiffness)
         same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
@@ -362,14 +383,14 @@ class DeadZoneOscillator(Model):
         )
 
 
-def _pieces(stiffness):
-    """Return a stiffness, a float or a profile, as `Pieces`."""
+def _pieces(stiffness: float | Series | Steps) -> Pieces:
+    """Return a constant or periodic stiffness as `Pieces`."""
     if isinstance(stiffness, float):
         stiffness = Steps((0.0,), (stiffness,))
     return stiffness.pieces()
 
 
-def _mean(stiffness):
-    """Return the mean of a stiffness, a float or a profile, over a period."""
+def _mean(stiffness: float | Series | Steps) -> float:
+    """Return the mean of a constant or periodic stiffness over a period."""
     pieces = _pieces(stiffness)
     return float(pieces.lines[:, 0] @ np.diff(pieces.breaks)) / (2.0 * math.pi)

@@ -1,6 +1,7 @@
 """State-space matrices of piecewise-linear models with one mesh, and maps over a mesh period."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -9,16 +10,26 @@ from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
-def one_mesh(free, force_input, flanks, low, starts, orders, tuning):
-    """Return the `TrainSystem` of one mesh for a state of n components and p stiffness segments.
+def one_mesh(
+    free: np.ndarray,
+    force_input: np.ndarray,
+    flanks: dict[int, tuple],
+    low: np.ndarray,
+    starts: np.ndarray,
+    orders: np.ndarray,
+    tuning: float,
+) -> TrainSystem:
+    """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
     `free`, shape (n, n), is the matrix of dz/dtheta in the backlash; `force_input`, shape (n,), is
-    the change of dz/dtheta by a unit contact force. `flanks` maps NORMAL and, if there is a coast
-    flank, INVERSE to (row of the distance, shape (n,), stiffness, shape (p,), damping minus that of
-    the backlash). `low` marks segments below the mean stiffness, `starts`, shape (p + 1,), are
-    their boundaries in phase, and `orders` the orders of the excitation.
+    the change of dz/dtheta by a unit contact force. `flanks` maps the contact code NORMAL and, if
+    there is a coast flank, INVERSE to (row vector (n,) that maps z to the distance of the flanks,
+    stiffness of each segment (p,), damping minus damping in the backlash). `low`, shape (p,), marks
+    segments below the mean stiffness, `starts`, shape (p + 1,), are their boundaries in phase.
+    `orders` are the orders of the excitation, with a cosine and a sine each at the end of z.
     """
-    (n, p), constant = (len(free), len(low)), len(free) - 1 - 2 * len(orders)
+    n, p = len(free), len(low)
+    constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
     near = flanks[NORMAL][0]
     far = flanks[-NORMAL][0] if -NORMAL in flanks else missing_flank(n, constant)
     effect, effects = np.zeros((3, p, 1), np.int64), {}
@@ -29,16 +40,17 @@ def one_mesh(free, force_input, flanks, low, starts, orders, tuning):
         for segment, level in enumerate(levels):
             # distance @ free is the rate of a distance, which does not contain accelerations.
             force = level * distance + damping * (distance @ free)
-            entry = (len(effects) + 1, force)
-            effect[code + 1, segment, 0], _ = effects.setdefault((code, level, low[segment]), entry)
+            numbered_force = (len(effects) + 1, force)
+            # Segments with the same contact, stiffness and side of the mean share one force.
+            same_force = (code, level, low[segment])
+            effect[code + 1, segment, 0] = effects.setdefault(same_force, numbered_force)[0]
     force_inputs, force_outputs = np.zeros((2, 1, len(effects) + 1, 2, n), free.dtype)
     for number, force in effects.values():
         force_inputs[0, number, 0], force_outputs[0, number, 0] = force_input, force
     # Scaling velocities by the highest frequency of all contacts makes the norm small.
     half = constant // 2
-    matrices = (free + np.swapaxes(force_inputs[0], 1, 2) @ force_outputs[0])[
-        :, :constant, :constant
-    ]
+    matrices = free + np.swapaxes(force_inputs[0], 1, 2) @ force_outputs[0]
+    matrices = matrices[:, :constant, :constant]
     frequency = math.sqrt(_largest_norm(matrices[:, half:, :half])) or 1.0
     scale = np.array([1.0, frequency]).repeat(half)
     norm = _largest_norm(matrices * scale / scale[:, None])
@@ -54,24 +66,31 @@ def one_mesh(free, force_input, flanks, low, starts, orders, tuning):
     )
 
 
-def _largest_norm(matrices):
+def _largest_norm(matrices: np.ndarray) -> float:
     """Return the largest Frobenius norm of matrices, shape (k, n, n)."""
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
-def by_phase(system, codes, segment):
-    """Return the state matrix by phase, dz/dtau, of contact codes in a stiffness segment."""
-    effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
+def by_phase(system: TrainSystem, contact_codes: list[int], segment: int) -> np.ndarray:
+    """Return the state matrix by mesh phase, dz/dtau = matrix z, shape (n, n).
+
+    `contact_codes` holds the contact state of each mesh, -1, 0 or 1; `segment` is the number of
+    the stiffness segment.
+    """
+    effects = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
     matrix = np.empty_like(system.base_matrix)
     matrix_of(system, np.array(effects, np.int64), matrix)
-    half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2
+    half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2  # number of coordinates
     scale = np.ones(len(matrix), matrix.dtype)
     scale[half : 2 * half] = system.tuning
     return matrix * scale[None, :] / scale[:, None] / system.tuning
 
 
-def harmonic_oscillators(n, first, frequencies):
-    """Return a state matrix (n, n) whose components from `first` on are pairs cosine, sine."""
+def harmonic_oscillators(n: int, first: int, frequencies: np.ndarray) -> np.ndarray:
+    """Return a state matrix (n, n) for cosines and sines of given angular frequencies.
+
+    State component `first` is the first cosine, followed by its sine, the next cosine and so on.
+    """
     matrix = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
         cosine = first + 2 * j
@@ -79,17 +98,24 @@ def harmonic_oscillators(n, first, frequencies):
     return matrix
 
 
-def missing_flank(n, constant):
-    """Return the distance row (n,) of a flank that never touches: always the constant 1."""
+def missing_flank(n: int, constant: int) -> np.ndarray:
+    """Return the distance row vector (n,) of a flank that never touches: its distance is always 1.
+
+    `constant` is the index of the state component that is always 1.
+    """
     return np.eye(n)[constant]
 
 
-def contact_map(model, tuning):
-    """Return the monodromy matrix of permanent contact over all periods of the excitation."""
+def contact_map(model: Any, tuning: float) -> np.ndarray:
+    """Return the monodromy matrix of permanent drive-side contact over the excitation's period.
+
+    The free rotation of the model is removed from the states.
+    """
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
-    codes = [NORMAL] * len(system.drive_lines)
+    contact_codes = [NORMAL] * len(system.drive_lines)
     for segment, length in enumerate(np.diff(system.starts)):
-        matrix = by_phase(system, codes, segment)[:n, :n].copy()
+        matrix = by_phase(system, contact_codes, segment)[:n, :n].copy()
+        # Steps no longer than `system.longest` keep the matrix exponential accurate.
         steps = math.ceil(length / tuning / system.longest)
         step_map = exponential(matrix, length / steps)
         period_map = np.linalg.matrix_power(step_map, steps) @ period_map

@@ -17,8 +17,9 @@ from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import LARGEST, PairParameters, check_scales
 
-#: Least stiffness ratio of the scalar closed forms. Below, the equilibrium of the softer segment,
-#: about which they are written, lies so far away that they lose more than four digits.
+#: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
+#: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
+#: more than four digits.
 _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
@@ -36,32 +37,32 @@ class GearPair(PairParameters, Model):
     one_mesh = True
 
     @property
-    def force_note(self):
-        """A sentence on the jumps of the mesh force; "" for a constant stiffness."""
+    def force_note(self) -> str:
+        """A sentence on jumps of the mesh force for results; "" for a constant stiffness."""
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the parameters, their scales and the damping ratios."""
         super().__post_init__()
         check_scales(self)
+        max_damping = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+        allowed = f"a finite number >= 0 and <= {max_damping:.3g}, a damping ratio of {LARGEST}"
         for name in ("material_damping", "backlash_damping"):
-            value = getattr(self, name)
-            limit = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
-            allowed = f"a finite number >= 0 and <= {limit:.3g}, a damping ratio of {LARGEST}"
-            checks.require(value is None or value <= limit, name, value, allowed)
+            damping = getattr(self, name)
+            checks.require(damping is None or damping <= max_damping, name, damping, allowed)
 
     @classmethod
     def from_ratios(
         cls,
         *,
-        contact_ratio,
-        stiffness_ratio,
-        damping=0.0,
-        backlash_damping=0.0,
-        backlash=math.inf,
-        teeth=24,
-    ):
-        """Return a pair given by its dimensionless ratios, in unit scales.
+        contact_ratio: float,
+        stiffness_ratio: float,
+        damping: float = 0.0,
+        backlash_damping: float = 0.0,
+        backlash: float = math.inf,
+        teeth: int = 24,
+    ) -> "GearPair":
+        """Return a pair given by its dimensionless ratios, with unit scales.
 
         Mean stiffness, reduced mass and load are 1 N/m, 1 kg and 1 N, so that one
         static deflection is 1 m and the mean eigenfrequency is 1 rad/s.
@@ -69,13 +70,13 @@ class GearPair(PairParameters, Model):
         Parameters
         ----------
         contact_ratio, stiffness_ratio : float
-            epsilon in [1, 2], kappa in (0, 1].
+            Contact ratio epsilon in [1, 2]; ratio kappa of minimum to maximum stiffness in (0, 1].
         damping, backlash_damping : float, default 0
-            Damping ratios beta (contact) and beta_m (backlash); finite, >= 0.
+            Damping ratios beta in contact and beta_m in the backlash; finite, >= 0.
         backlash : float, default infinite
-            In static deflections; >= 0.
+            Backlash in static deflections; >= 0.
         teeth : int, default 24
-            Mesh periods per revolution.
+            Number of mesh periods per revolution.
 
         Raises
         ------
@@ -86,43 +87,44 @@ class GearPair(PairParameters, Model):
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
         contact_ratio = parameters.CONTACT_RATIO.check("contact_ratio", contact_ratio)
         stiffness_ratio = parameters.STIFFNESS_RATIO.check("stiffness_ratio", stiffness_ratio)
-        over_max = mean_over_max(contact_ratio, stiffness_ratio)
+        stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
         # Mass and load equal the rounded mean stiffness, so that the static deflection and the
         # eigenfrequency are exactly 1 and the ratios keep their last digit.
-        unit = 1.0 / over_max * over_max
+        mean_stiffness = 1.0 / stiffness_quotient * stiffness_quotient
         return cls(
-            max_stiffness=1.0 / over_max,
+            max_stiffness=1.0 / stiffness_quotient,
             stiffness_ratio=stiffness_ratio,
             contact_ratio=contact_ratio,
-            reduced_mass=unit,
-            load=unit,
+            reduced_mass=mean_stiffness,
+            load=mean_stiffness,
             backlash=backlash,
-            material_damping=2.0 * damping * unit,
-            backlash_damping=2.0 * backlash_damping * unit,
+            material_damping=2.0 * damping * mean_stiffness,
+            backlash_damping=2.0 * backlash_damping * mean_stiffness,
             teeth=teeth,
         )
 
     @classmethod
-    def from_geometry(cls, mesh, **options):
+    def from_geometry(cls, mesh: Any, **options: Any) -> "GearPair":
         """Return the gear pair of two drawn gears; its reference gear is the pinion.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
+            The two drawn gears in mesh.
         torque : float
-            Torque of the pinion, N m; finite, > 0. Power and speed can replace it.
+            Torque on the pinion in N m; finite, > 0. Alternatively give power and speed.
         power, speed : float
             Power in W and speed of the pinion in rpm; finite, > 0.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, at most one of them: beta; delta = 2 pi beta / sqrt(1 - beta^2);
-            k_1 in N s/m. The damping ratio is >= 0 and < 1. Without any, the damping is unknown,
-            and only stiffness and resonance can be computed.
+            Damping in contact, given by at most one of the damping ratio beta in [0, 1), the
+            logarithmic decrement 2 pi beta / sqrt(1 - beta^2) and the coefficient k_1 in N s/m.
+            Without any, the damping is unknown, and only stiffness and resonance can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio beta_m in the backlash, >= 0 and < 1.
         stiffness : {"iso", "energy"} or Tabulated, default "iso"
             Method or table of the mesh stiffness; see `gearlib.geometry.mesh_stiffness`.
         options : dict, optional
-            Options of that method.
+            Options of the stiffness method.
 
         Raises
         ------
@@ -132,13 +134,13 @@ class GearPair(PairParameters, Model):
         return cls(**checks.drawn_mesh(mesh).pair_parameters(**options))
 
     @property
-    def mesh(self):
+    def mesh(self) -> "GearPair":
         """The pair itself."""
         return self
 
     @cached_property
-    def equation(self):
-        """The equation of motion in units of the static deflection and of 1 / Omega_s."""
+    def equation(self) -> Any:
+        """The `Equation` of motion with lengths in static deflections and times in 1 / Omega_s."""
         # Imported here, since reading the configuration needs the fields but no equation.
         from gearlib.models.one_degree import equation_of_pair
         from gearlib.models.profiles import Rectangular
@@ -146,13 +148,13 @@ class GearPair(PairParameters, Model):
         return equation_of_pair(self, Rectangular().pieces(self))
 
     @property
-    def propagators(self):
-        """Name of a method -> engine module: scalar closed forms where they keep their digits."""
+    def propagators(self) -> dict[str, str]:
+        """Method name -> engine module: scalar closed forms unless the stiffness ratio is tiny."""
         scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
         exact = "pair.propagator" if scalar else "linear.one_mesh"
         return {"exact": exact, "taylor": "taylor.propagator"}
 
-    def damped(self):
+    def damped(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
         return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
@@ -171,29 +173,29 @@ class GearPair(PairParameters, Model):
         """sqrt(C_s / C_min), so that nu_min = nu * tuning_factor_min."""
         return math.sqrt(self.mean_stiffness / self.min_stiffness)
 
-    def tuning_max(self, tuning):
+    def tuning_max(self, tuning: Any) -> Any:
         """Return nu_max = omega_c / Omega_max for a tuning nu (float or array)."""
         return tuning * self.tuning_factor_max
 
-    def tuning_min(self, tuning):
+    def tuning_min(self, tuning: Any) -> Any:
         """Return nu_min = omega_c / Omega_min for a tuning nu (float or array)."""
         return tuning * self.tuning_factor_min
 
-    def mesh_frequency(self, tuning):
-        """Return omega_c = nu Omega_s, rad/s (float or array)."""
+    def mesh_frequency(self, tuning: Any) -> Any:
+        """Return the mesh frequency omega_c = nu Omega_s in rad/s at a tuning (float or array)."""
         return tuning * self.mean_eigenfrequency
 
-    def speed(self, tuning):
+    def speed(self, tuning: Any) -> Any:
         """Return the speed of the reference gear in rpm at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth)
 
     @property
-    def flank_lines(self):
+    def flank_lines(self) -> tuple[float, float]:
         """Displacements, in static deflections, where drive- and coast-side contact begin."""
         return 0.0, -self.backlash_ratio
 
-    def scales(self):
-        """Return the scalar variables of datasets that depend on the pair alone."""
+    def scales(self) -> dict[str, float]:
+        """Return the dataset variables that depend on the pair alone, name -> value, SI units."""
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
@@ -214,8 +216,8 @@ class WithPair(Model):
 
         def __getattr__(self, name: str) -> Any: ...
 
-    def as_dict(self):
-        """Return the parameters of the model and its pair as a dict of plain values."""
+    def as_dict(self) -> dict:
+        """Return the parameters of the model and its pair as one dict of plain values."""
         values = super().as_dict()
         return values.pop("pair") | values
 

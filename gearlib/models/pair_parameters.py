@@ -11,8 +11,11 @@ from gearlib.engines.pair.stiffness import mean_over_max
 SMALLEST, LARGEST = 1e-30, 1e30
 
 
-def check_scales(pair, prefix=""):
-    """Raise ValueError if stiffness, mass or load is too large or small; prefix their names."""
+def check_scales(pair: Any, prefix: str = "") -> None:
+    """Raise ValueError if stiffness, mass or load of a pair is too large or small.
+
+    The message names the parameter, with the prefix, such as "gear_pair.".
+    """
     allowed = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
@@ -49,7 +52,7 @@ class PairScales:
 
     @property
     def static_deflection(self):
-        """Static deflection F / C_s, m: the unit of dimensionless displacements."""
+        """Static deflection F / C_s, m: the scale of dimensionless displacements."""
         return self.load / self.mean_stiffness
 
     @property
@@ -88,10 +91,13 @@ RATIO_NAMES = {
 }
 
 
-def ratio_fields(pair, name, value):
-    """Return the field of a `GearPair`, as a dict, that gives one of its `RATIOS` a value."""
-    if name == "backlash_ratio":
+def ratio_fields(pair: Any, ratio_name: str, value: float) -> dict[str, float]:
+    """Return the field of a `GearPair` and its value in SI units for which a ratio has a value.
+
+    The ratio is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio".
+    """
+    if ratio_name == "backlash_ratio":
         scale = pair.static_deflection
     else:
         scale = 2.0 * pair.reduced_mass * pair.mean_eigenfrequency
-    return {RATIOS[name]: value * scale}
+    return {RATIOS[ratio_name]: value * scale}

@@ -11,10 +11,11 @@ entirely above or entirely below the mean ("at the lower stiffness").
 
 import csv
 import math
+import os
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -36,18 +37,19 @@ class Pieces:
     low: np.ndarray  #: whether the piece lies below the mean, shape (m,)
     harmonics: np.ndarray  #: order, cosine, sine, shape (n, 3)
 
-    def cut_at(self, breaks):
-        """Return the same stiffness with more breaks, which must include the present ones."""
-        piece = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
-        values, slopes = self.lines[piece].T
-        values = values + slopes * (breaks[:-1] - self.breaks[piece])
-        return Pieces(breaks, np.column_stack([values, slopes]), self.low[piece], self.harmonics)
+    def cut_at(self, breaks: np.ndarray) -> "Pieces":
+        """Return the same stiffness in pieces between other phases, which include the present."""
+        old_pieces = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
+        values, slopes = self.lines[old_pieces].T
+        values = values + slopes * (breaks[:-1] - self.breaks[old_pieces])
+        lines = np.column_stack([values, slopes])
+        return Pieces(breaks, lines, self.low[old_pieces], self.harmonics)
 
 
 class Profile:
     """A stiffness over one mesh period; subclasses have a method ``pieces``."""
 
-    def as_dict(self):
+    def as_dict(self) -> dict:
         """Return the kind of the profile and its parameters as plain values."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
 
@@ -56,11 +58,12 @@ class Profile:
 class Rectangular(Profile):
     """The rectangular stiffness of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
-    def pieces(self, pair):
+    def pieces(self, pair: Any) -> Pieces:
         """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean."""
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        half_high, whole_low = segment_lengths(pair.contact_ratio)
-        lengths = np.array([half_high, whole_low, half_high])
+        # The period starts in the middle of the upper level, so that this level is cut in half.
+        half_high_length, low_length = segment_lengths(pair.contact_ratio)
+        lengths = np.array([half_high_length, low_length, half_high_length])
         nonempty = lengths > 0.0
         breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
         breaks[-1] = 2.0 * math.pi
@@ -79,19 +82,19 @@ class Fourier(Profile):
         If `harmonics` is not an integer >= 1.
     """
 
-    harmonics: Annotated[int, parameters.Integer(1, 10_000), "Number of terms"]
+    harmonics: Annotated[int, parameters.Integer(1, 10_000), "Number of terms of the series"]
 
     def __post_init__(self):
         parameters.check(self)
 
-    def pieces(self, pair):
-        """Return the truncated Fourier series of the stiffness of a `GearPair`, its mean 1."""
+    def pieces(self, pair: Any) -> Pieces:
+        """Return the truncated Fourier series of the stiffness of a `GearPair` over its mean."""
         high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
-        n = np.arange(1, self.harmonics + 1)
-        amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * n) * (-1.0) ** n
-        cosines = amplitudes * np.sin(n * math.pi * (pair.contact_ratio - 2.0))
-        table = np.column_stack([n, cosines, np.zeros(n.size)])
-        return _harmonic_pieces(1.0, table)
+        orders = np.arange(1, self.harmonics + 1)
+        amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * orders) * (-1.0) ** orders
+        cosines = amplitudes * np.sin(orders * math.pi * (pair.contact_ratio - 2.0))
+        harmonics = np.column_stack([orders, cosines, np.zeros(orders.size)])
+        return _harmonic_pieces(1.0, harmonics)
 
 
 @parameters.documented
@@ -105,23 +108,25 @@ class Series(Profile):
         If the mean is not allowed, or the harmonics make the stiffness negative somewhere.
     """
 
-    mean: Annotated[float, parameters.POSITIVE, "Mean"]
-    harmonics: Annotated[Harmonics, parameters.Instance((Harmonics,), "Harmonics"), "Added to it"]
+    mean: Annotated[float, parameters.POSITIVE, "Mean stiffness"]
+    harmonics: Annotated[
+        Harmonics, parameters.Instance((Harmonics,), "Harmonics"), "Harmonics added to the mean"
+    ]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check that the stiffness is not negative at any phase."""
         parameters.check(self)
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
-        least = self.mean + float(_sum_of_harmonics(table, phase).min())
+        minimum = self.mean + float(_sum_of_harmonics(table, phase).min())
         # The minimum of a series that touches zero is slightly negative by rounding.
-        if least < -1e-12 * self.mean:
+        if minimum < -1e-12 * self.mean:
             raise ValueError(
                 f"harmonics = {self.harmonics!r} is not allowed: about mean = {self.mean!r} the "
-                f"stiffness falls to {least:.6g}; it must be >= 0 at every phase"
+                f"stiffness falls to {minimum:.6g}; it must be >= 0 at every phase"
             )
 
-    def pieces(self):
+    def pieces(self) -> Pieces:
         """Return the stiffness as `Pieces`, in the unit of its mean."""
         return _harmonic_pieces(self.mean, self.harmonics.table())
 
@@ -137,15 +142,19 @@ class Steps(Profile):
         Naming the entry that is wrong.
     """
 
-    phase: Annotated[tuple, _PHASES, "Where segments start, strictly rising within [0, 2 pi)"]
+    phase: Annotated[
+        tuple, _PHASES, "Phases at which segments start, strictly rising within [0, 2 pi)"
+    ]
     stiffness: Annotated[
-        tuple, parameters.Many(parameters.NONNEGATIVE), "Their stiffness in the model's own unit"
+        tuple,
+        parameters.Many(parameters.NONNEGATIVE),
+        "Stiffness of each segment in the unit of the model",
     ]
 
     def __post_init__(self):
         _check_table(self, 1)
 
-    def pieces(self):
+    def pieces(self) -> Pieces:
         """Return the stiffness as `Pieces`, in the unit of its values."""
         starts, values = np.array(self.phase), np.array(self.stiffness)
         if starts[0] > 0.0:
@@ -168,13 +177,17 @@ class Tabulated(Profile):
     """
 
     phase: Annotated[tuple, _PHASES, "Mesh phases, strictly rising within [0, 2 pi)"]
-    stiffness: Annotated[tuple, parameters.Many(parameters.STIFFNESS), "Mesh stiffness there"]
+    stiffness: Annotated[
+        tuple, parameters.Many(parameters.STIFFNESS), "Mesh stiffness at each phase"
+    ]
 
     def __post_init__(self):
         _check_table(self, 2)
 
     @classmethod
-    def read(cls, path, phase="phase", stiffness="stiffness"):
+    def read(
+        cls, path: str | os.PathLike, phase: str = "phase", stiffness: str = "stiffness"
+    ) -> "Tabulated":
         """Read the table from a CSV file with a header or from a netCDF file.
 
         Parameters
@@ -182,7 +195,7 @@ class Tabulated(Profile):
         path : str or os.PathLike
             Path of the file.
         phase, stiffness : str
-            Names of the columns or variables, in rad and N/m.
+            Names of the columns or variables with the phase in rad and the stiffness in N/m.
 
         Raises
         ------
@@ -209,12 +222,12 @@ class Tabulated(Profile):
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
 
-    def mean(self):
+    def mean(self) -> float:
         """Return the mean stiffness over one period, N/m."""
         phase, values = self._closed_period()
         return float(np.trapezoid(values, phase) / (2.0 * math.pi))
 
-    def ratios(self):
+    def ratios(self) -> tuple[float, float, float]:
         """Return (max_stiffness, stiffness_ratio, contact_ratio) of an equivalent rectangle.
 
         The rectangle has the same extrema and the same mean as the table.
@@ -224,8 +237,8 @@ class Tabulated(Profile):
             return high, 1.0, 1.5
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
-    def pieces(self, pair):
-        """Return the table divided by its mean as `Pieces`; the pair gives the mean stiffness."""
+    def pieces(self, pair: Any) -> Pieces:
+        """Return the table divided by its mean as `Pieces`; the `GearPair` is not used."""
         phase, values = self._closed_period()
         values = values / self.mean()
         before, after = values[:-1] - 1.0, values[1:] - 1.0
@@ -240,52 +253,64 @@ class Tabulated(Profile):
         low = (values[:-1] + values[1:]) / 2.0 < 1.0
         return Pieces(breaks, np.column_stack([values[:-1], slopes]), low, np.empty((0, 3)))
 
-    def _closed_period(self):
+    def _closed_period(self) -> tuple[np.ndarray, np.ndarray]:
         """Return phases and stiffnesses with the first point repeated one period later."""
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
 
 
-def _check_table(profile, min_length):
-    """Raise ValueError unless phases rise in [0, 2 pi) and each of them has a stiffness."""
+def _check_table(profile: Any, min_length: int) -> None:
+    """Raise ValueError unless a `Steps` or `Tabulated` has rising phases with a stiffness each.
+
+    There must be at least `min_length` phases, in [0, 2 pi).
+    """
     parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
         table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"
         allowed = f"it must have equally many, at least {min_length}"
         raise ValueError(f"{table} is not allowed: {allowed}")
-    rising = all(a < b for a, b in pairwise(phase))
+    rising = all(current < following for current, following in pairwise(phase))
     if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
         reason = "is not allowed: it must rise strictly within [0, 2 pi)"
         raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
 
 
-def _constant_pieces(breaks, values, low, harmonics=()):
-    """Return `Pieces` with a constant value in each piece, plus harmonics (order, cos, sin)."""
+def _constant_pieces(
+    breaks: np.ndarray, values: np.ndarray, low: np.ndarray, harmonics: Any = ()
+) -> Pieces:
+    """Return `Pieces` with constant values between m + 1 phases `breaks`, plus harmonics.
+
+    `values`, shape (m,), are the constants, `low`, shape (m,), marks pieces below the mean, and
+    `harmonics`, shape (n, 3), are (order, cosine, sine).
+    """
     lines = np.column_stack([values, 0.0 * values])
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 
-def _sum_of_harmonics(table, phase):
-    """Return the sum of harmonics, rows (order, cosine, sine) of a table, at phases in rad."""
-    angles = np.multiply.outer(phase, table[:, 0])
-    return np.cos(angles) @ table[:, 1] + np.sin(angles) @ table[:, 2]
+def _sum_of_harmonics(harmonics: np.ndarray, phases: Any) -> np.ndarray:
+    """Return the sum of harmonics, (n, 3) with rows (order, cosine, sine), at phases in rad."""
+    angles = np.multiply.outer(phases, harmonics[:, 0])
+    return np.cos(angles) @ harmonics[:, 1] + np.sin(angles) @ harmonics[:, 2]
 
 
-def _harmonic_pieces(mean, table):
-    """Return a mean plus harmonics, rows (order, cosine, sine), cut where it crosses the mean."""
+def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
+    """Return `Pieces` of a mean plus harmonics, with breaks where the sum crosses the mean.
+
+    The harmonics, shape (n, 3), are rows (order, cosine, sine).
+    """
     # Imported here, since loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 
-    order = max(int(table[:, 0].max(initial=0.0)), 1)
-    phases = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * order + 1)
-    signs = np.sign(_sum_of_harmonics(table, phases))
+    def oscillation(phase: float) -> float:
+        return float(_sum_of_harmonics(harmonics, phase))
+
+    highest_order = max(int(harmonics[:, 0].max(initial=0.0)), 1)
+    phases = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * highest_order + 1)
+    signs = np.sign(_sum_of_harmonics(harmonics, phases))
     sign_changes = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
-    crossings = [
-        brentq(lambda x: float(_sum_of_harmonics(table, x)), phases[i], phases[i + 1], xtol=1e-15)
-        for i in sign_changes
-    ]
+    crossings = [brentq(oscillation, phases[i], phases[i + 1], xtol=1e-15) for i in sign_changes]
     breaks = np.array([0.0, *crossings, 2.0 * math.pi])
-    middle = (breaks[:-1] + breaks[1:]) / 2.0
-    low = _sum_of_harmonics(table, middle) < 0.0
-    return _constant_pieces(breaks, np.full(middle.size, mean), low, table)
+    middles = (breaks[:-1] + breaks[1:]) / 2.0
+    low = _sum_of_harmonics(harmonics, middles) < 0.0
+    return _constant_pieces(breaks, np.full(middles.size, mean), low, harmonics)
