@@ -25,6 +25,7 @@ from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.load_sharing import (
     MIN_LINES,
     SAME_PLACE,
+    ToothPairs,
     checked_errors,
     corner_zones,
     face_slices,
@@ -71,24 +72,26 @@ class LoadSharingPair(WithPair):
     pair: Annotated[
         GearPair,
         Instance((GearPair,)),
-        "Mass, load, damping, backlash and scales; the stiffness is that of the drawing",
+        "Gear pair with mass, load, damping, backlash and scales; its stiffness is not used",
     ]
     drawing: Annotated[
-        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Both gears with their tip reliefs"
+        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Drawn gears with their tip reliefs"
     ]
     phases: Annotated[
         int,
         Integer(8, 100_000),
-        "Equal parts of a mesh period between which gaps and compliances are straight lines",
+        "Number of equal intervals of a mesh period in which gaps and compliances are linear",
     ] = 32
     stiffness: Any = "energy"
     coupling: Annotated[
-        float, Number("1", least=0, most=1), "How far pairs of teeth share the body"
+        float,
+        Number("1", least=0, most=1),
+        "Share of the gear body's compliance that is common to all pairs of teeth",
     ] = 1.0
     deviation: PathTable | None = None
     pitch_errors: tuple | None = None
     corner_contact: Annotated[
-        bool, TRUTH, "Whether corners of tips touch before and behind the path of contact"
+        bool, TRUTH, "Whether tip corners touch before and behind the path of contact"
     ] = True
 
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
@@ -100,7 +103,7 @@ class LoadSharingPair(WithPair):
         "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the parameters, and that the pairs of teeth can be computed."""
         super().__post_init__()
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
@@ -108,7 +111,9 @@ class LoadSharingPair(WithPair):
         self._pairs(np.zeros(1))
 
     @classmethod
-    def from_geometry(cls, mesh, *, stiffness="energy", coupling=1.0, **options):
+    def from_geometry(
+        cls, mesh: Mesh, *, stiffness: str = "energy", coupling: float = 1.0, **options: Any
+    ) -> "LoadSharingPair":
         """Return the pair of two drawn gears, with scales from the same mesh stiffness.
 
         Parameters
@@ -116,9 +121,9 @@ class LoadSharingPair(WithPair):
         mesh : gearlib.geometry.Mesh
             The drawn gears.
         stiffness : {"energy", "iso"}, default "energy"
-            Method of the stiffness. A table needs a given `pair`.
+            Method of the mesh stiffness. For a table create the class with its fields instead.
         coupling : float, default 1
-            Share of the gear bodies that is common to all pairs of teeth, from 0 to 1.
+            Share of the gear body's compliance that is common to all pairs of teeth, from 0 to 1.
         **options
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
@@ -129,7 +134,7 @@ class LoadSharingPair(WithPair):
         pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=method_options, **options)
         return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **fields)
 
-    def at_load(self, *, phases=128, harmonics=24):
+    def at_load(self, *, phases: int = 128, harmonics: int = 24) -> OneDegreePair:
         """Return the `OneDegreePair` with the same static transmission error at the load.
 
         Its deviation is -e(tau), the error without load, and its stiffness is F / (x - e). At other
@@ -153,6 +158,7 @@ class LoadSharingPair(WithPair):
                 "where one mesh period stands for all"
             )
         pairs = tooth_pairs(self.drawing, phases, **self._options)
+        # Transmission errors x of both loads, in m, one for each phase.
         unloaded, loaded = pairs.share([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
@@ -162,16 +168,22 @@ class LoadSharingPair(WithPair):
         return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
     @property
-    def _options(self):
-        """Options of `pairs_at`."""
+    def _options(self) -> dict[str, Any]:
+        """Keyword arguments of `pairs_at` that follow from the fields of the model."""
         names = ("stiffness", "coupling", "deviation", "pitch_errors", "load")
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
-    def _pairs(self, pitches, middle=None, inside=None):
-        """Return the pairs of teeth in mesh at phases in base pitches, see `pairs_at`."""
+    def _pairs(
+        self, pitches: np.ndarray, middle: np.ndarray | None = None, inside: Any = None
+    ) -> ToothPairs:
+        """Return the pairs of teeth in mesh at m phases `pitches`, in base pitches, shape (m,).
+
+        `middle`, shape (m,), are phases that decide which pairs are in mesh, by default `pitches`;
+        `inside`, shape (m, k), is whether each pair can touch, by default computed.
+        """
         return pairs_at(self.drawing, pitches, middle, inside, **self._options)
 
-    def tooth_forces(self, phase, displacement):
+    def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
         """Return the forces of the pairs of teeth on the drive side.
 
         Parameters
@@ -184,37 +196,39 @@ class LoadSharingPair(WithPair):
         Returns
         -------
         numpy.ndarray, shape (m, k)
-            Forces in N; the first pair is the last that came into mesh.
+            Forces in N of the k pairs; the first pair is the one that came into mesh last.
         """
         pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
         return pairs.forces_at(np.asarray(displacement, float) * self.static_deflection).force[0]
 
     @property
-    def repeats(self):
+    def repeats(self) -> int:
         """Number of mesh periods after which the pitch errors repeat."""
         return len(self.pitch_errors)
 
     @cached_property
-    def _corner_zone(self):
+    def _corner_zone(self) -> Any:
         """Lengths of corner contact before and behind the path of contact in base pitches."""
         return corner_zones(self.drawing, self.corner_contact, self.load, self.pitch_errors)
 
-    def _breaks(self):
+    def _breaks(self) -> np.ndarray:
         """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
         mesh = self.drawing
-        if lines := face_slices(mesh, self.repeats).lines:
-            lines *= math.ceil(self.phases / MIN_LINES)
-            return (self._shift + np.arange(lines) / lines) % 1.0
+        line_count = face_slices(mesh, self.repeats).lines
+        if line_count:  # A helical face, given at equal distances.
+            line_count *= math.ceil(self.phases / MIN_LINES)
+            return (self._shift + np.arange(line_count) / line_count) % 1.0
         start, end = mesh.path
-        corners = [start, end]
+        kinks = [start, end]  # positions on the path of contact, m
         for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
             if gear.tip_relief is not None:
-                corners.append(tip + math.copysign(gear.tip_relief.length, start + end - 2.0 * tip))
+                inward = start + end - 2.0 * tip
+                kinks.append(tip + math.copysign(gear.tip_relief.length, inward))
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
-                corners += [position for position in table.position if start < position < end]
-        equal = np.arange(self.phases) / self.phases
-        breaks = [(np.array(corners) - start) / mesh.base_pitch, equal]
+                kinks += [position for position in table.position if start < position < end]
+        equal_intervals = np.arange(self.phases) / self.phases
+        breaks = [(np.array(kinks) - start) / mesh.base_pitch, equal_intervals]
         if any(self._corner_zone):
             before, behind = (
                 np.linspace(0.0, length, _INTERVALS_OF_A_ZONE + 1) for length in self._corner_zone
@@ -223,19 +237,22 @@ class LoadSharingPair(WithPair):
         return np.append(np.concatenate(breaks), self._shift) % 1.0
 
     @property
-    def _shift(self):
+    def _shift(self) -> float:
         """Base pitches from the start of contact to phase 0, where most pairs touch."""
         return (self.drawing.contact_ratio % 1.0) / 2.0
 
-    def _pair_numbers(self, pitches):
+    def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
         """Return the number of the last pair of teeth in mesh at phases in base pitches."""
         return np.floor(
             pitches + self._corner_zone[0] + face_slices(self.drawing, self.repeats).reach
         )
 
     @cached_property
-    def tables(self):
-        """The `ToothPairSystem` without tuning and damping, and its largest stiffness."""
+    def tables(self) -> tuple[ToothPairSystem, float]:
+        """The `ToothPairSystem` without tuning and damping, and its largest stiffness.
+
+        Segments lie between neighbouring breaks of the whole period, from phase 0 on.
+        """
         repeats, shift = self.repeats, self._shift
         pitches = np.sort((np.arange(repeats)[:, None] + self._breaks()).ravel())
         pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_PLACE]
@@ -243,26 +260,24 @@ class LoadSharingPair(WithPair):
         first = int(np.searchsorted(pitches, shift - SAME_PLACE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
         left, right = pitches[:-1], pitches[1:]
-        between = (left + right) / 2.0
-        inside, on_path, ends = self._segments(left, between, right)
-        pair_numbers = self._pair_numbers(between)
+        middles = (left + right) / 2.0
+        inside, on_path, ends = self._segments(left, middles, right)
+        pair_numbers = self._pair_numbers(middles)
         lengths = math.tau * (right - left)
-        laws = [self._force_laws(end, on_path) for end in ends]
-        force, overlap = (
-            np.concatenate([a, (b - a) / lengths.reshape(-1, *[1] * (a.ndim - 1))], axis=-1)
-            for a, b in zip(*laws, strict=True)
-        )
-        # The engine expects the columns in this order.
-        force, overlap = force[..., [0, 2, 1, 3]], overlap[..., [0, 2, 1, 3]]
+        left_laws, right_laws = (self._force_laws(end, on_path) for end in ends)
+        force = _linear_laws(left_laws[0], right_laws[0], lengths)
+        overlap = _linear_laws(left_laws[1], right_laws[1], lengths)
         smallest_gaps = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
-        members = inside @ 2 ** np.arange(inside.shape[1])
+        # Bit i of the number is set if pair i can touch.
+        touchable_pairs = inside @ 2 ** np.arange(inside.shape[1])
+        other_pairs = touchable_pairs != np.roll(touchable_pairs, 1)
         starts = math.tau * (pitches - shift)
         firsts = np.searchsorted(starts, math.tau * np.arange(repeats + 1) - 1e-9)
         system = ToothPairSystem(
             starts=starts,
             first_segment=firsts,
-            renewed=(members != np.roll(members, 1)) | (pair_numbers != np.roll(pair_numbers, 1)),
-            inside=members,
+            renewed=other_pairs | (pair_numbers != np.roll(pair_numbers, 1)),
+            inside=touchable_pairs,
             force=force,
             overlap=overlap,
             slip=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
@@ -273,48 +288,54 @@ class LoadSharingPair(WithPair):
             repeats=repeats,
             closing=bool(-np.min(smallest_gaps) > self.backlash),
         )
-        return system, max(stiffness[..., 0].max() for stiffness, _ in laws)
+        max_stiffness = max(force_law[..., 0].max() for force_law in (left_laws[0], right_laws[0]))
+        return system, max_stiffness
 
-    def _segments(self, left, between, right):
-        """Return the pairs of teeth of p segments with ends `left` and `right` in base pitches.
+    def _segments(
+        self, left: np.ndarray, middles: np.ndarray, right: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
+        """Return the pairs of teeth in mesh in p segments, up to k at a time.
 
-        They are (which pairs can touch, (p, k), which lie on their path of contact, (p, k), and the
-        `ToothPairs` at both ends).
+        The segments are given by their ends and middles in base pitches, (p,) each. The result is
+        (which pairs can touch, (p, k), which of them lie on their path of contact, (p, k), and the
+        `ToothPairs` at the left and at the right ends).
         """
         mesh, pitches = self.drawing, np.concatenate([left, right])
-        middle = np.concatenate([between] * 2)
+        segment_middles = np.concatenate([middles] * 2)
         if mesh.overlap_ratio == 0.0:
-            pairs = self._pairs(between)
+            pairs = self._pairs(middles)
             inside = pairs.inside
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            pairs = self._pairs(pitches, middle, np.concatenate([inside] * 2))
-            ends = [pairs.at_phases(rows) for rows in np.split(np.arange(pitches.size), 2)]
+            pairs = self._pairs(pitches, segment_middles, np.concatenate([inside] * 2))
+            indices = np.arange(pitches.size)
         else:
             # Most segments start with the pairs at the end of the last one, computed only once.
-            keys = np.column_stack([pitches, self._pair_numbers(middle)])
-            _, first, each = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-            pairs = self._pairs(pitches[first], middle[first])
-            ends = [pairs.at_phases(rows) for rows in np.split(each.reshape(-1), 2)]
+            phases = np.column_stack([pitches, self._pair_numbers(segment_middles)])
+            _, first, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
+            pairs = self._pairs(pitches[first], segment_middles[first])
+        ends = [pairs.at_phases(at_end) for at_end in np.split(indices.reshape(-1), 2)]
+        if mesh.overlap_ratio != 0.0:
             inside = on_path = ends[0].inside | ends[1].inside
         return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
 
-    def _force_laws(self, pairs, on_path):
-        """Return the dimensionless forces and overlaps of all sets of touching pairs of teeth.
+    def _force_laws(self, pairs: ToothPairs, on_path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the dimensionless forces and overlaps of all 2^k sets of touching pairs of teeth.
 
-        The force at a displacement x is a x - b, with (a, b) of shape (m, 2^k + 1, 2); the last law
-        is that of the coast side. The overlap of a pair is p x - r, with (p, r) of shape (m, 2^k,
-        k, 2).
+        There are k pairs at each of m phases; `on_path`, shape (m, k), is whether a pair lies on
+        its path of contact. The force at a displacement x is a x - b, with (a, b) of shape
+        (m, 2^k + 1, 2), the last for the coast side. The overlap of the flanks of a pair is
+        p x - r, with (p, r) of shape (m, 2^k, k, 2).
         """
         m, k = pairs.gap.shape
         force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
         for number in range(2**k):
             touching = [i for i in range(k) if number >> i & 1]
-            rows = pairs.inside[:, touching].all(-1)
-            if not rows.any():
+            possible = pairs.inside[:, touching].all(-1)
+            if not possible.any():
                 continue
             slope, offset = pairs.force_law(touching)
             law = np.stack([slope.sum(-1) / self.mean_stiffness, offset.sum(-1) / self.load], -1)
-            force[rows, number] = law[rows]
+            force[possible, number] = law[possible]
             # The forces of the touching pairs displace the flanks of all pairs.
             compliance = pairs.compliance[:, :, touching]
             overlap[:, number, :, 0] = 1.0 - (compliance @ slope[..., None])[..., 0]
@@ -326,32 +347,44 @@ class LoadSharingPair(WithPair):
             force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
         return force, overlap
 
-    def steps_per_period(self, tuning):
-        """Return the least number of integration steps in a mesh period."""
+    def steps_per_period(self, tuning: float) -> float:
+        """Return the minimum number of integration steps per mesh period."""
         system = self.system(tuning)
         return max(len(system.force) / self.repeats, math.tau / system.longest)
 
     @property
-    def slowest_tuning(self):
-        """Least tuning of a simulated duty point; below it, the motion is quasi-static."""
-        zone = sum(self._corner_zone)
-        share = min(max(zone / _USUAL_ZONE, 0.25), 1.0) if zone else 1.0
+    def slowest_tuning(self) -> float:
+        """Smallest tuning of a simulated duty point; below it, the motion is quasi-static."""
+        zone_length = sum(self._corner_zone)
+        share = min(max(zone_length / _USUAL_ZONE, 0.25), 1.0) if zone_length else 1.0
         return _QUASI_STATIC_TUNING * share * (1.0 if self.repeats == 1 else 10.0)
 
-    def system(self, tuning):
-        """Return the laws of the pairs of teeth for the engine at a tuning."""
+    def system(self, tuning: float) -> ToothPairSystem:
+        """Return the force laws of the pairs of teeth for the engine at a tuning."""
         system, max_stiffness = self.tables
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         longest = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, longest=longest, tuning=tuning)
 
 
-def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):
+def _linear_laws(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return laws (slope, offset) of p segments as linear functions of phase, shape (p, ..., 4).
+
+    `left` and `right`, shape (p, ..., 2), are the laws at both ends of segments with these lengths,
+    (p,). The last axis is (slope, its rate, offset, its rate), as the engine expects it.
+    """
+    rates = (right - left) / lengths.reshape(-1, *[1] * (left.ndim - 1))
+    return np.concatenate([left, rates], axis=-1)[..., [0, 2, 1, 3]]
+
+
+def tooth_pairs_of(
+    mesh: Mesh, *, stiffness: Any = None, options: dict | None = None, **arguments: Any
+) -> LoadSharingPair:
     """Return the `LoadSharingPair` of drawn gears with a default stiffness method.
 
     The default is the energy method or, if a bore is too large for it, ISO 6336. From the options
-    of the method only the coupling is used; `load` are the other arguments of
-    `LoadSharingPair.from_geometry`.
+    of the method only the coupling is used; `arguments` are the others of
+    `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
     """
     if stiffness is None:
         try:
@@ -361,5 +394,5 @@ def tooth_pairs_of(mesh, *, stiffness=None, options=None, **load):
             stiffness = "iso"
     checks.known("stiffness", options or {}, _STIFFNESS_OPTIONS)
     if stiffness == "energy" and "coupling" in (options or {}):
-        load["coupling"] = options["coupling"]
-    return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **load)
+        arguments["coupling"] = options["coupling"]
+    return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

@@ -38,6 +38,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from gearlib import checks
+from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models.geometry.mesh import bodies
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model, unchecked
@@ -45,7 +46,7 @@ from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
-from gearlib.models.trains.structure import FLOATS, Numbers, structure
+from gearlib.models.trains.structure import FLOATS, Numbers, Structure, structure
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     ANGLE,
@@ -127,28 +128,30 @@ class SixDegreePair(WithPair):
     torques: Annotated[
         tuple | None, Many(TORQUE, 2), "Torques M3, M2; by default those of the load, F Rb"
     ] = None
-    deviation: Annotated[Harmonics, Instance((Harmonics,)), "Of the normal flanks, m", "f(tau)"] = (
-        Harmonics()
-    )
+    deviation: Annotated[
+        Harmonics, Instance((Harmonics,)), "Deviation of the drive-side flanks in m", "f(tau)"
+    ] = Harmonics()
     inverse_deviation: Annotated[
-        Harmonics | None, Instance((Harmonics,)), "Of the far flanks, m; by default the same"
+        Harmonics | None,
+        Instance((Harmonics,)),
+        "Deviation of the coast-side flanks in m; by default that of the drive side",
     ] = None
     friction: Annotated[
-        tuple, Many(NONNEGATIVE, 2), "Coefficients mu in normal and inverse mesh"
+        tuple, Many(NONNEGATIVE, 2), "Friction coefficients mu of drive-side and coast-side contact"
     ] = (0.0, 0.0)
-    pitch_phase: Annotated[float, ANGLE, "Mesh phase at which the friction turns; from -1 to 1"] = (
-        0.0
-    )
+    pitch_phase: Annotated[
+        float, ANGLE, "Mesh phase at which the friction turns; it changes from negative to positive"
+    ] = 0.0
     moving_backlash: Annotated[
         bool,
         TRUTH,
-        "Whether s(tau) moves as Eq. (4) has it, by which the bearings do not close the backlash; "
-        "if not, the far flank stays s_k behind y = 0",
+        "Whether the backlash line s(tau) moves as in Eq. (4), so that bearings do not close the "
+        "backlash; otherwise the coast-side flank stays s_k behind y = 0",
     ] = True
     preload: Annotated[
         bool,
         TRUTH,
-        "Whether the bearings start in their deflection under the load; if not, undeflected",
+        "Whether the bearings start in their deflection under the load, instead of undeflected",
     ] = True
 
     extra_samples = OUTPUTS
@@ -161,7 +164,7 @@ class SixDegreePair(WithPair):
     }
 
     @classmethod
-    def from_geometry(cls, mesh, *, bearing_stiffness, **more):
+    def from_geometry(cls, mesh: Any, *, bearing_stiffness: Any, **more: Any) -> "SixDegreePair":
         """Return the pair of two drawn gears on bearings, with the pinion as gear 3.
 
         Radii, masses, inertias, teeth and pitch phase follow from the drawing. Friction and
@@ -172,7 +175,8 @@ class SixDegreePair(WithPair):
         mesh : gearlib.geometry.Mesh
             The drawn gears.
         bearing_stiffness : sequence of float
-            C3y, C3z, C2y, C2z along and across the line of action, N/m; > 0 or infinite.
+            Bearing stiffness C3y, C3z, C2y, C2z of gears 3 and 2, y along and z across the line of
+            action, N/m; > 0 or infinite.
         **more
             Other parameters of the class, which replace those of the drawing, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
@@ -181,31 +185,33 @@ class SixDegreePair(WithPair):
         pair = GearPair.from_geometry(mesh, **more)
         return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | fields))
 
-    parameters = property(lambda model: named(type(model)), doc="Phases of run-out and friction.")
+    parameters = property(
+        lambda model: named(type(model)), doc="Continuation parameters: the two phases, in rad."
+    )
     contact_map = contact_map
     as_dict = Model.as_dict
 
     @property
-    def reduced_mass_torsional(self):
+    def reduced_mass_torsional(self) -> float:
         """Reduced mass with rigid bearings, 1 / (Rb3^2 / J3 + Rb2^2 / J2), kg."""
         return 1.0 / sum(r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True))
 
     @property
-    def reduced_mass_free(self):
+    def reduced_mass_free(self) -> float:
         """Reduced mass with very soft bearings, 1 / (Rb3^2/J3 + Rb2^2/J2 + 1/m3 + 1/m2), kg."""
         return 1.0 / (1.0 / self.reduced_mass_torsional + sum(1.0 / m for m in self.masses))
 
     @property
-    def repeats(self):
+    def repeats(self) -> int:
         """Number of mesh periods after which the excitation, including the run-out, repeats."""
         return self.train.repeats
 
-    def speed(self, tuning):
+    def speed(self, tuning: Any) -> Any:
         """Return the speed of gear 3 in rpm at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth[0])
 
-    def scales(self):
-        """Return the scalar variables of datasets that depend on the model alone."""
+    def scales(self) -> dict:
+        """Return the dataset variables that depend on the model alone, name -> value."""
         return self.pair.scales() | {"torque": self.torques[0]}
 
     @property
@@ -213,8 +219,11 @@ class SixDegreePair(WithPair):
         """Length of the state: 4, and two for each elastic bearing direction."""
         return 4 + 2 * len(self.flexible())
 
-    def reduction(self):
-        """Return matrices (reduce, lift), (n - 2, n) and (n, n - 2), without the free rotation."""
+    def reduction(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return matrices that map states of size n to states without the free rotation, and back.
+
+        They are (reduce, lift) with the shapes (n - 2, n) and (n, n - 2).
+        """
         n = self.size
         # Only the sum u3 + u2 of the rotations enters the mesh; their difference is free. The lift
         # puts the whole sum into u3.
@@ -223,23 +232,27 @@ class SixDegreePair(WithPair):
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
 
-    def damped(self):
+    def damped(self) -> bool:
         """Return whether the mesh or a bearing is damped."""
         return self.pair.damped() or any(self.bearing_damping)
 
-    def flexible(self):
-        """Return the indices of the bearing coordinates with a finite stiffness."""
-        return [i for i, c in enumerate(self.bearing_stiffness) if math.isfinite(c)]
+    def flexible(self) -> list[int]:
+        """Return the indices of the bearings y3, z3, y2, z2 with a finite stiffness."""
+        return [i for i, stiffness in enumerate(self.bearing_stiffness) if math.isfinite(stiffness)]
 
     @cached_property
     def train(self):
         """The train of two gears with the matrices of the pair."""
         return TwoGears(gears=self)
 
-    def outputs(self, system):
-        """Return rows that map states to the variables in OUTPUTS, shape (12, 3, p, n)."""
-        pair, elastic = self.pair, self.flexible()
-        m, shape = 2 + len(elastic), (*system.effect.shape[:2], len(system.base_matrix))
+    def outputs(self, system: TrainSystem) -> np.ndarray:
+        """Return the row vectors that map states to the extra recorded variables, `OUTPUTS`.
+
+        The shape is (12 variables, 3 contact states, segments, components of the state).
+        """
+        pair, elastic_bearings = self.pair, self.flexible()
+        m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
+        shape = (*system.effect.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(OUTPUTS), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # The backlash line s is the difference of the distances y and y - s.
@@ -247,34 +260,37 @@ class SixDegreePair(WithPair):
         if math.isinf(pair.backlash):
             rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
         rows[OUTPUTS.index("friction_force")] = system.force_output[0, system.effect[:, :, 0], 1]
-        damping_unit = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
-        for k, i in enumerate(elastic, 2):
-            rows[2 + i, ..., k] = 1.0
-            rows[8 + i, ..., k] = self.bearing_stiffness[i] / pair.mean_stiffness
-            rows[8 + i, ..., m + k] = self.bearing_damping[i] * damping_unit
+        damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
+        for column, i in enumerate(elastic_bearings, 2):
+            motion_row = OUTPUTS.index(f"bearing_{_BEARINGS[i]}")
+            force_row = OUTPUTS.index(f"bearing_force_{_BEARINGS[i]}")
+            rows[motion_row, ..., column] = 1.0
+            rows[force_row, ..., column] = self.bearing_stiffness[i] / pair.mean_stiffness
+            rows[force_row, ..., m + column] = self.bearing_damping[i] * damping_scale
         return rows
 
-    def initial(self, system, state):
-        """Return the full state vector at tau = 0 with a relative displacement and its rate.
+    def initial(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
+        """Return the full state of a system at tau = 0 from (relative displacement, dy/dtau).
 
-        The bearings start in their static deflection if `preload` is set.
+        It holds m coordinates, m velocities, the constant 1 and cosines and sines of the
+        excitation. The bearings start in their static deflection if `preload` is set.
         """
         z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
-        elastic, near = self.flexible(), system.drive_lines[0]
-        m = 2 + len(elastic)
+        elastic_bearings, drive_line = self.flexible(), system.drive_lines[0]
+        m = 2 + len(elastic_bearings)
         if self.preload:
-            for k, i in enumerate(elastic):
+            for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
-                z[2 + k] = -_Y_DERIVATIVES[_BEARINGS[i]] * deflection
+                z[column] = -_Y_DERIVATIVES[_BEARINGS[i]] * deflection
         # With these shares in the relative motion, the gears start without a free rotation.
         shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
         shares /= shares.sum()
         z[2 * m] = 1.0
         z[2 * m + 1 :: 2] = 1.0
-        z[:2] = shares * (state[0] - near @ z)
-        z[m : m + 2] = shares * (state[1] - near @ (system.base_matrix @ z) / system.tuning)
+        z[:2] = shares * (state[0] - drive_line @ z)
+        z[m : m + 2] = shares * (state[1] - drive_line @ (system.base_matrix @ z) / system.tuning)
         # This removes the rounding error of the shares from the displacement.
-        z[0] += state[0] - near @ z
+        z[0] += state[0] - drive_line @ z
         return z
 
 
@@ -304,7 +320,7 @@ class TwoGears(GearTrain):
     bodies: tuple = ()
     meshes: tuple = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Create the bodies and the mesh of the train from the fields of the pair."""
         gears = self.gears
         quarter = self.numbers.pi / 2.0
@@ -335,12 +351,12 @@ class TwoGears(GearTrain):
         for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):
             object.__setattr__(self, name, value)
 
-    def assembled(self, numbers=FLOATS):
+    def assembled(self, numbers: Numbers = FLOATS) -> Structure:
         """Return the matrices in floats or balls, with rotations before bearing motions."""
         return structure(self.by_name, self.meshes, (), numbers, rotations_first=True)
 
-    def segments_of(self, first, count):
-        """Return the segments of one mesh period, which the run-out does not change."""
+    def segments_of(self, first: int, count: int) -> waves.Segments:
+        """Return the segments of one mesh period, for all periods: the run-out adds none."""
         return waves.segments(self, 0, 1)
 
     @property

@@ -2,6 +2,7 @@
 
 import math
 import re
+from typing import Any
 
 from gearlib import checks, parameters
 from gearlib.models.geometry.gear import SpurGear
@@ -9,7 +10,7 @@ from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 from gearlib.parameters import Parameter, numbers
 
-#: Keys of the plain descriptions of a scattering value.
+#: Config keys of the plain descriptions of a scattering value.
 KINDS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
 #: Allowed descriptions, for error messages.
 WORDS = (
@@ -38,57 +39,65 @@ OF_FLANKS = {
 }
 
 
-def of_pair():
+def of_pair() -> dict[str, Parameter]:
     """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
     ratios = {name: Parameter(parameters.NONNEGATIVE, name.replace("_", " ")) for name in RATIOS}
     return numbers(PairParameters) | ratios
 
 
-def of_drawing():
-    """Return the parameters of drawn gears that can scatter, such as ``pinion.shift``."""
-    parameters_of_both = numbers(Mesh) | OF_LOAD | OF_FLANKS
-    for gear in ("pinion", "wheel"):
-        parameters_of_both |= {f"{gear}.{name}": x for name, x in numbers(SpurGear).items()}
-    return parameters_of_both
+def of_drawing() -> dict[str, Parameter]:
+    """Return the parameters of drawn gears that can scatter, name -> `Parameter`.
 
-
-def complete(key, law, model_value=None):
-    """Return a plain description of scatter with all its numbers, a dict of float.
-
-    Deviations may be texts such as ``"5 %"`` of the mean or nominal value. `model_value` is the
-    default of ``mean`` and ``nominal``. Raises ValueError with the name `key` if `law` is not one
-    of `KINDS`.
+    Names of a single gear have a prefix, as in ``pinion.shift``.
     """
-    checks.require(hasattr(law, "items"), key, law, WORDS)
-    law = dict(law)
-    names: tuple = next((kind for kind in KINDS if law and {*law} <= {*kind}), ())
-    missing = [name for name in names if name not in law]
-    checks.require(names and {*missing} <= {*_LEFT_OUT}, key, law, WORDS)
-    centre = names[0]
-    suffix = "" if missing else f", of {centre} = {law[centre]!r}"
+    drawing_parameters = numbers(Mesh) | OF_LOAD | OF_FLANKS
+    for gear in ("pinion", "wheel"):
+        for name, parameter in numbers(SpurGear).items():
+            drawing_parameters[f"{gear}.{name}"] = parameter
+    return drawing_parameters
+
+
+def complete(
+    parameter_name: str, scatter: dict[str, Any], model_value: float | None = None
+) -> dict[str, float]:
+    """Return a plain description of the scatter of a parameter with all its numbers.
+
+    `scatter` has the keys of one of `KINDS`; deviations may be texts such as ``"5 %"`` of the mean
+    or nominal value. `model_value` is the default of ``mean`` and ``nominal``. Raises ValueError
+    with the parameter name if the description is not allowed.
+    """
+    checks.require(hasattr(scatter, "items"), parameter_name, scatter, WORDS)
+    scatter = dict(scatter)
+    keys: tuple = next((kind for kind in KINDS if scatter and {*scatter} <= {*kind}), ())
+    missing = [key for key in keys if key not in scatter]
+    checks.require(keys and {*missing} <= {*_LEFT_OUT}, parameter_name, scatter, WORDS)
+    centre = keys[0]
+    suffix = "" if missing else f", of {centre} = {scatter[centre]!r}"
     if missing and model_value is None:
-        raise ValueError(f"{key}.{centre} is missing: the model has no value of its own")
-    law |= dict.fromkeys(missing, model_value)
+        raise ValueError(f"{parameter_name}.{centre} is missing: the model has no value of its own")
+    scatter |= dict.fromkeys(missing, model_value)
     values: dict = {}
-    for name in names:
-        value, allowed = law[name], "a finite number"
-        if name in ("std", "upper", "lower"):
+    for key in keys:
+        value, allowed = scatter[key], "a finite number"
+        if key in ("std", "upper", "lower"):
             allowed = "a finite number, or a share such as '5 %'"
             percentage = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
             if percentage:
                 value = float(percentage[1]) / 100.0 * abs(values[centre])
-        values[name] = checks.number(f"{key}.{name}", value, allowed, math.isfinite)
+        values[key] = checks.number(f"{parameter_name}.{key}", value, allowed, math.isfinite)
     if "std" in values:
-        checks.require(values["std"] > 0.0, f"{key}.std", law["std"], f"> 0{suffix}")
+        checks.require(values["std"] > 0.0, f"{parameter_name}.std", scatter["std"], f"> 0{suffix}")
     else:
         low, high = ("min", "max") if "min" in values else ("lower", "upper")
-        allowed = f"> {low} = {law[low]!r}" + (suffix if "nominal" in values else "")
-        checks.require(values[low] < values[high], f"{key}.{high}", law[high], allowed)
+        allowed = f"> {low} = {scatter[low]!r}" + (suffix if "nominal" in values else "")
+        checks.require(
+            values[low] < values[high], f"{parameter_name}.{high}", scatter[high], allowed
+        )
     return values
 
 
-def extent(values):
-    """Return (centre, smallest value, largest value) of a completed plain description."""
+def extent(values: dict[str, float]) -> tuple[float, float, float]:
+    """Return (centre, smallest value, largest value) of a completed description of scatter."""
     if "std" in values:
         return values["mean"], -math.inf, math.inf
     if "min" in values:
@@ -97,15 +106,24 @@ def extent(values):
     return nominal, nominal + values["lower"], nominal + values["upper"]
 
 
-def check_range(key, law, parameter, extent):
-    """Raise ValueError if the centre or a finite end of a scatter is not possible."""
+def check_range(
+    parameter_name: str, scatter: dict, parameter: Parameter, extent: tuple[float, float, float]
+) -> None:
+    """Raise ValueError if a parameter may not have the centre or a finite end of its scatter.
+
+    `scatter` is the plain description, `extent` its (centre, smallest value, largest value).
+    """
     kind = getattr(parameter, "kind", None)
     if not isinstance(kind, parameters.Number):
         return
-    values = "least value of {}", "largest value of {}"
-    names = ("{}.min", "{}.max") if "min" in law else values
-    for name, end in zip(names, extent[1:], strict=True):
+    centre, *ends = extent
+    if "min" in scatter:
+        end_names = f"{parameter_name}.min", f"{parameter_name}.max"
+    else:
+        end_names = f"least value of {parameter_name}", f"largest value of {parameter_name}"
+    for end_name, end in zip(end_names, ends, strict=True):
         if math.isfinite(end):
-            kind.check(name.format(key), end)
-    centre = next((name for name in _LEFT_OUT if name in law), None)
-    kind.check(f"{key}.{centre}" if centre else f"middle of {key}", extent[0])
+            kind.check(end_name, end)
+    centre_key = next((key for key in _LEFT_OUT if key in scatter), None)
+    centre_name = f"{parameter_name}.{centre_key}" if centre_key else f"middle of {parameter_name}"
+    kind.check(centre_name, centre)
