@@ -89,7 +89,7 @@ class LoadSharingPair(WithPair):
         "Share of the gear body's compliance that is common to all pairs of teeth",
     ] = 1.0
     deviation: PathTable | None = None
-    pitch_errors: tuple | None = None
+    pitch_errors: Any = None  #: tuple of pitch errors, m
     corner_contact: Annotated[
         bool, TRUTH, "Whether tip corners touch before and behind the path of contact"
     ] = True
@@ -392,7 +392,8 @@ def tooth_pairs_of(
             stiffness = "energy"
         except ValueError:
             stiffness = "iso"
-    checks.known("stiffness", options or {}, _STIFFNESS_OPTIONS)
-    if stiffness == "energy" and "coupling" in (options or {}):
+    options = options or {}
+    checks.known("stiffness", options, _STIFFNESS_OPTIONS)
+    if stiffness == "energy" and "coupling" in options:
         arguments["coupling"] = options["coupling"]
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

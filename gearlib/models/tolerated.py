@@ -45,7 +45,7 @@ def of_pair() -> dict[str, Parameter]:
     return numbers(PairParameters) | ratios
 
 
-def of_drawing() -> dict[str, Parameter]:
+def of_drawing() -> dict[str, Any]:
     """Return the parameters of drawn gears that can scatter, name -> `Parameter`.
 
     Names of a single gear have a prefix, as in ``pinion.shift``.

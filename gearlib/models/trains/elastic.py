@@ -27,6 +27,10 @@ _MIN_STIFFNESS_SHARE = 1e-18
 _SCALING_PASSES = 12
 
 
+#: Pair (row vectors of n coordinates, shape (s, n), stiffness or mass >= 0, shape (s,)).
+Elements = tuple[np.ndarray, np.ndarray]
+
+
 class Linear(NamedTuple):
     """Modes of a linear train with n coordinates, k free motions and s springs."""
 
@@ -38,10 +42,11 @@ class Linear(NamedTuple):
     strains: np.ndarray
 
 
-def linear(springs, masses):
+def linear(springs: Elements, masses: Elements) -> Linear:
     """Return the free motions and natural modes of springs and masses, as `Linear`.
 
-    Springs and masses are each (row vectors of the n coordinates, (s, n), values >= 0, (s,)).
+    Springs and masses are each a pair: row vectors of the n coordinates, (s, n), and stiffnesses in
+    N/m or masses in kg, (s,).
     """
     rows, stiffness, significant = _significant(springs, _MIN_STIFFNESS_SHARE)
     free = _null_space(rows)
@@ -52,7 +57,8 @@ def linear(springs, masses):
     # The coordinates z with q = root z have unit mass.
     root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
     rank = rows.shape[1] - free.shape[1]
-    values, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
+    frequencies, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
+    # This triangular factor makes the free motions orthonormal with respect to the mass.
     (factor,) = qr(weighted @ free, mode="r")
     factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
     free = solve_triangular(factor, free.T, trans="T").T
@@ -60,34 +66,39 @@ def linear(springs, masses):
     signs = _signs(shapes)
     strains = np.zeros((significant.size, rank))
     strains[significant] = left * signs
-    return Linear(free, values**2, shapes * signs, strains)
+    return Linear(free, frequencies**2, shapes * signs, strains)
 
 
-def _signs(shapes):
-    """Return the signs that make the first large component of each mode shape positive."""
+def _signs(shapes: np.ndarray) -> np.ndarray:
+    """Return signs, (p,), that make the first large entry of each mode shape, (n, p), positive."""
     sizes = np.abs(shapes)
     # If several components are largest, rounding errors would choose among them.
     first = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
     return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _significant(elements, min_share):
-    """Return rows and values of elements above a share of the largest, and a mask of them."""
+def _significant(elements: Elements, min_share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows and values of springs or masses that are not negligible, and a mask of them.
+
+    An element is negligible below a share of the largest one.
+    """
     rows, values = elements
     sizes = np.abs(rows)
-    rows = np.where(
-        sizes > _ROUNDED_ENTRY * sizes.max(axis=1, keepdims=True, initial=0.0), rows, 0.0
-    )
+    smallest = _ROUNDED_ENTRY * sizes.max(axis=1, keepdims=True, initial=0.0)
+    rows = np.where(sizes > smallest, rows, 0.0)
     weight = values * (rows**2).sum(axis=1)
     significant = weight > min_share * weight.max(initial=0.0)
     return rows[significant], values[significant], significant
 
 
-def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
-    """Factor a matrix by elimination with complete pivoting, until pivots become too small.
+def _complete_pivoting(
+    matrix: np.ndarray, max_pivots: int, min_pivot: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+    """Factor a matrix by elimination with complete pivoting.
 
-    Returns (left, pivots, right, columns of the pivots) with matrix = left diag(pivots) right up to
-    the remainder. The entries of left and right are at most 1.
+    It ends after `max_pivots` pivots or when they are not larger than `min_pivot`. Returns (left,
+    pivots, right, columns of the pivots) with matrix = left diag(pivots) right up to the remainder.
+    The entries of left and right are at most 1.
     """
     remaining = matrix.copy()
     left, pivots, right, columns = [], [], [], []
@@ -102,13 +113,13 @@ def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
         remaining[i], remaining[:, j] = 0.0, 0.0
         pivots.append(pivot)
         columns.append(int(j))
-    rows, n = matrix.shape
-    lefts, rights = np.reshape(left, (-1, rows)), np.reshape(right, (-1, n))
+    row_count, column_count = matrix.shape
+    lefts, rights = np.reshape(left, (-1, row_count)), np.reshape(right, (-1, column_count))
     return lefts.T, np.array(pivots), rights, columns
 
 
-def _null_space(rows):
-    """Return a basis, shape (n, k), of the vectors that all rows, (s, n), map to 0."""
+def _null_space(rows: np.ndarray) -> np.ndarray:
+    """Return a basis, shape (n, k), of the vectors that all row vectors, (s, n), map to 0."""
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
     for _ in range(_SCALING_PASSES):
@@ -128,14 +139,14 @@ def _null_space(rows):
     return weights[:, None] * basis
 
 
-def _root_scale(sizes):
+def _root_scale(sizes: np.ndarray) -> np.ndarray:
     """Return the powers of 2 nearest to 1 / sqrt(sizes), and 1 for sizes of 0."""
     with np.errstate(divide="ignore"):
         exponent = np.where(sizes > 0.0, np.log2(sizes), 0.0)
     return np.exp2(-np.rint(exponent / 2.0))
 
 
-def _singular(matrix, rank):
+def _singular(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank."""
     left, pivots, right, _ = _complete_pivoting(matrix, rank)
     orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
@@ -143,7 +154,7 @@ def _singular(matrix, rank):
     return values, orthogonal @ left, right
 
 
-def _jacobi(matrix):
+def _jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (ascending singular values, left vectors, right vectors) of a matrix (m, n), m >= n.
 
     Jacobi rotations find small singular values as exactly as large ones, if the columns of the
@@ -154,5 +165,5 @@ def _jacobi(matrix):
     values, left, right, scale, _, info = dgejsv(matrix, 0, 0, 0, 1, 1, 1)
     if info != 0:
         raise np.linalg.LinAlgError("the singular values do not converge")
-    order = slice(None, None, -1)
-    return values[order] * (scale[0] / scale[1]), left[:, order], right[:, order]
+    ascending = slice(None, None, -1)
+    return values[ascending] * (scale[0] / scale[1]), left[:, ascending], right[:, ascending]

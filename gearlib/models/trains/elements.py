@@ -7,7 +7,7 @@ the mass inertia / base_radius^2. `gearlib.models.trains.structure` assembles th
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
@@ -34,7 +34,7 @@ _MAX_MESHES = 200
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
-    A support belongs to the axis: along x and y, of a body on a carrier radial and tangential.
+    The support of its axis acts along x and y, for a body on a carrier radially and tangentially.
 
     Raises
     ------
@@ -43,27 +43,29 @@ class Body:
     """
 
     name: Annotated[str, parameters.TEXT, "Name of the body"]
-    inertia: Annotated[float, parameters.INERTIA, "About its axis"]
+    inertia: Annotated[float, parameters.INERTIA, "Moment of inertia about its axis"]
     base_radius: Annotated[
-        float, parameters.LENGTH, "Base radius; of a carrier that of the circle of its pins"
+        float, parameters.LENGTH, "Base radius; for a carrier the radius of its pins"
     ]
-    teeth: Annotated[int | None, parameters.TEETH, "Teeth; none of a carrier"] = None
-    mass: Annotated[float | None, parameters.MASS, "; needed where the axis can move"] = None
-    support_stiffness: Annotated[tuple, parameters.Two(parameters.SUPPORT), "Along x and y"] = (
-        math.inf,
-        math.inf,
-    )
-    support_damping: Annotated[tuple, parameters.Two(parameters.DAMPING), "Along x and y"] = (
-        0.0,
-        0.0,
-    )
+    teeth: Annotated[int | None, parameters.TEETH, "Number of teeth; None for a carrier"] = None
+    mass: Annotated[float | None, parameters.MASS, "Mass; needed if the axis can move"] = None
+    support_stiffness: Annotated[
+        tuple, parameters.Two(parameters.SUPPORT), "Stiffness of the support along x and y"
+    ] = (math.inf, math.inf)
+    support_damping: Annotated[
+        tuple, parameters.Two(parameters.DAMPING), "Damping of the support along x and y"
+    ] = (0.0, 0.0)
     torsional_stiffness: Annotated[
         float,
         parameters.Number("N m/rad", "1 kN m/rad", least=0, infinite="infinity: rigid"),
-        "Of a support against rotation",
+        "Stiffness of a support against rotation",
     ] = 0.0
-    torsional_damping: Annotated[float, parameters.TWIST_DAMPING, "Of the same"] = 0.0
-    torque: Annotated[float, parameters.TORQUE, "Constant, counterclockwise"] = 0.0
+    torsional_damping: Annotated[
+        float, parameters.TWIST_DAMPING, "Damping of the support against rotation"
+    ] = 0.0
+    torque: Annotated[
+        float, parameters.TORQUE, "Constant torque on the body; positive if counterclockwise"
+    ] = 0.0
     eccentricity: Annotated[float, parameters.RUN_OUT, "Run-out of the base circle"] = 0.0
     eccentricity_phase: Annotated[
         float,
@@ -71,15 +73,12 @@ class Body:
         "Direction of the run-out at tau = 0; on a carrier from the radius of the pin",
     ] = 0.0
     offset: Annotated[
-        tuple, parameters.Two(parameters.ERROR), "By how much the axis is misplaced along x and y"
-    ] = (
-        0.0,
-        0.0,
-    )
+        tuple, parameters.Two(parameters.ERROR), "Offset of the axis along x and y by assembly"
+    ] = (0.0, 0.0)
     carrier: Annotated[str | None, parameters.TEXT, "Name of the body that carries the axis"] = None
-    angle: Annotated[float, parameters.ANGLE, "Of the pin on the carrier"] = 0.0
+    angle: Annotated[float, parameters.ANGLE, "Angle of its pin on the carrier"] = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the parameters, the mass of a body on an elastic support, and the run-out."""
         parameters.check(self, f" of body {self.name}")
         rigid = all(map(math.isinf, self.support_stiffness))
@@ -90,7 +89,7 @@ class Body:
         checks.require(possible, name, self.eccentricity, allowed)
 
     @classmethod
-    def from_gear(cls, gear, name, **more):
+    def from_gear(cls, gear: Any, name: str, **more: Any) -> "Body":
         """Return a body with the teeth, base radius, mass and inertia of a drawn gear.
 
         Parameters
@@ -104,8 +103,10 @@ class Body:
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         values = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
-        # The mass of a ring gear needs its outer diameter, unless the mass is given.
-        values |= {key: getattr(gear, key) for key in ("mass", "inertia") if key not in more}
+        for field in ("mass", "inertia"):
+            # The mass of a drawn ring gear fails without its outer diameter, unless it is given.
+            if field not in more:
+                values[field] = getattr(gear, field)
         return cls(name=name, **(values | more))
 
 
@@ -114,23 +115,27 @@ class Body:
 class Shaft:
     """An elastic shaft that joins two bodies; immutable."""
 
-    bodies: Annotated[tuple, parameters.Many(parameters.TEXT, 2), "Names of both"]
-    stiffness: Annotated[float, parameters.SHAFT_STIFFNESS, "Against torsion"]
-    damping: Annotated[float, parameters.TWIST_DAMPING, "Of the same"] = 0.0
+    bodies: Annotated[
+        tuple, parameters.Many(parameters.TEXT, 2), "Names of the two bodies that it joins"
+    ]
+    stiffness: Annotated[float, parameters.SHAFT_STIFFNESS, "Torsional stiffness"]
+    damping: Annotated[float, parameters.TWIST_DAMPING, "Torsional damping"] = 0.0
     bending_stiffness: Annotated[
         float,
         parameters.Number("N/m", "1 kN/um", least=0),
-        "Between the displacements of both bodies, the same along x and y",
+        "Stiffness between the displacements of both bodies; the same along x and y",
     ] = 0.0
-    bending_damping: Annotated[float, parameters.DAMPING, "Of the same"] = 0.0
+    bending_damping: Annotated[
+        float, parameters.DAMPING, "Damping between the displacements of both bodies"
+    ] = 0.0
     keying: Annotated[
         float | None,
         parameters.ANGLE,
-        "Counterclockwise from the middle of a tooth of the first gear to that of one of the "
-        "second; by default 0, teeth in line, or what loops of meshes ask for",
+        "Angle from the middle of a tooth of the first gear counterclockwise to the middle of a "
+        "tooth of the second; by default 0 or the angle that loops of meshes require",
     ] = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the names of the bodies and the parameters of the shaft."""
         names = self.bodies
         different = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
@@ -144,9 +149,10 @@ class Shaft:
 class Mesh:
     """Two gears in mesh; immutable.
 
-    Its position is counted from the pinion to the wheel, of an internal mesh from the axis of the
-    wheel to that of the pinion. Friction acts on the axes across the line of action, against the
-    sliding, which turns at the pitch point and half a mesh period later.
+    Its position is the direction from the axis of the pinion to that of the wheel, in an internal
+    mesh from the axis of the wheel to that of the pinion. Friction acts on the axes across the line
+    of action and opposes the sliding, which reverses at the pitch point and half a mesh period
+    later.
 
     Raises
     ------
@@ -154,46 +160,47 @@ class Mesh:
         If a value is impossible; the message names parameter, value and range.
     """
 
-    pinion: Annotated[str, parameters.TEXT, "Name of a body"]
-    wheel: Annotated[str, parameters.TEXT, "Name of a body; of an internal mesh the ring gear"]
+    pinion: Annotated[str, parameters.TEXT, "Name of the body that is the pinion"]
+    wheel: Annotated[str, parameters.TEXT, "Name of the body that is the wheel or ring gear"]
     max_stiffness: parameters.MaxStiffness
     stiffness_ratio: parameters.StiffnessRatio
     contact_ratio: parameters.ContactRatio
-    name: Annotated[str | None, parameters.TEXT, "By default pinion-wheel"] = None
+    name: Annotated[str | None, parameters.TEXT, "Name of the mesh; by default pinion-wheel"] = None
     internal: Annotated[bool, parameters.TRUTH, "Whether the wheel is a ring gear"] = False
-    position: Annotated[float | None, parameters.ANGLE, "Of the line of centres; 0 by default"] = (
-        None
-    )
+    position: Annotated[
+        float | None, parameters.ANGLE, "Angle of the line of centres; 0 by default"
+    ] = None
     pressure_angle: parameters.PressureAngle = math.radians(20.0)
     line_of_action: Annotated[
         float | None,
         parameters.ANGLE,
-        "Direction in which the mesh presses against the gear at which the position begins; "
-        "in place of `position`",
+        "Direction of the mesh force on the pinion, or on the wheel of an internal mesh; an "
+        "alternative to `position`",
     ] = None
     direction: Annotated[
         int,
         parameters.OneOf((1, -1)),
-        "Which flanks are the drive side: 1, if they touch when the gear at which the position "
-        "begins is turned counterclockwise",
+        "1 if the drive-side flanks touch when the pinion, or the wheel of an internal mesh, is "
+        "turned counterclockwise; otherwise -1",
     ] = 1
     driving: Annotated[
         str | None,
         parameters.TEXT,
-        "Pinion or wheel, which drives through the drive side and so decides in which sense "
-        "the train turns; by default as other meshes have it, of the reference mesh the pinion",
+        "Name of the gear that drives through the drive side, which determines the sense of "
+        "rotation of the train; by default it follows from other meshes, and the pinion drives in "
+        "the reference mesh",
     ] = None
     phase: Annotated[
         float | None,
         parameters.FINITE,
-        "By how many of its mesh periods the stiffness comes after that of the reference mesh; "
-        "by default as tooth numbers, positions, `tooth_thickness` and `pitch_phase` have it",
+        "Lag of the stiffness behind the reference mesh in periods of this mesh; by default it "
+        "follows from tooth numbers, positions, `tooth_thickness` and `pitch_phase`",
     ] = None
     inverse_phase: Annotated[
         float | None,
         parameters.FINITE,
-        "The same of the coast-side flanks; by default as `tooth_thickness` and `pitch_phase` "
-        "have it, or `phase` where no thickness is given",
+        "The same lag for the coast-side flanks; by default it follows from `tooth_thickness` and "
+        "`pitch_phase`, or equals `phase` if no thickness is given",
     ] = None
     backlash: parameters.Backlash = math.inf
     material_damping: parameters.MaterialDamping = 0.0
@@ -201,43 +208,42 @@ class Mesh:
     moving_backlash: Annotated[
         bool,
         parameters.TRUTH,
-        "Whether the coast-side flank keeps its place behind the drive side while supports give "
-        "and run-out turns, as in Eq. (4), so that bearings do not close the backlash; if not, it "
-        "stays a backlash behind",
+        "Whether the coast-side flank moves with supports and run-out as in Eq. (4), so that "
+        "bearings do not close the backlash; otherwise it stays a backlash behind the drive side",
     ] = False
     deviation: Annotated[
         Harmonics,
         parameters.Instance((Harmonics,)),
-        "Of the drive-side flanks over the phase of this mesh, m",
+        "Deviation of the drive-side flanks over the phase of this mesh in m",
     ] = Harmonics()
     inverse_deviation: Annotated[
         Harmonics | None,
         parameters.Instance((Harmonics,)),
-        "Of the coast-side flanks, m; by default that of the drive side",
+        "Deviation of the coast-side flanks in m; by default that of the drive side",
     ] = None
     error: Annotated[
         float, parameters.ERROR, "Error of assembly: constant displacement along the line of action"
     ] = 0.0
     friction: Annotated[
-        tuple, parameters.Two(parameters.NONNEGATIVE), "Coefficients in normal and inverse mesh"
-    ] = (
-        0.0,
-        0.0,
-    )
+        tuple,
+        parameters.Two(parameters.NONNEGATIVE),
+        "Friction coefficients of drive-side and coast-side contact",
+    ] = (0.0, 0.0)
     pitch_phase: Annotated[
         float,
         parameters.ANGLE,
-        "Phase of this mesh at which drive-side flanks touch at the pitch point when the pinion "
-        "drives; it counts negative where the wheel does. Those of the coast side do a tooth "
+        "Phase of this mesh at which drive-side flanks touch at the pitch point if the pinion "
+        "drives; if the wheel drives, minus that phase. Coast-side flanks touch there a tooth "
         "thickness later or earlier",
     ] = 0.0
     tooth_thickness: Annotated[
         tuple | None,
         parameters.Two(parameters.Number("1", above=0, below=1)),
-        "Of pinion and wheel on their working circles, in pitches; by default half a pitch",
+        "Tooth thickness of pinion and wheel on their working circles in pitches; by default half "
+        "a pitch",
     ] = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the parameters of the mesh, and set its default name and deviation."""
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
@@ -252,7 +258,7 @@ class Mesh:
         checks.require(unique, name, self.line_of_action, allowed)
 
     @classmethod
-    def from_geometry(cls, mesh, pinion, wheel, **more):
+    def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **more: Any) -> "Mesh":
         """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a drawing.
 
         Parameters
@@ -262,9 +268,10 @@ class Mesh:
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Torque of the pinion, N m; needed by "iso" at low load and by the logarithmic contact.
+            Torque on the pinion in N m; "iso" needs it at low load, and so does the logarithmic
+            contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, at most one of them; ratios are those of the two gears alone.
+            Damping in contact, given by at most one of them, with ratios of the two gears alone.
             Without any, the damping is unknown, and only modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in the backlash.
@@ -278,18 +285,18 @@ class Mesh:
         return cls(pinion=pinion, wheel=wheel, **values)
 
     @property
-    def line(self):
+    def line(self) -> float:
         """Angle of the line of action, rad."""
         return self.line_by(math.pi)
 
-    def line_by(self, pi):
-        """Return the angle of the line of action, rad, with pi as a float or a ball."""
+    def line_by(self, pi: Any) -> Any:
+        """Return the angle of the line of action, rad, where pi is a float or a ball."""
         if self.line_of_action is not None:
             return self.line_of_action
         return (self.position or 0.0) + self.direction * (pi / 2.0 + self._signed_pressure_angle)
 
     @property
-    def centres(self):
+    def centres(self) -> float:
         """Angle of the line of centres, rad, in the direction of `position`."""
         if self.line_of_action is None:
             return self.position or 0.0
@@ -321,27 +328,27 @@ class Mesh:
 
 
 class Parts:
-    """Type of a field that is a sequence of bodies, meshes or shafts of a train."""
+    """Kind of a parameter that is a sequence of bodies, meshes or shafts of a train."""
 
-    def __init__(self, element_class, min_length=1):
+    def __init__(self, element_class: type, min_length: int = 1) -> None:
         self.element_class, self.min_length = element_class, min_length
         self.words = f"a sequence of {element_class.__name__}"
 
-    def check(self, name, values):
-        """Return the elements as a tuple, or raise ValueError if one has another class."""
-        enough = isinstance(values, (tuple, list)) and len(values) >= self.min_length
-        valid = enough and all(isinstance(value, self.element_class) for value in values)
-        checks.require(valid, name, values, self.words)
-        return tuple(values)
+    def check(self, parameter_name: str, elements: Any) -> tuple:
+        """Return the elements as a tuple; raise ValueError if one is not of the element class."""
+        enough = isinstance(elements, (tuple, list)) and len(elements) >= self.min_length
+        valid = enough and all(isinstance(element, self.element_class) for element in elements)
+        checks.require(valid, parameter_name, elements, self.words)
+        return tuple(elements)
 
 
-def check_names(train):
-    """Raise ValueError for repeated or unknown names, too many meshes or unequal supports.
+def check_names(train: Any) -> None:
+    """Raise ValueError for repeated or unknown names in a `GearTrain`, or too many meshes.
 
-    A rotating frame requires supports with equal stiffness along x and y.
+    A rotating frame also requires supports with equal stiffness along x and y.
     """
     for kind in ("bodies", "meshes"):
-        names = [value.name for value in getattr(train, kind)]
+        names = [element.name for element in getattr(train, kind)]
         repeated = next((name for name in names if names.count(name) > 1), None)
         if repeated is not None:
             raise ValueError(
@@ -376,8 +383,8 @@ def check_names(train):
                 )
 
 
-def check_gears(train):
-    """Raise ValueError for gears that cannot mesh, rotate or be assembled."""
+def check_gears(train: Any) -> None:
+    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled."""
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):
@@ -397,8 +404,8 @@ def check_gears(train):
     train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
 
 
-def check_balance(train):
-    """Raise ValueError for trains without coordinates, masses or balanced torques.
+def check_balance(train: Any) -> None:
+    """Raise ValueError for a `GearTrain` without coordinates, masses or balanced torques.
 
     A moving backlash is not possible where the axis of a gear moves freely.
     """
@@ -420,6 +427,7 @@ def check_balance(train):
                 "the free rotation of the train, whose power is now "
                 f"{work.sum() / abs(work).sum():.3g} of that of the single torques"
             )
+    # A free motion must not change the distance of coast-side flanks with moving backlash.
     changes = abs(train.far_lines @ train.free_motions)
     scale = abs(train.far_lines) @ abs(train.free_motions)
     opening = (changes > 1e-9 * scale).any(axis=1)

@@ -1,24 +1,33 @@
 """Positions of the gears of a train, seen along their axes, and their speeds."""
 
 import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from gearlib.data.variables import describe
+from gearlib.models.trains.elements import Mesh
 from gearlib.models.trains.structure import FLOATS
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
 
 #: Smaller coordinates, over the largest radius, are rounding errors.
 _ROUNDING = 1e-12
 
 
-def layout(train):
+def layout(train: "GearTrain") -> xr.Dataset:
     """Return positions, radii and speeds of gears and meshes, as `GearTrain.layout` describes."""
     radii = {mesh.name: _pitch_radii(train, mesh) for mesh in train.meshes}
     joints = _joints(train, radii)
     axes = _axes(train, joints)
     misfits = [
-        math.dist(axes[end], axes[start] + step) for start in joints for end, step in joints[start]
+        math.dist(axes[end], axes[start] + vector)
+        for start in joints
+        for end, vector in joints[start]
     ]
     points = [
         axes[mesh.pinion] + _vector(radii[mesh.name][0], mesh.centres) for mesh in train.meshes
@@ -50,18 +59,18 @@ def layout(train):
     return describe(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
 
 
-def _without_rounding(values, scale):
-    """Return values as an array, with 0 in place of rounding errors of the numbers in `scale`."""
+def _without_rounding(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
+    """Return values as an array, with 0 in place of values that are rounding errors of sizes."""
     values = np.array(values, float)
-    return np.where(np.abs(values) < _ROUNDING * max(map(abs, scale)), 0.0, values)
+    return np.where(np.abs(values) < _ROUNDING * max(map(abs, sizes)), 0.0, values)
 
 
-def _vector(length, angle):
-    """Return the x and y components of a vector with a length and an angle."""
+def _vector(length: float, angle: float) -> np.ndarray:
+    """Return the x and y components of a vector with a length and an angle in rad."""
     return length * np.array(FLOATS.cos_sin(angle))
 
 
-def _pitch_radii(train, mesh):
+def _pitch_radii(train: "GearTrain", mesh: Mesh) -> tuple[float, float]:
     """Return the working pitch radii of pinion and wheel in m, negative for a ring gear."""
     pinion, wheel = (
         train.by_name[name].base_radius / math.cos(mesh.pressure_angle)
@@ -70,47 +79,55 @@ def _pitch_radii(train, mesh):
     return pinion, -wheel if mesh.internal else wheel
 
 
-def _joints(train, radii):
-    """Return a dict, body -> [(joined body, vector between their axes in m), ...].
+def _joints(train: "GearTrain", radii: dict[str, tuple]) -> dict[str, list]:
+    """Return the joints of each body: name -> [(joined body, vector between the axes in m), ...].
 
-    Meshes, shafts and pins of carriers join bodies.
+    Meshes, shafts and pins of carriers join bodies. `radii` maps a mesh name to the pitch radii of
+    pinion and wheel in m.
     """
-    pairs = [
+    connections = [
         (mesh.pinion, mesh.wheel, _vector(sum(radii[mesh.name]), mesh.centres))
         for mesh in train.meshes
     ]
-    pairs += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]
+    connections += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]
     for body in train.bodies:
         if body.carrier is not None:
             pin = _vector(train.by_name[body.carrier].base_radius, body.angle)
-            pairs.append((body.carrier, body.name, pin))
+            connections.append((body.carrier, body.name, pin))
     joints: dict = {name: [] for name in train.body_names}
-    for start, end, step in pairs:
-        joints[start].append((end, step))
-        joints[end].append((start, -step))
+    for start, end, vector in connections:
+        joints[start].append((end, vector))
+        joints[end].append((start, -vector))
     return joints
 
 
-def _axes(train, joints):
-    """Return the axis of each body, name -> (x, y) in m, relative to the first carrier."""
+def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
+    """Return the axis of each body, name -> (x, y) in m, relative to the first carrier.
+
+    `joints` is that of `_joints`. A body without joints lies on the first axis.
+    """
     axes: dict = {}
     carriers = [body.carrier for body in train.bodies if body.carrier]
     for origin in [*carriers[:1], *joints]:
-        # A body that nothing joins to the others lies on the first axis.
-        queue = [] if origin in axes else [origin]
+        unvisited = [] if origin in axes else [origin]
         axes.setdefault(origin, np.zeros(2))
-        for start in queue:
-            for end, step in joints[start]:
+        for start in unvisited:
+            for end, vector in joints[start]:
                 if end not in axes:
-                    axes[end] = axes[start] + step
-                    queue.append(end)
+                    axes[end] = axes[start] + vector
+                    unvisited.append(end)
     return axes
 
 
-def _shaft_lines(train):
-    """Return the number of the shaft line of each body: 1, 2, ..., or 0 without a shaft."""
-    lines = dict.fromkeys(train.body_names, 0)
+def _shaft_lines(train: "GearTrain") -> list[int]:
+    """Return the number of the shaft line of each body: 1, 2, ..., or 0 without a shaft.
+
+    Bodies that shafts join, one after the other, lie on one line.
+    """
+    line_of = dict.fromkeys(train.body_names, 0)
     for number, shaft in enumerate(train.shafts, 1):
-        joined = {lines[name] for name in shaft.bodies} - {0}
-        lines |= {name: number for name in lines if name in shaft.bodies or lines[name] in joined}
-    return list(lines.values())
+        joined_lines = {line_of[name] for name in shaft.bodies} - {0}
+        for name, line in line_of.items():
+            if name in shaft.bodies or line in joined_lines:
+                line_of[name] = number
+    return list(line_of.values())

@@ -8,6 +8,7 @@ Sound Vib. 236 (2000) 561-573.
 """
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -16,11 +17,14 @@ from gearlib.data.variables import describe
 from gearlib.models.trains.statics import branches
 from gearlib.models.trains.waves import stiffness_harmonic
 
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
+
 #: Smaller mass-normalised motions of a body count as zero.
 _MIN_MOTION = 1e-6
 
 
-def modes(train):
+def modes(train: "GearTrain") -> xr.Dataset:
     """Return the natural modes of a train as a dataset, as `GearTrain.modes` describes it."""
     squares, shapes = train.linear_modes
     free = train.free_motions
@@ -43,30 +47,38 @@ def modes(train):
     return describe(dataset)
 
 
-def _largest(motions):
-    """Return the largest motion of a body in each mode, shape (p,), from motions (p, b, 3)."""
+def _largest(motions: np.ndarray) -> np.ndarray:
+    """Return the largest motion of a body in each of p modes, (p,).
+
+    `motions` are those of b bodies along x, y and in rotation, shape (p, b, 3).
+    """
     return np.abs(motions).max(axis=(1, 2), initial=0.0)
 
 
-def _kinds(train, motions):
+def _kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     """Return the kind of each elastic mode by the motions of the central bodies of a train.
 
-    Central bodies are carriers and gears with several meshes. `motions` are mass-normalised, shape
-    (p, b, 3).
+    Central bodies are carriers and gears with several meshes. `motions` are the mass-normalised
+    motions of b bodies along x, y and in rotation in p modes, shape (p, b, 3).
     """
     central_names = {name for _, name in branches(train)} | {body.carrier for body in train.bodies}
     central = [body.name in central_names for body in train.bodies]
     if not any(central):
         return ["other"] * len(motions)
     masses = [(b.mass or 0.0, b.mass or 0.0, b.inertia / b.base_radius**2) for b in train.bodies]
-    moves = (np.abs(motions) * np.sqrt(masses))[:, central].max(axis=1, initial=0.0)
-    # (whether a central axis moves, whether a central body turns) -> kind
-    kinds = {(0, 1): "rotational", (1, 0): "translational", (0, 0): "satellite", (1, 1): "other"}
-    return [kinds[max(x, y) > _MIN_MOTION, u > _MIN_MOTION] for x, y, u in moves.tolist()]
+    largest = (np.abs(motions) * np.sqrt(masses))[:, central].max(axis=1, initial=0.0)
+    kinds = []
+    for x, y, rotation in largest.tolist():
+        axis_moves, body_turns = max(x, y) > _MIN_MOTION, rotation > _MIN_MOTION
+        if axis_moves:
+            kinds.append("other" if body_turns else "translational")
+        else:
+            kinds.append("rotational" if body_turns else "satellite")
+    return kinds
 
 
-def campbell(train, count=3):
-    """Return the critical speeds of a train as a dataset, as `GearTrain.campbell` describes it."""
+def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
+    """Return the critical speeds of a train up to an order, as `GearTrain.campbell` describes."""
     orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
     # Orders that the stiffness does not excite may be excited by deviations.
     data = phasing(train, math.ceil(orders[-1])).reindex(
@@ -80,23 +92,24 @@ def campbell(train, count=3):
     return describe(data)
 
 
-def phasing(train, count=12):
-    """Return the modal forces of the stiffness harmonics, as `GearTrain.phasing` describes them."""
+def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
+    """Return the modal forces of stiffness harmonics up to an order, as `GearTrain.phasing`."""
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    mesh_terms: dict = {}  # order -> modal forces of the meshes, each of shape (p,)
+    mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
     for mesh, rate, stretches, deflection in zip(
         train.meshes, train.rates, train.linear_stretches, train.loaded_stretches, strict=True
     ):
         for order in range(1, count + 1):
             if mesh.varies and order * rate <= count:
                 harmonic = stiffness_harmonic(mesh, order, train.phases[mesh.name])
-                terms = mesh_terms.setdefault(order * rate, [])
-                terms.append(harmonic * deflection * stretches)
-    orders = sorted(mesh_terms)
+                forces = mesh_forces.setdefault(order * rate, [])
+                forces.append(harmonic * deflection * stretches)
+    orders = sorted(mesh_forces)
     shape = len(orders), squares.size
-    force = np.reshape([np.abs(np.sum(mesh_terms[f], axis=0)) for f in orders], shape)
-    in_phase = np.reshape([np.sum(np.abs(mesh_terms[f]), axis=0) for f in orders], shape)
+    force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
+    # The sum if all meshes acted in phase.
+    in_phase = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
     # A mode without deflection in the meshes of an order is not excited.
     deformed = in_phase > 1e-9 * in_phase.max(initial=0.0)
     share = np.where(deformed, force / np.where(deformed, in_phase, 1.0), 0.0)
@@ -112,7 +125,7 @@ def phasing(train, count=12):
             "natural_frequency": data.natural_frequency,
             "mode_kind": data.mode_kind,
         },
-        coords={"stiffness_order": [float(f) for f in orders]},
+        coords={"stiffness_order": [float(order) for order in orders]},
         attrs={"title": "Modes of a gear train and the harmonics that excite them"},
     )
     return describe(dataset)

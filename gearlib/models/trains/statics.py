@@ -10,7 +10,7 @@ finitely many steps, and the result is checked against all conditions.
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,13 +19,16 @@ from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level
 
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
+
 _MAX_NEWTON_STEPS = 200
 #: Largest residual of a solution over its forces; loose gears can have a large rounding error.
 _RESIDUAL_TOLERANCE = 1e-9
 
 
 class Equilibrium(NamedTuple):
-    """Static equilibrium with n coordinates and m meshes, checked against all conditions."""
+    """Static equilibrium of a train with n coordinates and m meshes."""
 
     q: np.ndarray  #: coordinates, m, shape (n,), without free motions
     force: np.ndarray  #: N, positive on drive sides, negative on coast sides, shape (m,)
@@ -33,48 +36,49 @@ class Equilibrium(NamedTuple):
     wedged: np.ndarray  #: bool, whether both flanks touch with a force each, shape (m,)
 
 
-def equilibrium(train, phase=0.0):
-    """Return the static `Equilibrium` with the stiffness and errors at a reference mesh phase.
+def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
+    """Return the static equilibrium with the stiffness and errors at a reference mesh phase in rad.
 
     Raises ValueError if the load opens a mesh without a coast flank for good.
     """
-    frequencies, waves, constants = train.excitation
+    frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
     # Distances of (coast, drive) flanks without motion.
-    gaps = constants + waves @ harmonics.ravel()
+    gaps = constants + amplitudes @ harmonics.ravel()
     gaps[0] += [mesh.backlash for mesh in train.meshes]
     stiffness = _stiffness_levels(train, phase)
     # Amplitudes of modes in which the linear train has unit stiffness exclude free motions.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
-    near = train.linear_stretches / np.sqrt(squares)
+    drive_lines = train.linear_stretches / np.sqrt(squares)
     moving = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    lines = np.stack([np.where(moving, train.far_lines @ basis, near), near])
+    lines = np.stack([np.where(moving, train.far_lines @ basis, drive_lines), drive_lines])
     strains = train.strains[: -len(train.meshes)]
     load = basis.T @ train.structure.load
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
     # Rounding errors of the gaps cause forces of this size, even without a load.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
-    force_scale = (np.abs(near.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
-    amplitudes = _minimum(energy, force_scale)
-    if amplitudes is None:
+    force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
+    modal_amplitudes = _minimum(energy, force_scale)
+    if modal_amplitudes is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh without a far "
             "flank for good; a finite backlash would close"
         )
-    distances = lines @ amplitudes + gaps
-    forces, (residual, sizes) = energy.forces(distances), energy.slope(amplitudes)
-    scale = force_scale + np.abs(load).sum() + sizes.sum()
+    distances = lines @ modal_amplitudes + gaps
+    forces, (residual, force_sizes) = energy.forces(distances), energy.slope(modal_amplitudes)
+    scale = force_scale + np.abs(load).sum() + force_sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
-    contact = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
+    contact_codes = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     # A smaller overlap of the coast-side flanks is a rounding error of the distance.
-    rounding = 1e-12 * (gap_sizes.max() + np.abs(near @ amplitudes))
-    wedged = (contact == 1) & (distances[0] < -rounding)
-    return Equilibrium(basis @ amplitudes, forces.sum(axis=0), contact.astype(np.int8), wedged)
+    rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_lines @ modal_amplitudes))
+    wedged = (contact_codes == 1) & (distances[0] < -rounding)
+    coordinates = basis @ modal_amplitudes
+    return Equilibrium(coordinates, forces.sum(axis=0), contact_codes.astype(np.int8), wedged)
 
 
-def static(train, phase=0.0):
+def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
     """Return the static equilibrium of a train as a dataset, as `GearTrain.static` describes it."""
     balance = equilibrium(train, phase)
     code = status.JAMMED if balance.wedged.any() else status.OK
@@ -95,20 +99,27 @@ def static(train, phase=0.0):
     return dataset
 
 
-def branches(train):
-    """Return the name of the central gear whose load each mesh shares, as (kind, name) per mesh."""
+def branches(train: "GearTrain") -> list[tuple[str, str]]:
+    """Return the central gear that each mesh loads together with other meshes.
+
+    It is ("pinion" or "wheel", name of the gear), or ("mesh", name of the mesh) if no other mesh
+    loads the gears in the same way.
+    """
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
-    groups = []
+    central_gears = []
     for mesh in train.meshes:
-        shared = [("pinion", mesh.pinion)] if pinions.count(mesh.pinion) > 1 else []
-        shared += [("wheel", mesh.wheel)] if wheels.count(mesh.wheel) > 1 else []
-        groups.append((*shared, ("mesh", mesh.name))[0])
-    return groups
+        if pinions.count(mesh.pinion) > 1:
+            central_gears.append(("pinion", mesh.pinion))
+        elif wheels.count(mesh.wheel) > 1:
+            central_gears.append(("wheel", mesh.wheel))
+        else:
+            central_gears.append(("mesh", mesh.name))
+    return central_gears
 
 
-def load_shares(train, forces):
-    """Return mesh forces over the mean force at the same central gear, shape (..., m).
+def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
+    """Return forces of m meshes, (..., m), over the mean force at the same central gear.
 
     They are NaN where all forces at a central gear are 0.
     """
@@ -123,8 +134,8 @@ def load_shares(train, forces):
     return shares
 
 
-def _stiffness_levels(train, phase):
-    """Return the stiffness of coast and drive sides just after a phase, N/m, shape (2, m)."""
+def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
+    """Return the stiffness of (coast, drive) sides just after a phase in rad, N/m, shape (2, m)."""
     period, local = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, rate) in enumerate(zip(train.meshes, train.rates, strict=True)):
@@ -208,7 +219,7 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
         contacts = -distances / rates
     contacts = np.sort(contacts[np.isfinite(contacts) & (contacts > 0.0)])
 
-    def slope(length):
+    def slope(length: float) -> float:
         forces = energy.forces(distances + length * rates)
         elastic = energy.elastic @ (amplitudes + length * step)
         return step @ (elastic - energy.load) + (rates * forces).sum()
