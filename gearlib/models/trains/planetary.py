@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
@@ -42,18 +42,24 @@ _MAX_RING_ANGLE = math.radians(45.0)
 
 Planets = Annotated[int, Integer(1, limit=100), "Number of planets"]
 Positions = Annotated[tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"]
-Supports = Annotated[tuple, Many(SUPPORT, 4), "Of sun, ring, carrier and planets"]
-Twists = Annotated[
-    tuple, Many(SUPPORT, 3), "Of the supports of sun, ring and carrier at their radius"
+Supports = Annotated[
+    tuple, Many(SUPPORT, 4), "Stiffness of the supports of sun, ring, carrier and planets"
 ]
-Turning = Annotated[bool, TRUTH, "Whether the carrier turns and the ring stands: decides the rpm"]
+Twists = Annotated[
+    tuple,
+    Many(SUPPORT, 3),
+    "Tangential stiffness of the supports of sun, ring and carrier at their base radius",
+]
+Turning = Annotated[
+    bool, TRUTH, "Whether the carrier turns and the ring stands, which determines the speed in rpm"
+]
 Driving = Annotated[
     str,
     OneOf(("sun", "ring")),
-    'Which gear drives, seen from the carrier; "ring" also where the carrier drives the sun',
+    'Gear that drives, seen from the carrier; "ring" also if the carrier drives the sun',
 ]
 Gyroscopic = Annotated[
-    bool, TRUTH, "Whether axes that can move feel the turning frame, Coriolis and centrifugal"
+    bool, TRUTH, "Whether Coriolis and centrifugal forces of the turning carrier act on moving axes"
 ]
 
 
@@ -61,39 +67,44 @@ Gyroscopic = Annotated[
 def planetary(
     *,
     planets: Planets = 3,
-    teeth: Annotated[tuple, Many(TEETH, 2), "Of sun and ring"] = (27, 99),
+    teeth: Annotated[tuple, Many(TEETH, 2), "Numbers of teeth of sun and ring"] = (27, 99),
     planet_teeth: Annotated[
-        int | None, TEETH, "Of a planet; by default half the difference of the others"
+        int | None, TEETH, "Teeth of a planet; by default half the difference of ring and sun"
     ] = None,
     positions: Positions = None,
-    masses: Annotated[tuple, Many(MASS, 4), "Of sun, ring, carrier and one planet"] = (
+    masses: Annotated[tuple, Many(MASS, 4), "Masses of sun, ring, carrier and one planet"] = (
         0.4,
         2.35,
         5.43,
         0.66,
     ),
     reduced_inertias: Annotated[
-        tuple, Many(MASS, 4), "I / r^2 of the same; r: base radius, of the carrier that of the pins"
+        tuple,
+        Many(MASS, 4),
+        "Inertias over squared base radius of sun, ring, carrier (radius of the pins) and planet",
     ] = (0.39, 3.0, 6.29, 0.61),
     sun_base_radius: Annotated[
-        float, LENGTH, "Of the sun; those of ring and planets follow from the teeth"
+        float, LENGTH, "Base radius of the sun; those of ring and planets follow from the teeth"
     ] = 0.0387,
     pressure_angle: Annotated[
-        float, WORKING_ANGLE, "Of the sun's meshes in operation; that of the ring's follows"
+        float, WORKING_ANGLE, "Working pressure angle of sun meshes; that of ring meshes follows"
     ] = math.radians(24.6),
     support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
     torsional_stiffness: Twists = (0.0, 1e9, 0.0),
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    mean_stiffness: Annotated[tuple, Many(STIFFNESS, 2), "Of the meshes of sun and ring"] = (
-        5e8,
-        5e8,
-    ),
-    stiffness_ratio: Annotated[tuple, Many(STIFFNESS_RATIO, 2), "Of the same, kappa"] = (1.0, 1.0),
-    contact_ratio: Annotated[tuple, Many(CONTACT_RATIO, 2), "Of the same, epsilon"] = (1.4, 1.6),
+    mean_stiffness: Annotated[
+        tuple, Many(STIFFNESS, 2), "Mean stiffness of sun and ring meshes"
+    ] = (5e8, 5e8),
+    stiffness_ratio: Annotated[
+        tuple, Many(STIFFNESS_RATIO, 2), "Stiffness ratios kappa of sun and ring meshes"
+    ] = (1.0, 1.0),
+    contact_ratio: Annotated[
+        tuple, Many(CONTACT_RATIO, 2), "Contact ratios epsilon of sun and ring meshes"
+    ] = (1.4, 1.6),
     material_damping: MaterialDamping = 1000.0,
     backlash_damping: BacklashDamping = 300.0,
     backlash: Backlash = 30e-6,
-    load: Annotated[float, FORCE, "On every mesh of the sun"] = 2000.0,
+    load: Annotated[float, FORCE, "Force on every mesh of the sun"] = 2000.0,
     ring_phase: Annotated[
         float | None, FINITE, "Phase of the first ring mesh; by default from the planets' teeth"
     ] = None,
@@ -129,14 +140,14 @@ def planetary(
     torque = n * load * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
-    def body(i, name, z, **fields):
-        """Return a body of kind i: 0 sun, 1 ring, 2 carrier, 3 planet; with z teeth."""
+    def body(i: int, name: str, teeth: int | None, **fields: Any) -> Body:
+        """Return a body of kind i: 0 sun, 1 ring, 2 carrier, 3 planet."""
         stiffness = torsional_stiffness[i]
         # The torsional support of a fixed ring or carrier carries its torque.
         fixed = i in (1, 2) and stiffness > 0.0
         return Body(
             name=name,
-            teeth=z,
+            teeth=teeth,
             mass=masses[i],
             inertia=reduced_inertias[i] * radii[i] ** 2,
             base_radius=radii[i],
@@ -151,21 +162,22 @@ def planetary(
     bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
     meshes = []
     for k, central in enumerate(("sun", "ring")):
-        for i, psi in enumerate(positions):
+        is_ring = central == "ring"
+        for i, angle in enumerate(positions):
             planet, phase = f"planet {i + 1}", None
-            if k == 0:
+            if not is_ring:
                 bodies.append(
-                    body(3, planet, planet_teeth, carrier="carrier", angle=psi, offset=errors[i])
+                    body(3, planet, planet_teeth, carrier="carrier", angle=angle, offset=errors[i])
                 )
             elif ring_phase is not None:
-                phase = ring_phase - ring * (psi - positions[0]) / (2.0 * math.pi)
+                phase = ring_phase - ring * (angle - positions[0]) / (2.0 * math.pi)
             mesh = Mesh(
                 name=f"{central} {i + 1}",
-                pinion=planet if k else central,
-                wheel=central if k else planet,
-                internal=bool(k),
-                driving=None if driving == "sun" else ("ring" if k else planet),
-                position=psi,
+                pinion=planet if is_ring else central,
+                wheel=central if is_ring else planet,
+                internal=is_ring,
+                driving=None if driving == "sun" else ("ring" if is_ring else planet),
+                position=angle,
                 pressure_angle=angles[k],
                 max_stiffness=mean_stiffness[k]
                 / mean_over_max(contact_ratio[k], stiffness_ratio[k]),
@@ -186,8 +198,8 @@ def planetary(
     )
 
 
-def _planet_teeth(teeth, planet_teeth):
-    """Return the checked number of teeth of a planet, by default from those of (sun, ring)."""
+def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
+    """Return the checked number of teeth of a planet, by default from the teeth of (sun, ring)."""
     sun, ring = teeth
     if planet_teeth is None:
         if ring <= sun or (ring - sun) % 2:
@@ -199,8 +211,13 @@ def _planet_teeth(teeth, planet_teeth):
     return checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
 
 
-def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
-    """Return the radius of the planet pins and the pressure angles of (sun, ring) meshes."""
+def _mesh_angles(
+    sun_base_radius: float, teeth: tuple[int, int], planet_teeth: int, pressure_angle: float
+) -> tuple[float, tuple[float, float]]:
+    """Return the radius of the planet pins in m and the pressure angles of (sun, ring) meshes.
+
+    `teeth` are those of (sun, ring); `pressure_angle` is that of the sun meshes in rad.
+    """
     sun, ring = teeth
     r_planet, r_ring = sun_base_radius * planet_teeth / sun, sun_base_radius * ring / sun
     pin_radius = (sun_base_radius + r_planet) / math.cos(pressure_angle)
@@ -223,26 +240,28 @@ def planetary_set(
     torque: Annotated[
         float,
         parameters.DRIVING_TORQUE,
-        "Of the sun; those of ring and carrier, where they turn, balance it",
+        "Torque on the sun; the torques on ring and carrier, if they turn, balance it",
     ],
     planets: Planets = 3,
     positions: Positions = None,
     centre_distance: Annotated[
-        float | None, parameters.DIAMETER, "; by default that of sun and planet without backlash"
+        float | None,
+        parameters.DIAMETER,
+        "Centre distance; by default that of sun and planet without backlash",
     ] = None,
     backlashes: Annotated[
         tuple | None,
         Many(parameters.RUN_OUT, 2),
-        "Normal backlash of the meshes of sun and ring; by default what the gears leave",
+        "Normal backlash of sun and ring meshes; by default it follows from the gears",
     ] = None,
     carrier_mass: Annotated[
-        float | None, MASS, "Without planets; by default of a disc, see the inertia"
+        float | None, MASS, "Mass of the carrier without planets; by default that of a disc"
     ] = None,
     carrier_inertia: Annotated[
         float | None,
         parameters.INERTIA,
-        "Without planets; by default of a disc of the planet's material through the pins, as wide "
-        "as the planet",
+        "Inertia of the carrier without planets; by default that of a disc with the material and "
+        "width of a planet and the radius of the pins",
     ] = None,
     support_stiffness: Supports = (math.inf,) * 4,
     torsional_stiffness: Twists = (0.0, math.inf, 0.0),
@@ -288,9 +307,9 @@ def planetary_set(
     inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
     reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)]
     reduced.insert(2, inertia / pin_radius**2)
-    # The torques of the pinions: a share of that of the sun, and the same force at a planet.
+    # Each sun mesh carries a share of the torque, and each ring mesh the same force.
     share = torque / n
-    torques = share, share * planet.teeth / sun.teeth
+    pinion_torques = share, share * planet.teeth / sun.teeth
     derivation = {
         "stiffness": stiffness,
         "options": options,
@@ -300,10 +319,8 @@ def planetary_set(
         "material_damping": material_damping,
         "backlash_damping_ratio": backlash_damping_ratio,
     }
-    flanks = [
-        mesh.train_parameters(torque=pinion_torque, **derivation)
-        for mesh, pinion_torque in zip((drawn.sun_mesh, drawn.ring_mesh), torques, strict=True)
-    ]
+    sun_flanks = drawn.sun_mesh.train_parameters(torque=pinion_torques[0], **derivation)
+    ring_flanks = drawn.ring_mesh.train_parameters(torque=pinion_torques[1], **derivation)
     train = planetary(
         planets=n,
         teeth=(sun.teeth, ring.teeth),
@@ -323,5 +340,8 @@ def planetary_set(
         gyroscopic=gyroscopic,
         **more,
     )
-    meshes = [dataclasses.replace(mesh, **flanks[mesh.internal]) for mesh in train.meshes]
+    meshes = [
+        dataclasses.replace(mesh, **(ring_flanks if mesh.internal else sun_flanks))
+        for mesh in train.meshes
+    ]
     return dataclasses.replace(train, meshes=tuple(meshes))

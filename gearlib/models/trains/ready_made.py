@@ -16,7 +16,8 @@ All other numbers are choices:
 """
 
 import math
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 from gearlib import checks
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -42,72 +43,93 @@ from gearlib.parameters import (
 STRUCTURAL_DAMPING = 1e-6
 #: Default working pressure angle, rad.
 PRESSURE_ANGLE = math.radians(20.0)
-_REDUCED_WORDS = "I / r^2 of each; by default in proportion to z^2"
-_MASS_WORDS = "Of each gear; by default twice I / r^2, as of discs"
+_INERTIA_DESCRIPTION = (
+    "Moment of inertia of each gear over its squared base radius; by default in proportion to the "
+    "squared number of teeth"
+)
+_MASS_DESCRIPTION = "Mass of each gear; by default that of a disc with its inertia"
 
-StructuralDamping = Annotated[float, TIME, "Damping of supports and shafts over their stiffness"]
-AxisStiffness = Annotated[float, SUPPORT, "Of all axes"]
-ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Of each shaft against torsion"]
-Modules = Annotated[tuple, Many(MODULE, 2), "Of both stages"]
+StructuralDamping = Annotated[float, TIME, "Ratio of damping to stiffness for supports and shafts"]
+AxisStiffness = Annotated[float, SUPPORT, "Stiffness of the support of each gear along x and y"]
+ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Torsional stiffness of each shaft"]
+Modules = Annotated[tuple, Many(MODULE, 2), "Modules of the first and the second stage"]
 PinErrors = Annotated[
     tuple | None,
     Many(Many(ERROR, 2)),
-    "By how much the axis of each is misplaced, radial and tangential",
+    "Radial and tangential offsets of the axes of the planets or satellites by assembly",
 ]
-FourReduced = Annotated[tuple | None, Many(MASS, 4), _REDUCED_WORDS]
-FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_WORDS]
+FourReduced = Annotated[tuple | None, Many(MASS, 4), _INERTIA_DESCRIPTION]
+FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_DESCRIPTION]
 
 
-def train_of(**parts):
-    """Return the `GearTrain` of bodies, meshes, shafts and other fields."""
+def train_of(**fields: Any) -> Any:
+    """Return the `GearTrain` with fields such as bodies, meshes and shafts."""
     # Imported here, since reading the configuration needs the signatures but no train.
     from gearlib.models.trains.train import GearTrain
 
-    return GearTrain(**parts)
+    return GearTrain(**fields)
 
 
-def damping_of(stiffness, structural_damping):
-    """Return the damping of a spring in proportion to its stiffness, 0 for a rigid one."""
+def damping_of(stiffness: float, structural_damping: float) -> float:
+    """Return the damping of a spring in proportion to its stiffness, 0 for a rigid one.
+
+    `structural_damping` is the ratio of damping to stiffness in s.
+    """
     return structural_damping * stiffness if stiffness < math.inf else 0.0
 
 
 class _GearSet:
-    """The gears of a train on equal supports, whose meshes all have the values of one `GearPair`.
+    """The gears of a train on equal supports; all meshes have the values of one `GearPair`."""
 
-    `stages` holds the tooth numbers of the gears of each stage; `modules`, `reduced` (I / r^2) and
-    `masses` are lists over all gears in the same order.
-    """
+    def __init__(
+        self,
+        pair: Any,
+        stages: Sequence[Sequence[int]],
+        modules: Sequence[float],
+        pressure_angle: float,
+        reduced_inertias: Sequence[float] | None,
+        masses: Sequence[float] | None,
+        support_stiffness: float,
+        structural_damping: float,
+    ) -> None:
+        """Compute inertias I / r^2 and masses in kg and base radii of the gears.
 
-    def __init__(self, pair, stages, modules, pressure_angle, reduced, masses, support, damping):
-        """Compute inertias, masses and base radii; missing inertias are those of discs."""
+        `stages` holds the tooth numbers of the gears of each stage; modules in m, inertias and
+        masses are lists over all gears in the same order. By default gears are discs.
+        """
         from gearlib.models.pair import GearPair
 
         self.pair = Instance((GearPair,)).check("pair", pair)
-        self.pressure_angle, self.structural_damping = pressure_angle, damping
+        self.pressure_angle, self.structural_damping = pressure_angle, structural_damping
         self.teeth = [z for stage in stages for z in stage]
-        self.reduced = reduced or [mass for stage in stages for mass in self._disc_masses(*stage)]
-        self.masses = masses or [2.0 * value for value in self.reduced]
-        self.support_stiffness = support
+        self.reduced_inertias = reduced_inertias or [
+            inertia for stage in stages for inertia in self._disc_inertias(stage)
+        ]
+        self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
+        self.support_stiffness = support_stiffness
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
             for module, z in zip(modules, self.teeth, strict=True)
         ]
 
-    def _disc_masses(self, first, second, *others):
-        """Return I / r^2 of gears in proportion to the squares of their tooth numbers.
+    def _disc_inertias(self, teeth: Sequence[int]) -> list[float]:
+        """Return I / r^2 of gears in proportion to the squares of their tooth numbers, in kg.
 
         The first two gears have the reduced mass of the pair.
         """
-        unit = self.pair.reduced_mass * (1.0 / first**2 + 1.0 / second**2)
-        return [unit * z**2 for z in (first, second, *others)]
+        inertia_per_tooth = self.pair.reduced_mass * (1.0 / teeth[0] ** 2 + 1.0 / teeth[1] ** 2)
+        return [inertia_per_tooth * z**2 for z in teeth]
 
-    def body(self, i, name, force=0.0, **fields):
-        """Return gear i as a `Body` with a tangential force at its base circle, N."""
+    def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
+        """Return gear i as a `Body` with a tangential force at its base circle in N.
+
+        `fields` are further fields of the body, such as its offset.
+        """
         return Body(
             name=name,
             teeth=self.teeth[i],
             base_radius=self.base_radii[i],
-            inertia=self.reduced[i] * self.base_radii[i] ** 2,
+            inertia=self.reduced_inertias[i] * self.base_radii[i] ** 2,
             mass=self.masses[i],
             torque=force * self.base_radii[i],
             support_stiffness=self.support_stiffness,
@@ -115,31 +137,38 @@ class _GearSet:
             **fields,
         )
 
-    def mesh(self, pinion, wheel, **fields):
-        """Return a `Mesh` with the stiffness, damping and backlash of the pair."""
+    def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
+        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair.
+
+        `fields` are further fields of the mesh, such as its position.
+        """
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
         values = {name: getattr(self.pair, name) for name in names}
-        angle = self.pressure_angle
-        return Mesh(pinion=pinion, wheel=wheel, **({"pressure_angle": angle} | values | fields))
+        values["pressure_angle"] = self.pressure_angle
+        return Mesh(pinion=pinion, wheel=wheel, **(values | fields))
 
-    def shaft(self, first, second, stiffness):
+    def shaft(self, first_body: str, second_body: str, stiffness: float) -> Shaft:
         """Return a `Shaft` between two bodies with a torsional stiffness in N m/rad."""
         damping = damping_of(stiffness, self.structural_damping)
-        return Shaft(bodies=(first, second), stiffness=stiffness, damping=damping)
+        return Shaft(bodies=(first_body, second_body), stiffness=stiffness, damping=damping)
 
 
 @checked
 def idler(
     pair,
     *,
-    teeth: Annotated[tuple, Many(TEETH, 3), "Of pinion, idler and wheel"] = (24, 24, 24),
+    teeth: Annotated[tuple, Many(TEETH, 3), "Numbers of teeth of pinion, idler and wheel"] = (
+        24,
+        24,
+        24,
+    ),
     angle: Annotated[
-        float, ANGLE, "Between both lines of centres at the idler; pi: in a row"
+        float, ANGLE, "Angle between the lines of centres at the idler; pi for gears in a row"
     ] = math.pi,
-    module: Annotated[float, MODULE, "Of all gears"] = 0.004,
-    reduced_inertias: Annotated[tuple | None, Many(MASS, 3), _REDUCED_WORDS] = None,
-    masses: Annotated[tuple | None, Many(MASS, 3), _MASS_WORDS] = None,
+    module: Annotated[float, MODULE, "Module of all gears"] = 0.004,
+    reduced_inertias: Annotated[tuple | None, Many(MASS, 3), _INERTIA_DESCRIPTION] = None,
+    masses: Annotated[tuple | None, Many(MASS, 3), _MASS_DESCRIPTION] = None,
     support_stiffness: AxisStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
@@ -171,7 +200,9 @@ def idler(
 def two_stage(
     pair,
     *,
-    teeth: Annotated[tuple, Many(TEETH, 4), "Of both gears of each stage"] = (24, 36, 24, 36),
+    teeth: Annotated[
+        tuple, Many(TEETH, 4), "Numbers of teeth of pinion and wheel of each stage"
+    ] = (24, 36, 24, 36),
     modules: Modules = (0.004, 0.004),
     shaft_stiffness: ShaftStiffness = 1e6,
     reduced_inertias: FourReduced = None,
@@ -209,12 +240,14 @@ def two_stage(
 def split_power_reducer(
     pair,
     *,
-    branches: Annotated[int, Integer(1, limit=100), "Double satellites, equally spaced"] = 3,
+    branches: Annotated[
+        int, Integer(1, limit=100), "Number of double satellites, equally spaced"
+    ] = 3,
     teeth: Annotated[
         tuple | None,
         Many(TEETH, 4),
-        "Of input, both gears of a satellite, output; by default (24, 36, 24, 36), with a ring "
-        "gear (24, 36, 24, 84)",
+        "Numbers of teeth of input, both gears of a satellite, and output; by default "
+        "(24, 36, 24, 36), with a ring gear (24, 36, 24, 84)",
     ] = None,
     internal: Annotated[bool, TRUTH, "Whether the output is a ring gear"] = False,
     modules: Modules = (0.004, 0.004),
@@ -228,7 +261,7 @@ def split_power_reducer(
     backlashes: Annotated[
         tuple | None,
         Many(Many(BACKLASH, 2)),
-        "Of the first and second mesh of each branch; by default that of the pair",
+        "Backlashes of the first and second mesh of each branch; by default that of the pair",
     ] = None,
     **options,
 ):
@@ -264,20 +297,19 @@ def split_power_reducer(
     output_force *= 1.0 if internal else -1.0
     bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", output_force)]
     first, second, shafts = [], [], []
-    for i, ((radial, tangential), (backlash_1, backlash_2)) in enumerate(
-        zip(errors, backlashes, strict=True)
-    ):
+    for i in range(n):
         angle = 2.0 * math.pi * i / n
-        a, b = f"satellite {i + 1} a", f"satellite {i + 1} b"
-        c, s = math.cos(angle), math.sin(angle)
-        offset = c * radial - s * tangential, s * radial + c * tangential
-        bodies += [gears.body(1, a, offset=offset), gears.body(2, b, offset=offset)]
-        name = f"first {i + 1}"
-        first.append(gears.mesh("input", a, name=name, position=angle, backlash=backlash_1))
-        fields = {"position": angle + math.pi, "direction": -1}
+        gear_a, gear_b = f"satellite {i + 1} a", f"satellite {i + 1} b"
+        cosine, sine, (radial, tangential) = math.cos(angle), math.sin(angle), errors[i]
+        offset = cosine * radial - sine * tangential, sine * radial + cosine * tangential
+        bodies += [gears.body(1, gear_a, offset=offset), gears.body(2, gear_b, offset=offset)]
+        fields = {"name": f"first {i + 1}", "backlash": backlashes[i][0], "position": angle}
+        first.append(gears.mesh("input", gear_a, **fields))
+        fields = {"name": f"second {i + 1}", "backlash": backlashes[i][1]}
         if internal:
-            fields = {"position": angle, "internal": True}
-        name = f"second {i + 1}"
-        second.append(gears.mesh(b, "output", name=name, backlash=backlash_2, **fields))
-        shafts.append(gears.shaft(a, b, shaft_stiffness))
+            fields |= {"position": angle, "internal": True}
+        else:
+            fields |= {"position": angle + math.pi, "direction": -1}
+        second.append(gears.mesh(gear_b, "output", **fields))
+        shafts.append(gears.shaft(gear_a, gear_b, shaft_stiffness))
     return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)
