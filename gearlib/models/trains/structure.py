@@ -34,16 +34,19 @@ class Numbers(NamedTuple):
     polar: Any  #: function from a vector to its length and angle
     pi: Any
 
-    def zeros(self, *shape):
+    def zeros(self, *shape: int) -> np.ndarray:
         """Return an array of zeros with a shape."""
         if self.dtype is not object:
             return np.zeros(shape, self.dtype)
         return np.array([self.of(0.0)] * math.prod(shape), object).reshape(shape)
 
-    def rotated(self, rows, angle):
-        """Return the x and y rows of a motion that is given along axes rotated by an angle."""
-        c, s = self.cos_sin(angle)
-        return np.stack([c * rows[0] - s * rows[1], s * rows[0] + c * rows[1]])
+    def rotated(self, rows: Any, angle: Any) -> np.ndarray:
+        """Return the row vectors (2, n) of a motion along x and y, given along rotated axes.
+
+        `rows`, (2, n), are its row vectors along axes that are rotated by an angle in rad.
+        """
+        cosine, sine = self.cos_sin(angle)
+        return np.stack([cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]])
 
 
 FLOATS = Numbers(
@@ -78,8 +81,13 @@ class Structure(NamedTuple):
     masses: tuple  #: rows, shape (3 b, n), and kg, shape (3 b,)
 
 
-def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
-    """Return the `Structure` of bodies (a dict by name), meshes and shafts in SI units."""
+def structure(
+    bodies: dict, meshes: Any, shafts: Any, numbers: Numbers = FLOATS, rotations_first: bool = False
+) -> Structure:
+    """Return the matrices of a train of bodies (name -> `Body`), meshes and shafts in SI units.
+
+    `numbers` is the arithmetic; with `rotations_first` coordinates of rotations precede others.
+    """
     coordinates = _coordinates(bodies, rotations_first)
     n, of = len(coordinates), numbers.of
     rows, supports = _motions(bodies, coordinates, numbers)
@@ -87,6 +95,7 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
     turning, centrifugal, circulating = numbers.zeros(3, n, n)
     load, outward = numbers.zeros(2, n)
     for name, body in bodies.items():
+        # Row vectors of the motion along x and y and of the rotation; base radius; mass.
         (x, y, u), r, m = rows[name], of(body.base_radius), of(body.mass or 0.0)
         masses += [(x, m), (y, m), (u, of(body.inertia) / r**2)]
         elements = zip(supports[name], body.support_stiffness, body.support_damping, strict=True)
@@ -128,13 +137,15 @@ def structure(bodies, meshes, shafts, numbers=FLOATS, rotations_first=False):
 
 
 def _coordinates(bodies: dict, rotations_first: bool) -> list:
-    """Return the coordinates of a train, (body, axis), along which supports are elastic."""
+    """Return the coordinates of a train, (body, "x", "y" or "u"): motions that are not rigid."""
     coordinates = []
     for body in bodies.values():
         stiffness = *body.support_stiffness, body.torsional_stiffness
         axes = zip("xyu", stiffness, strict=True)
         coordinates += [(body.name, axis) for axis, k in axes if math.isfinite(k)]
-    return sorted(coordinates, key=lambda pair: pair[1] != "u") if rotations_first else coordinates
+    if rotations_first:
+        coordinates.sort(key=lambda coordinate: coordinate[1] != "u")
+    return coordinates
 
 
 def _motions(bodies: dict, coordinates: list, numbers: Numbers) -> tuple[dict, dict]:
@@ -174,6 +185,7 @@ def _lines(
     for j, mesh in enumerate(meshes):
         pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
         first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
+        # The unit vector e of the line of action.
         e = np.array(numbers.cos_sin(mesh.line_by(numbers.pi)))
         arms[j] = (-e, e) if mesh.internal else (e, -e)
         sign = -1.0 if mesh.internal else 1.0
@@ -185,10 +197,13 @@ def _lines(
     return lines, across, arms
 
 
-def far_lines(structure, bodies, meshes, numbers=FLOATS):
-    """Return rows of the coast-side distances of meshes, (m, n).
+def far_lines(
+    structure: Structure, bodies: dict, meshes: Any, numbers: Numbers = FLOATS
+) -> np.ndarray:
+    """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
-    In a mesh with moving backlash, they exclude the deflections of the supports.
+    In a mesh with moving backlash, they exclude the deflections of the supports. `bodies` maps
+    names to `Body`; `numbers` is the arithmetic.
     """
     lines, motions = structure.lines.copy(), dict(zip(bodies, structure.motions, strict=True))
     for j, mesh in enumerate(meshes):
@@ -196,8 +211,9 @@ def far_lines(structure, bodies, meshes, numbers=FLOATS):
             if mesh.moving_backlash:
                 body, deflection = bodies[name], motions[name][:2].copy()
                 if body.carrier:
-                    (c, s), (x, y, rotation) = numbers.cos_sin(body.angle), motions[body.carrier]
-                    deflection -= np.stack([x - s * rotation, y + c * rotation])
+                    cosine, sine = numbers.cos_sin(body.angle)
+                    x, y, rotation = motions[body.carrier]
+                    deflection -= np.stack([x - sine * rotation, y + cosine * rotation])
                 lines[j] -= arm @ deflection
     return lines
 

@@ -11,13 +11,17 @@ M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gearlib.engines.exponential import MAX_NORM
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models import one_mesh_system
+from gearlib.models.trains.waves import Segments
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
 
 #: Largest number of mesh periods until the excitation repeats, so that the engines can count them.
 _MAX_REPEATS = 2**50
@@ -33,51 +37,54 @@ class Scaled(NamedTuple):
     frame: np.ndarray  #: part of the stiffness that the rotating frame causes, shape (n, n)
 
 
-def scaled(train, tuning):
+def scaled(train: "GearTrain", tuning: float) -> Scaled:
     """Return the dimensionless matrices of a train without its meshes at a tuning."""
-    s, unit, omega = train.structure, train.stiffness_scale, train.reference_angular_frequency
+    matrices = train.structure
+    stiffness_scale, omega = train.stiffness_scale, train.reference_angular_frequency
     pinion_speed = float(train.speeds[train.reference_pinion.name])
     frame_speed = train.carrier_ratio * tuning * pinion_speed if train.gyroscopic else 0.0
-    mass = s.mass * (omega**2 / unit)
-    turning = s.turning * (omega**2 / unit * frame_speed)
-    centrifugal = s.centrifugal * (omega**2 / unit * frame_speed**2)
-    circulating = s.circulating * (omega / unit * frame_speed)
-    outward = s.outward * (omega**2 * frame_speed**2 / train.load)
+    mass = matrices.mass * (omega**2 / stiffness_scale)
+    coriolis = matrices.turning * (omega**2 / stiffness_scale * frame_speed)
+    centrifugal = matrices.centrifugal * (omega**2 / stiffness_scale * frame_speed**2)
+    circulating = matrices.circulating * (omega / stiffness_scale * frame_speed)
+    centrifugal_load = matrices.outward * (omega**2 * frame_speed**2 / train.load)
     return Scaled(
         mass,
-        s.stiffness / unit + (centrifugal + circulating),
-        s.damping * (omega / unit) + turning,
-        s.load / train.load + outward,
+        matrices.stiffness / stiffness_scale + (centrifugal + circulating),
+        matrices.damping * (omega / stiffness_scale) + coriolis,
+        matrices.load / train.load + centrifugal_load,
         centrifugal + circulating,
     )
 
 
-def _distance_rows(train):
-    """Return rows that map states to distances of (drive, coast) flanks, (m, 2 n + 1 + 2 h) each.
+def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
+    """Return row vectors that map states to the distances of (drive, coast) flanks of m meshes.
 
-    A state holds n coordinates, their n rates, the constant 1 and h pairs of cosine and sine.
+    A state holds n coordinates, their n rates, the constant 1 and h pairs of cosine and sine, so
+    that the shape is (m, 2 n + 1 + 2 h) each.
     """
-    frequencies, waves, constants = train.excitation
-    unit = 1.0 / train.static_deflection
+    frequencies, amplitudes, constants = train.excitation
+    per_metre = 1.0 / train.static_deflection
     m, n = train.structure.lines.shape
-    near, far = np.zeros((2, m, 2 * n + 1 + 2 * frequencies.size))
-    for side, rows, lines in ((1, near, train.structure.lines), (0, far, train.far_lines)):
+    drive, coast = np.zeros((2, m, 2 * n + 1 + 2 * frequencies.size))
+    for side, rows, lines in ((1, drive, train.structure.lines), (0, coast, train.far_lines)):
         rows[:, :n] = lines
-        rows[:, 2 * n] = constants[side] * unit
-        rows[:, 2 * n + 1 :] = waves[side] * unit
+        rows[:, 2 * n] = constants[side] * per_metre
+        rows[:, 2 * n + 1 :] = amplitudes[side] * per_metre
     for j, mesh in enumerate(train.meshes):
         if math.isfinite(mesh.backlash):
-            far[j, 2 * n] += mesh.backlash * unit
+            coast[j, 2 * n] += mesh.backlash * per_metre
         else:
-            far[j] = one_mesh_system.missing_flank(far.shape[1], 2 * n)
-    return near, far
+            coast[j] = one_mesh_system.missing_flank(coast.shape[1], 2 * n)
+    return drive, coast
 
 
-def train_system(train, tuning, segments):
-    """Return the state-space matrices of a `GearTrain` at a tuning over stiffness `Segments`."""
+def train_system(train: "GearTrain", tuning: float, segments: Segments) -> TrainSystem:
+    """Return the state-space matrices of a train at a tuning over segments of stiffness."""
     frequencies, matrices, lines = train.excitation[0], scaled(train, tuning), train.structure.lines
     inverse_mass, n = np.linalg.inv(matrices.mass), lines.shape[1]
     near, far = _distance_rows(train)
+    # The matrix of dz/dtheta in the backlash of all meshes.
     free = one_mesh_system.harmonic_oscillators(near.shape[1], 2 * n + 1, tuning * frequencies)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
@@ -113,14 +120,22 @@ def train_system(train, tuning, segments):
     )
 
 
-def _contacts(train: Any, segments: Any, flanks: tuple, inverse_mass: np.ndarray, free: np.ndarray):
-    """Return the contact forces of a `TrainSystem`: (push, grip, effect, stiffness, low).
+def _contacts(
+    train: "GearTrain",
+    segments: Segments,
+    flanks: tuple,
+    inverse_mass: np.ndarray,
+    free: np.ndarray,
+) -> tuple:
+    """Return the contact forces of m meshes in p segments, as fields of a `TrainSystem`.
 
-    `flanks` are (distances, their rates, lines of action) of the drive and the coast side.
+    They are (force_inputs, force_outputs, effect, stiffness, low). `flanks` holds for the drive and
+    the coast side the row vectors (distances, their rates, lines of action) of all meshes.
+    `inverse_mass`, (n, n), is dimensionless; `free` is the state matrix in the backlash.
     """
     (m, n), p, size = flanks[0][2].shape, segments.starts.size - 1, len(free)
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
-    # One kind of segment has one stiffness level and one direction of sliding.
+    # Segments of one kind have the same stiffness level and direction of sliding.
     segment_kinds = 2 * segments.low + (segments.sense < 0.0)
     kinds = [
         ([] if math.isinf(mesh.backlash) else mesh_kinds, mesh_kinds)
@@ -135,7 +150,7 @@ def _contacts(train: Any, segments: Any, flanks: tuple, inverse_mass: np.ndarray
         levels = np.array([1.0, mesh.stiffness_ratio]) * mesh.max_stiffness / train.stiffness_scale
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
         excess_damping = (mesh.known_damping - mesh.backlash_damping) * damping_unit
-        number = 0
+        number = 0  # of a force of this mesh; 0 is no force
         for side, (distances, rates, lines) in zip((1, 0), flanks, strict=True):
             for kind in kinds[j][side]:
                 number += 1
@@ -149,23 +164,24 @@ def _contacts(train: Any, segments: Any, flanks: tuple, inverse_mass: np.ndarray
     return force_inputs, force_outputs, effect, stiffness, low
 
 
-def largest_norm(train, matrices):
+def largest_norm(train: "GearTrain", matrices: Scaled) -> float:
     """Return an upper bound of the norms of the state matrices in all contact states of a train.
 
-    The coordinates have unit mass and velocities are divided by the highest natural frequency, so
-    that stiffness and damping are symmetric and largest with all meshes in contact.
+    `matrices` are its dimensionless matrices without the meshes. The coordinates have unit mass and
+    velocities are divided by the highest natural frequency, so that stiffness and damping are
+    symmetric and largest with all meshes in contact.
     """
-    structure, unit = train.structure, train.stiffness_scale
+    structure, stiffness_scale = train.structure, train.stiffness_scale
     stiffness, damping = matrices.stiffness.copy(), matrices.damping.copy()
     friction = np.zeros_like(stiffness)
     for j, mesh in enumerate(train.meshes):
-        line, mesh_stiffness = structure.lines[j], mesh.max_stiffness / unit
+        line, mesh_stiffness = structure.lines[j], mesh.max_stiffness / stiffness_scale
         flanks = np.outer(line, line)
         if mesh.moving_backlash:
             flanks = flanks + np.outer(train.far_lines[j], train.far_lines[j])
         mesh_damping = max(mesh.known_damping, mesh.backlash_damping)
         stiffness += mesh_stiffness * flanks
-        damping += mesh_damping * train.reference_angular_frequency / unit * flanks
+        damping += mesh_damping * train.reference_angular_frequency / stiffness_scale * flanks
         across_by_line = np.abs(np.outer(structure.across[j], line))
         friction += max(mesh.friction) * mesh_stiffness * across_by_line
     root = np.linalg.inv(np.linalg.cholesky(matrices.mass))

@@ -7,8 +7,12 @@ an axis means both axes.
 
 import dataclasses
 import math
+from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
 
 #: Unit of displacements of a train whose reference mesh carries no load, m.
 UNLOADED_DEFLECTION = 1e-6
@@ -50,8 +54,11 @@ FIELDS: dict = {
 }
 
 
-def shared_value(train, name):
-    """Return the value that all meshes share of a name in `PARAMETERS`, or raise ValueError."""
+def shared_value(train: "GearTrain", name: str) -> float:
+    """Return the value of a parameter in `PARAMETERS` that all meshes of a train share.
+
+    A backlash is in static deflections. Raises ValueError if the meshes have different values.
+    """
     values = {getattr(mesh, name) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
@@ -62,8 +69,8 @@ def shared_value(train, name):
     return value / train.static_deflection if name == "backlash" else value
 
 
-def with_shared_value(train, name, value):
-    """Return a checked copy of a train with a new value of a parameter of all meshes.
+def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain":
+    """Return a checked copy of a train with a new value of a parameter of all its meshes.
 
     The mean stiffness does not change, nor do natural frequencies and static deflection.
     """
@@ -81,8 +88,8 @@ def with_shared_value(train, name, value):
     return dataclasses.replace(train, meshes=tuple(meshes))
 
 
-def _elements(train):
-    """Return the elements of a train, (kind, name) -> body, shaft or mesh."""
+def _elements(train: "GearTrain") -> dict[tuple[str, str], Any]:
+    """Return the elements of a train, (kind, name) -> `Body`, `Shaft` or `Mesh`."""
     return (
         {("body", body.name): body for body in train.bodies}
         | {("shaft", "-".join(shaft.bodies)): shaft for shaft in train.shafts}
@@ -90,34 +97,33 @@ def _elements(train):
     )
 
 
-def _places(train):
+def _places(train: "GearTrain") -> dict[str, list[tuple]]:
     """Return where the finite numbers of a train are stored, name -> [(element, field, axes)].
 
-    An element is (kind, name); axes is "x", "y" or "xy" for fields with a value for x and y, else
-    "".
+    An element is (kind, name), such as ("body", "sun"); axes is "x", "y" or "xy" for fields with a
+    value for x and y, else "". Values of rigid supports are left out.
     """
     places: dict = {}
-    for key, element in _elements(train).items():
-        for field in FIELDS[key[0]]:
-            value, name = getattr(element, field), f"{field} of {' '.join(key)}"
-            part = field.removesuffix("_stiffness").removesuffix("_damping")
-            stiffness = getattr(element, f"{part}_stiffness", None) if part != field else None
+    for element_key, element in _elements(train).items():
+        for field in FIELDS[element_key[0]]:
+            value, name = getattr(element, field), f"{field} of {' '.join(element_key)}"
+            spring = field.removesuffix("_stiffness").removesuffix("_damping")
+            stiffness = getattr(element, f"{spring}_stiffness", None) if spring != field else None
             if not isinstance(value, tuple):
-                if value is not None and not (part == "torsional" and math.isinf(stiffness)):
-                    places[name] = [(key, field, "")]
+                if value is not None and not (spring == "torsional" and math.isinf(stiffness)):
+                    places[name] = [(element_key, field, "")]
                 continue
-            axes = "".join(
-                axis
-                for axis, limit in zip("xy", stiffness or (0.0, 0.0), strict=True)
-                if math.isfinite(limit)
-            )
-            if axes and field != "offset" and len({value["xy".index(axis)] for axis in axes}) == 1:
-                places[name] = [(key, field, axes)]
-            places |= {f"{name}, {axis}": [(key, field, axis)] for axis in axes}
+            stiffness_xy = stiffness or (0.0, 0.0)
+            axes = [axis for axis, k in zip("xy", stiffness_xy, strict=True) if math.isfinite(k)]
+            values = {value["xy".index(axis)] for axis in axes}
+            if field != "offset" and len(values) == 1:
+                places[name] = [(element_key, field, "".join(axes))]
+            for axis in axes:
+                places[f"{name}, {axis}"] = [(element_key, field, axis)]
     return places
 
 
-def _shared_places(train):
+def _shared_places(train: "GearTrain") -> dict[str, list[tuple]]:
     """Return where the mesh fields with one common value are stored, as `_places` does."""
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
@@ -126,7 +132,7 @@ def _shared_places(train):
     }
 
 
-def settable(train):
+def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
     """Return the numbers of a train that can be changed, name -> (CF units, description).
 
     ``load`` stands for all torques in proportion.
@@ -141,33 +147,33 @@ def settable(train):
     return numbers
 
 
-def value(train, name):
-    """Return a number of a train by its name in `settable`."""
+def value(train: "GearTrain", name: str) -> float:
+    """Return a number of a train by its name in `settable`, such as "inertia of body sun"."""
     if name == "load":
         return train.load
-    key, field, axes = (_shared_places(train) | _places(train))[name][0]
-    entry = getattr(_elements(train)[key], field)
+    element_key, field, axes = (_shared_places(train) | _places(train))[name][0]
+    entry = getattr(_elements(train)[element_key], field)
     return entry["xy".index(axes[0])] if axes else entry
 
 
-def with_values(train, changes):
-    """Return a checked copy of a train with new values of numbers in `settable`."""
+def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain":
+    """Return a checked copy of a train with new values of numbers in `settable`, name -> value."""
     places, elements = _shared_places(train) | _places(train), _elements(train)
-    fields: dict = {key: {} for key in elements}
-    for name, new in changes.items():
+    fields: dict = {element_key: {} for element_key in elements}
+    for name, new_value in new_values.items():
         if name == "load":
             for body in train.bodies:
-                fields["body", body.name]["torque"] = body.torque * (new / train.load)
+                fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
             continue
-        for key, field, axes in places[name]:
+        for element_key, field, axes in places[name]:
+            new_entry: Any = new_value
             if axes:
-                old = fields[key].get(field, getattr(elements[key], field))
-                pairs = zip("xy", old, strict=True)
-                fields[key][field] = tuple(new if axis in axes else entry for axis, entry in pairs)
-            else:
-                fields[key][field] = new
+                x, y = fields[element_key].get(field, getattr(elements[element_key], field))
+                new_entry = new_value if "x" in axes else x, new_value if "y" in axes else y
+            fields[element_key][field] = new_entry
     changed: dict = {"body": (), "shaft": (), "mesh": ()}
-    for key, element in elements.items():
-        copy = dataclasses.replace(element, **fields[key]) if fields[key] else element
-        changed[key[0]] += (copy,)
+    for element_key, element in elements.items():
+        changes = fields[element_key]
+        copy = dataclasses.replace(element, **changes) if changes else element
+        changed[element_key[0]] += (copy,)
     return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])

@@ -22,19 +22,23 @@ of the gear that drives on the drive side; Guo & Parker, Mech. Mach. Theory 78 (
 """
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 
 from gearlib import checks
+from gearlib.models.trains.elements import Body, Mesh, Shaft
 
 #: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
 
 
-def speeds(bodies, meshes, shafts, reference):
+def speeds(
+    bodies: dict[str, Body], meshes: Sequence[Mesh], shafts: Sequence[Shaft], reference: str
+) -> dict[str, Fraction]:
     """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
 
-    Bodies without a mesh or shaft have speed 0. Raises ValueError for a locked train or a mesh
-    without connection to the reference mesh.
+    `reference` names the reference mesh. Bodies without a mesh or shaft have speed 0. Raises
+    ValueError for a locked train or a mesh without connection to the reference mesh.
     """
     ratios = []  # (first body, second body, ratio of their speeds, description)
     for mesh in meshes:
@@ -67,8 +71,12 @@ def speeds(bodies, meshes, shafts, reference):
     return {name: sense * speed_of.get(name, Fraction(0)) for name in bodies}
 
 
-def _sense(meshes, first, speed):
-    """Return the sign of the speeds with which the declared driving gears of meshes drive."""
+def _sense(meshes: Sequence[Mesh], reference_mesh: Mesh, speed: dict[str, Fraction]) -> int:
+    """Return the sign, 1 or -1, of the speeds with which the declared driving gears drive.
+
+    `speed` maps a body to its speed up to this sign. Without declared gears, the pinion drives the
+    reference mesh.
+    """
     declared = [mesh for mesh in meshes if mesh.driving]
     senses = [1 if driver(mesh, speed) == mesh.driving else -1 for mesh in declared]
     for sense, mesh in zip(senses, declared, strict=True):
@@ -80,38 +88,41 @@ def _sense(meshes, first, speed):
             f"{allowed!r} as the gears turn and press where {declared[0].driving!r} drives in mesh "
             f"{declared[0].name}",
         )
-    return senses[0] if senses else (1 if driver(first, speed) == first.pinion else -1)
+    if senses:
+        return senses[0]
+    return 1 if driver(reference_mesh, speed) == reference_mesh.pinion else -1
 
 
-def driver(mesh, speed):
-    """Return the name of the gear that drives a mesh through its drive-side flanks."""
+def driver(mesh: Mesh, speed: dict[str, Fraction]) -> str:
+    """Return the gear that drives a mesh through its drive-side flanks, from body speeds."""
     return mesh.pinion if speed[mesh.pinion] * _side(mesh, mesh.pinion) > 0 else mesh.wheel
 
 
-def pitch_phase(mesh, speed):
+def pitch_phase(mesh: Mesh, speed: dict[str, Fraction]) -> float:
     """Return the mesh phase at which drive-side flanks touch at the pitch point, rad."""
     return mesh.pitch_phase if driver(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
 
-def sliding_turns(mesh, speed):
+def sliding_turns(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float]:
     """Return the phases at which the sliding becomes positive on (coast, drive) side.
 
-    They are counted in mesh periods from the phase of the drive side. Coast-side flanks touch at
-    the pitch point half a period later, because their force has the opposite sign.
+    They are in mesh periods after the middle of the upper stiffness level of the drive side.
+    `speed` maps a body to its signed speed. Coast-side flanks touch at the pitch point half a
+    period later, because their force has the opposite sign.
     """
     drive = pitch_phase(mesh, speed) / math.tau
     return drive + float(thickness_difference(mesh, speed)) / 2.0, drive
 
 
-def thickness_difference(mesh, speed):
-    """Return the tooth thickness of the driving minus the driven gear in pitches, a Fraction."""
+def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
+    """Return the tooth thickness of the driving minus that of the driven gear in pitches."""
     if mesh.tooth_thickness is None:
         return Fraction(0)
     pinion, wheel = map(Fraction, mesh.tooth_thickness)
     return pinion - wheel if driver(mesh, speed) == mesh.pinion else wheel - pinion
 
 
-def inverse_phase(mesh, speed, phase):
+def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
     """Return the coast-side phase of a mesh from its drive-side phase, in mesh periods."""
     if mesh.inverse_phase is not None:
         return mesh.inverse_phase % 1.0
@@ -121,10 +132,17 @@ def inverse_phase(mesh, speed, phase):
     return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
 
 
-def phases(bodies, meshes, shafts, reference, speed):
+def phases(
+    bodies: dict[str, Body],
+    meshes: Sequence[Mesh],
+    shafts: Sequence[Shaft],
+    reference: str,
+    speed: dict[str, Fraction],
+) -> dict:
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
-    Raises ValueError if the teeth do not fit together, so that the train cannot be assembled.
+    `reference` names the reference mesh, `speed` maps a body to its signed speed. Raises ValueError
+    if the teeth do not fit together, so that the train cannot be assembled.
     """
     free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.
@@ -152,12 +170,12 @@ class _ToothPositions:
         self.middles: dict = {}  #: name of a gear -> tooth pitches from angle 0 to a tooth's middle
         self.phases: dict = {}  #: name of a mesh -> its phase in mesh periods
 
-    def place_pinion(self, mesh) -> None:
+    def place_pinion(self, mesh: Mesh) -> None:
         """Place the pinion of a mesh so that the mesh has its given phase, by default 0."""
         self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, self.speed)[1])
 
-    def place_by_mesh(self, mesh) -> bool:
-        """Place a gear by the gear that it meshes with; return whether the mesh is new."""
+    def place_by_mesh(self, mesh: Mesh) -> bool:
+        """Place a gear by the gear that it meshes with; return whether the mesh had no phase."""
         placed = [name for name in (mesh.pinion, mesh.wheel) if name in self.middles]
         if not placed or mesh.name in self.phases:
             return False
@@ -186,10 +204,10 @@ class _ToothPositions:
                     return True
         return False
 
-    def _place(self, mesh, name: str, periods: float) -> float:
-        """Place a gear whose flank reaches the pitch point after some mesh periods.
+    def _place(self, mesh: Mesh, name: str, periods: float) -> float:
+        """Place the gear of a name so that its flank is at the pitch point after some mesh periods.
 
-        Returns by how many pitches a gear that was placed before misses that position.
+        Returns the misfit of a gear that was placed before, in pitches, else 0.
         """
         flank, side = _flank(mesh, name, self.bodies), _side(mesh, name)
         middle = flank - math.copysign(1.0, self.speed[name]) * periods
@@ -202,8 +220,11 @@ class _ToothPositions:
         return 0.0
 
 
-def _check_keying(shaft, bodies, middles):
-    """Raise ValueError if the keying of a shaft contradicts the loops of meshes."""
+def _check_keying(shaft: Shaft, bodies: dict[str, Body], middles: dict[str, float]) -> None:
+    """Raise ValueError if the keying of a shaft contradicts the loops of meshes.
+
+    `middles` maps a gear to the tooth pitches from angle 0 to the middle of a tooth.
+    """
     teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
     first, second = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
     # Any two teeth may be in line, so that angles count modulo 2 pi over this number.
@@ -218,34 +239,39 @@ def _check_keying(shaft, bodies, middles):
         )
 
 
-def _keying_turns(shaft):
-    """Return the keying angle between the teeth of both gears of a shaft in turns."""
+def _keying_turns(shaft: Shaft) -> float:
+    """Return the keying angle between the teeth of both gears of a shaft in revolutions."""
     return (shaft.keying or 0.0) / math.tau
 
 
-def _side(mesh, name):
+def _side(mesh: Mesh, name: str) -> int:
     """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1."""
     return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
 
 
-def _thickness(mesh, name):
+def _thickness(mesh: Mesh, name: str) -> float:
     """Return the tooth thickness of a gear of a mesh in pitches."""
-    return 0.5 if mesh.tooth_thickness is None else mesh.tooth_thickness[name == mesh.wheel]
+    if mesh.tooth_thickness is None:
+        return 0.5
+    return mesh.tooth_thickness[1 if name == mesh.wheel else 0]
 
 
-def _flank(mesh, name, bodies):
-    """Return the angle, in pitches, of the middle of a tooth with its flank at the pitch point."""
+def _flank(mesh: Mesh, name: str, bodies: dict) -> float:
+    """Return the angle of the middle of a tooth with its drive-side flank at the pitch point.
+
+    The angle is that of the gear of the name, in its tooth pitches.
+    """
     along_centres = mesh.internal or name == mesh.pinion
     angle = mesh.centres + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _side(mesh, name) * _thickness(mesh, name) / 2.0
 
 
-def _modulo(value):
+def _modulo(value: float) -> float:
     """Return the difference of a value to the nearest integer, in [-1/2, 1/2]."""
     return value - round(value)
 
 
-def _rounded(phase):
+def _rounded(phase: float) -> float:
     """Return a phase modulo 1, rounded to 13 digits, so that equal phases are equal numbers."""
     return round(phase % 1.0, 13) % 1.0

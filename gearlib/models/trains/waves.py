@@ -6,12 +6,16 @@ rate tau - 2 pi g is at most pi (epsilon - 1) from a whole period; see `engines.
 
 import math
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gearlib.models.trains import turning
-from gearlib.models.trains.structure import FLOATS
+from gearlib.models.trains.elements import Mesh
+from gearlib.models.trains.structure import FLOATS, Numbers
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
 
 #: Boundaries of segments closer than this in phase count as equal.
 SAME_PHASE_TOLERANCE = 1e-12
@@ -29,7 +33,7 @@ class Segments(NamedTuple):
     )
 
 
-def segments(train, first, count):
+def segments(train: "GearTrain", first: int, count: int) -> Segments:
     """Return the `Segments` of `count` reference mesh periods that begin with period `first`.
 
     Periods are stored cyclically: period n lies at position n modulo `count`.
@@ -52,21 +56,24 @@ def segments(train, first, count):
         leads = [float((first + lag) * rate % 1) for lag in (-offset, count - offset)]
         phases = middles * float(rate) + np.where(middles > offset, *leads)
         low[:, :, j] = at_lower_level(mesh, shifts, phases)
-        rubs = any(mesh.friction)
-        if rubs:
-            sense[:, :, j] = np.where(
-                np.mod(phases - np.array(turns)[:, None], 1.0) < 0.5, 1.0, -1.0
-            )
+        signs: tuple = (0,)
+        if any(mesh.friction):
+            positive = np.mod(phases - np.array(turns)[:, None], 1.0) < 0.5
+            sense[:, :, j] = np.where(positive, 1.0, -1.0)
+            signs = 0, 1
         levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
-        kinds.append([2 * level + sign for level in levels for sign in ((0, 1) if rubs else (0,))])
+        kinds.append([2 * level + sign for level in levels for sign in signs])
     first_segment = np.searchsorted(starts, np.array(period_starts) - SAME_PHASE_TOLERANCE)
     return Segments(starts, first_segment, low, sense, kinds)
 
 
-def _change_times(mesh, rate, timing, first, count):
+def _change_times(
+    mesh: Mesh, rate: Fraction, timing: tuple[tuple, tuple], first: int, count: int
+) -> np.ndarray:
     """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
 
-    They lie between 0 and `count` and are counted from the start of period `first`.
+    They lie between 0 and `count` and are counted from the start of period `first`. `rate` is the
+    mesh frequency over that of the reference mesh; `timing` is the result of `_timing`.
     """
     shifts, turns = timing
     phases = set()
@@ -84,15 +91,18 @@ def _change_times(mesh, rate, timing, first, count):
     return all_times[(all_times >= 0.0) & (all_times <= count)]
 
 
-def _timing(train, mesh):
-    """Return the phases of stiffness and of sliding, each of (coast, drive) side, in periods."""
+def _timing(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
+    """Return the phases of stiffness and of sliding, each of (coast, drive) side, in mesh periods.
+
+    They are the middle of the upper stiffness level and the change to positive sliding.
+    """
     coast, drive = train.inverse_phases[mesh.name], train.phases[mesh.name]
     turns = turning.sliding_turns(mesh, train.speeds)
     return (coast, drive), tuple(drive + turn for turn in turns)
 
 
-def at_lower_level(mesh, shifts, phases):
-    """Return whether (coast, drive) sides have the lower stiffness at mesh phases, shape (2, p).
+def at_lower_level(mesh: Mesh, shifts: tuple[float, float], phases: np.ndarray) -> np.ndarray:
+    """Return whether (coast, drive) sides have the lower stiffness at p mesh phases, shape (2, p).
 
     `shifts` are the phases of the stiffness of both sides; all phases are in mesh periods.
     """
@@ -102,8 +112,8 @@ def at_lower_level(mesh, shifts, phases):
     return distance > (mesh.contact_ratio - 1.0) / 2.0
 
 
-def _distinct(boundaries, period_starts):
-    """Return sorted boundaries without duplicates up to rounding; period starts stay exact."""
+def _distinct(boundaries: np.ndarray, period_starts: set[float]) -> np.ndarray:
+    """Return sorted phases without duplicates up to rounding; starts of periods stay exact."""
     distinct = [0.0]
     for boundary in boundaries.tolist():
         if boundary - distinct[-1] > SAME_PHASE_TOLERANCE:
@@ -113,7 +123,7 @@ def _distinct(boundaries, period_starts):
     return np.array(distinct)
 
 
-def stiffness_harmonic(mesh, order, phase):
+def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
     """Return the complex amplitude, N/m, of a harmonic of the mesh stiffness.
 
     The order counts periods of this mesh; the phase is that of the middle of the upper level, in
@@ -124,29 +134,32 @@ def stiffness_harmonic(mesh, order, phase):
     return amplitude / (math.pi * order) * np.exp(-2.0j * np.pi * order * phase)
 
 
-def excitation(train):
-    """Return (frequencies, waves, constants) of the errors, deviations and run-out of meshes, m.
+def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (frequencies, amplitudes, constants) of errors, deviations and run-out of meshes, m.
 
-    The frequencies are over the reference mesh phase, shape (h,); waves, shape (2, m, 2 h), hold
-    cosines and sines in turn, and constants have the shape (2, m), for coast and drive side.
+    The h frequencies are per radian of reference mesh phase, shape (h,); amplitudes, shape
+    (2, m, 2 h), hold cosines and sines in turn, and constants have the shape (2, m), for coast and
+    drive side.
     """
-    rows, constants = excited(train, train.structure.arms)
-    frequencies = sorted(rows)
-    waves = np.array([rows[f] for f in frequencies]).reshape(-1, 2, len(train.meshes), 2)
-    waves = waves.transpose(1, 2, 0, 3).reshape(2, len(train.meshes), -1)
-    return np.array([float(f) for f in frequencies]), waves, constants
+    harmonics, constants = excited(train, train.structure.arms)
+    frequencies, m = sorted(harmonics), len(train.meshes)
+    amplitudes = np.array([harmonics[frequency] for frequency in frequencies])
+    amplitudes = amplitudes.reshape(-1, 2, m, 2).transpose(1, 2, 0, 3).reshape(2, m, -1)
+    return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
 
 
-def excited(train, arms, numbers=FLOATS):
+def excited(
+    train: "GearTrain", arms: np.ndarray, numbers: Numbers = FLOATS
+) -> tuple[dict[Fraction, np.ndarray], np.ndarray]:
     """Return the excitation of the meshes as (harmonics, constants), in floats or balls.
 
-    Harmonics are a dict, frequency (Fraction) -> cosine and sine, shape (2, m, 2); constants have
-    the shape (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
+    Harmonics are a dict, frequency -> cosine and sine in m, shape (2, m, 2); constants have the
+    shape (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
     """
     harmonics: dict = {}
     of, constants = numbers.of, numbers.zeros(2, len(train.meshes))
 
-    def add_harmonic(frequency, j, sides, cosine, sine):
+    def add_harmonic(frequency: Fraction, j: int, sides: list[int], cosine: Any, sine: Any) -> None:
         """Add a cosine and a sine to mesh j; a negative frequency changes the sign of the sine."""
         entry = harmonics.setdefault(abs(frequency), numbers.zeros(2, len(train.meshes), 2))
         entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
@@ -177,11 +190,11 @@ def excited(train, arms, numbers=FLOATS):
     return harmonics, constants
 
 
-def common_period(train):
+def common_period(train: "GearTrain") -> int:
     """Return the number of reference mesh periods after which the whole excitation repeats."""
-    rates = list(train.rates)
+    frequencies = list(train.rates)
     for mesh in train.meshes:
-        rates += [
-            train.speeds[b] for b in (mesh.pinion, mesh.wheel) if train.by_name[b].eccentricity
-        ]
-    return math.lcm(*(Fraction(rate).denominator for rate in rates))
+        for name in (mesh.pinion, mesh.wheel):
+            if train.by_name[name].eccentricity:
+                frequencies.append(train.speeds[name])
+    return math.lcm(*(Fraction(frequency).denominator for frequency in frequencies))
