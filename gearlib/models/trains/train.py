@@ -2,16 +2,19 @@
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import xarray as xr
 
 from gearlib import checks
 from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
 from gearlib.models.one_mesh_system import contact_map
@@ -23,7 +26,7 @@ from gearlib.models.trains import (
     turning,
     waves,
 )
-from gearlib.models.trains.elastic import linear
+from gearlib.models.trains.elastic import Linear, linear
 from gearlib.models.trains.elements import (
     Body,
     Mesh,
@@ -33,8 +36,8 @@ from gearlib.models.trains.elements import (
     check_gears,
     check_names,
 )
-from gearlib.models.trains.structure import AXES, FLOATS, far_lines, structure
-from gearlib.models.trains.system import largest_norm, scaled, train_system
+from gearlib.models.trains.structure import AXES, FLOATS, Numbers, Structure, far_lines, structure
+from gearlib.models.trains.system import Scaled, largest_norm, scaled, train_system
 from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -53,8 +56,8 @@ class GearTrain(Model):
     """
 
     bodies: Annotated[tuple, Parts(Body), "Gears and carriers"]
-    meshes: Annotated[tuple, Parts(Mesh), "Which of them mesh"]
-    shafts: Annotated[tuple, Parts(Shaft, 0), "Which of them a shaft joins"] = ()
+    meshes: Annotated[tuple, Parts(Mesh), "Meshes of the gears"]
+    shafts: Annotated[tuple, Parts(Shaft, 0), "Shafts that join bodies"] = ()
     reference: Annotated[
         str | None,
         Kind("the name of a mesh", lambda value: True),
@@ -63,20 +66,21 @@ class GearTrain(Model):
     reference_frequency: Annotated[
         float | None,
         Number(unit="Hz", above=0),
-        "What the tuning is counted in; by default that of the elastic mode with the most strain "
-        "energy in the reference mesh, with mean stiffness and all flanks in contact",
+        "Mesh frequency at which the tuning is 1; by default the natural frequency of the elastic "
+        "mode with the most strain energy in the reference mesh, with mean stiffness and all "
+        "flanks in contact",
     ] = None
     carrier_ratio: Annotated[
         float,
         FINITE,
-        "Speed of the frame in which positions are given, over that of the reference pinion in "
-        "this frame; not 0 where a carrier turns",
+        "Speed of the frame in which positions are given, over the speed of the reference pinion "
+        "in this frame; not 0 if a carrier turns",
     ] = 0.0
     gyroscopic: Annotated[
         bool,
         TRUTH,
-        "Whether the forces of the turning frame act on axes that can move; bodies without a "
-        "carrier then lie on its axis",
+        "Whether Coriolis and centrifugal forces of the turning frame act on axes that can move; "
+        "bodies without a carrier then lie on its axis",
     ] = False
 
     propagators = {"exact": "linear.propagator"}
@@ -87,11 +91,11 @@ class GearTrain(Model):
     )
 
     @property
-    def force_note(self):
+    def force_note(self) -> str:
         """A sentence on the jumps of mesh forces where the stiffness changes most."""
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
         check(self)
         if self.reference is None:
@@ -121,7 +125,7 @@ class GearTrain(Model):
         """Mass, stiffness and damping matrices of the train in SI units."""
         return self.assembled()
 
-    def assembled(self, numbers=FLOATS):
+    def assembled(self, numbers: Numbers = FLOATS) -> Structure:
         """Return the matrices of the train in SI units, in floats or balls."""
         return structure(self.by_name, self.meshes, self.shafts, numbers)
 
@@ -136,8 +140,8 @@ class GearTrain(Model):
         return turning.speeds(self.by_name, self.meshes, self.shafts, self.reference)
 
     @cached_property
-    def rates(self):
-        """Mesh frequencies over that of the reference mesh, as Fractions."""
+    def rates(self) -> tuple[Fraction, ...]:
+        """Mesh frequencies over that of the reference mesh."""
         return tuple(
             abs(self.speeds[mesh.pinion]) * self.by_name[mesh.pinion].teeth for mesh in self.meshes
         )
@@ -148,7 +152,7 @@ class GearTrain(Model):
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
-    def inverse_phases(self):
+    def inverse_phases(self) -> dict:
         """Phases of the stiffness of the coast sides, mesh name -> its mesh periods."""
         return {
             mesh.name: turning.inverse_phase(mesh, self.speeds, self.phases[mesh.name])
@@ -175,7 +179,7 @@ class GearTrain(Model):
         """Segments of constant stiffness of the whole period of the excitation."""
         return self.segments_of(0, self.repeats)
 
-    def segments_of(self, first, count):
+    def segments_of(self, first: int, count: int) -> waves.Segments:
         """Return the segments of constant stiffness of `count` mesh periods from `first` on."""
         return waves.segments(self, first, count)
 
@@ -185,11 +189,11 @@ class GearTrain(Model):
         return 2 * len(self.structure.coordinates)
 
     @cached_property
-    def _linear(self):
+    def _linear(self) -> Linear:
         """Free motions and natural modes with all flanks in contact at mean stiffness."""
-        (rows, values), lines = self.structure.springs, self.structure.lines
-        means = [mesh.mean_stiffness for mesh in self.meshes]
-        springs = np.concatenate([rows, lines]), np.concatenate([values, means])
+        (rows, stiffness), lines = self.structure.springs, self.structure.lines
+        mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
+        springs = np.concatenate([rows, lines]), np.concatenate([stiffness, mean_stiffness])
         return linear(springs, self.structure.masses)
 
     @property
@@ -207,10 +211,11 @@ class GearTrain(Model):
         """Strains of the springs of the structure, then of the meshes, see `Linear.strains`."""
         return self._linear.strains
 
-    def linear(self, system):
+    def linear(self, system: TrainSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return dimensionless modes with all flanks in contact at mean stiffness.
 
-        They are (frequencies, shapes, free motions, mass matrix), as in `Model.linear`.
+        They are (natural frequencies, mode shapes, free motions, mass matrix) of a train at the
+        tuning of a system, with one mode or motion per column.
         """
         omega = self.reference_angular_frequency
         mass = self.scaled(system.tuning).mass
@@ -222,14 +227,15 @@ class GearTrain(Model):
         return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
 
     @cached_property
-    def linear_stretches(self):
-        """Relative displacements of the meshes in the elastic modes, shape (m, p)."""
-        means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        strains = self.strains[-means.size :] / np.sqrt(means)[:, None]
+    def linear_stretches(self) -> np.ndarray:
+        """Relative displacements of m meshes in the p elastic modes, shape (m, p)."""
+        stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
+        # Strains are stretches times the root of the stiffness over the frequency.
+        strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
         return strains * np.sqrt(self._linear.squares)
 
     @cached_property
-    def loaded_stretches(self):
+    def loaded_stretches(self) -> np.ndarray:
         """Relative displacements of meshes of the linear train under its load, m, shape (m,)."""
         squares, shapes = self.linear_modes
         return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
@@ -250,7 +256,7 @@ class GearTrain(Model):
         return self.reference_mesh.mean_stiffness
 
     @cached_property
-    def static_deflection(self):
+    def static_deflection(self) -> float:
         """Static force in the reference mesh over its mean stiffness, m; 1 um without load.
 
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
@@ -268,27 +274,28 @@ class GearTrain(Model):
         return self.static_deflection * self.stiffness_scale
 
     @cached_property
-    def reference_angular_frequency(self):
-        """Angular frequency at which the tuning is 1, rad/s."""
+    def reference_angular_frequency(self) -> float:
+        """Angular mesh frequency at which the tuning is 1, rad/s."""
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._linear.squares
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
-        sums = [energies[np.abs(squares - w) < 1e-6 * w].sum() for w in squares]
+        sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
+        # The first mode, unless a later one has clearly more energy.
         return math.sqrt(squares[int(np.argmax(np.array(sums) > 0.999999 * max(sums)))])
 
-    def mesh_frequency(self, tuning):
+    def mesh_frequency(self, tuning: Any) -> Any:
         """Return the angular frequency of the reference mesh, rad/s (float or array)."""
         return tuning * self.reference_angular_frequency
 
-    def speed(self, tuning):
+    def speed(self, tuning: Any) -> Any:
         """Return the speed of the reference pinion in rpm at a tuning (float or array)."""
         turns = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
         return 60.0 * turns * abs(1.0 + self.carrier_ratio)
 
-    def scales(self):
-        """Return the variables of datasets that depend on the train alone."""
+    def scales(self) -> dict:
+        """Return the dataset variables that depend on the train alone, name -> value."""
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,
@@ -296,19 +303,19 @@ class GearTrain(Model):
             "torque": ("body", [body.torque for body in self.bodies]),
         }
 
-    def damped(self):
+    def damped(self) -> bool:
         """Return whether a mesh, support or shaft is damped."""
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
-    def scaled(self, tuning):
+    def scaled(self, tuning: float) -> Scaled:
         """Return the dimensionless matrices without the meshes at a tuning."""
         return scaled(self, tuning)
 
-    def system(self, tuning, first=0, count=None):
+    def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
         """Return the state-space matrices at a tuning, over all segments of constant stiffness.
 
-        With a count, they cover only `count` mesh periods from `first` on.
+        With a count, they cover only `count` mesh periods from period `first` on.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
@@ -326,7 +333,7 @@ class GearTrain(Model):
         # Without gyroscopic forces and excitation only the tuning of the system changes.
         return train_system(self, 1.0, self.segments)
 
-    def static(self, phase=0.0):
+    def static(self, phase: float = 0.0) -> xr.Dataset:
         """Return the static equilibrium of the train, with backlash and errors.
 
         Parameters
@@ -348,7 +355,7 @@ class GearTrain(Model):
         """
         return statics.static(self, checks.number("phase", phase, "finite", math.isfinite))
 
-    def modes(self):
+    def modes(self) -> xr.Dataset:
         """Return the natural modes with mean mesh stiffness and all flanks in contact.
 
         Returns
@@ -359,7 +366,7 @@ class GearTrain(Model):
         """
         return natural_modes.modes(self)
 
-    def phasing(self, count=12):
+    def phasing(self, count: int = 12) -> xr.Dataset:
         """Return the modal forces by which harmonics of the mesh stiffness excite the modes.
 
         Parameters
@@ -375,7 +382,7 @@ class GearTrain(Model):
         """
         return natural_modes.phasing(self, checks.integer("count", count, 1, 1000))
 
-    def campbell(self, count=3):
+    def campbell(self, count: int = 3) -> xr.Dataset:
         """Return the critical speeds, where multiples of mesh frequencies are natural frequencies.
 
         The natural frequencies are those of `modes` and do not depend on the speed.
@@ -394,12 +401,12 @@ class GearTrain(Model):
         return natural_modes.campbell(self, checks.integer("count", count, 1, 1000))
 
     @cached_property
-    def _static_state(self):
+    def _static_state(self) -> np.ndarray:
         """State of static equilibrium at phase 0, from which sweeps start."""
         q = statics.equilibrium(self).q
         return np.append(q / self.static_deflection, np.zeros(q.size))
 
-    def start_state(self, initial_state):
+    def start_state(self, initial_state: Any) -> np.ndarray:
         """Return the initial state (q, dq/dtau), shape (size,), or raise ValueError.
 
         (0, 0) means all coordinates are 0, so that flanks without errors just touch. "static" means
@@ -420,21 +427,23 @@ class GearTrain(Model):
     train = property(lambda self: self, doc="The train itself.")
 
     @property
-    def components(self):
+    def components(self) -> tuple[str, ...]:
         """Names of the components of the state: coordinates, then their rates by phase."""
         names = [f"{body} {axis}" for body, axis in self.structure.coordinates]
         return (*names, *(f"{name}'" for name in names))
 
     @property
-    def flank_lines(self):
+    def flank_lines(self) -> np.ndarray:
         """Displacements at which (drive-side, coast-side) contact begins, shape (2, m)."""
         backlash = np.array([mesh.backlash for mesh in self.meshes])
         return np.stack([np.zeros(backlash.size), -backlash / self.static_deflection])
 
-    def check_state(self, value):
+    def check_state(self, initial_state: Any) -> Any:
         """Return a checked initial state: "static" or a tuple of numbers."""
-        state = self.start_state(value)
-        return value if isinstance(value, str) else tuple(map(float, np.ravel(value)[: state.size]))
+        state = self.start_state(initial_state)
+        if isinstance(initial_state, str):
+            return initial_state
+        return tuple(map(float, np.ravel(initial_state)[: state.size]))
 
     parameters, parameter = train_values.PARAMETERS, train_values.shared_value
     with_parameter = train_values.with_shared_value
@@ -442,53 +451,61 @@ class GearTrain(Model):
     value, with_values = train_values.value, train_values.with_values
     contact_map = contact_map
 
-    def disturbed(self, state, disturbance):
-        """Return an initial state with a disturbance added to the first elastic mode."""
+    def disturbed(self, state: Any, disturbance: float) -> tuple[float, ...]:
+        """Return an initial state with a disturbance added to the first elastic mode.
+
+        The disturbance is the largest displacement of the mode, in static deflections.
+        """
         state = self.start_state(state)
         _, lift = self.reduction()
         return tuple(map(float, state + disturbance * lift[:, 0]))
 
-    def coordinates(self):
+    def coordinates(self) -> dict[str, list]:
         """Return the coordinates of datasets that belong to the train: name -> labels."""
         return {"component": list(self.components)} | self.names
 
     @property
-    def names(self):
+    def names(self) -> dict[str, list]:
         """Labels of the dimensions mesh, body and axis of datasets."""
         names = {"mesh": self.mesh_names, "body": self.body_names, "axis": AXES}
         return {dimension: list(values) for dimension, values in names.items()}
 
-    def empty_record(self, samples=0, events=16):
-        """Return empty tables (samples, events, summary) for the record of a run.
+    def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
+        """Return uninitialized tables (samples, events, summary) for the record of a run.
 
-        Samples have six columns for each mesh, then one for each coordinate.
+        `samples` and `events` are numbers of rows. Samples have six columns for each mesh, then one
+        for each coordinate.
         """
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
         shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
         return tuple(map(np.empty, shapes))
 
-    def extra_sample_variables(self, samples):
-        """Return the motions of the bodies in a table of samples: name -> (dims, values)."""
+    def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
+        """Return the motions of the bodies in a table of samples, name -> (dims, values).
+
+        The last columns of the table, shape (samples, columns), are the coordinates.
+        """
         q = samples[:, samples.shape[1] - self.size // 2 :]
         motion = np.einsum("bax,kx->kba", self.structure.motions, q)
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
-    def extra_summary_variables(self, dims, table, span):
+    def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
         """Return mean force, dynamic factor and load sharing of each mesh: name -> (dims, values).
 
-        `table`, shape (..., m, 10), holds summaries over a span of phase. The dynamic factor is the
-        largest force over the static force of the linear train, NaN for a mesh without load.
+        `summaries`, shape (..., m, 10), has the dimensions `dims` and holds sums and extrema over a
+        span of phase. The dynamic factor is the largest force over the static force of the linear
+        train, NaN for a mesh without load.
         """
-        mean = table[..., FORCE_SUM] / span
+        mean = summaries[..., FORCE_SUM] / span
         static = self.mean_forces
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor = np.where(static > 0.0, table[..., orbit.FORCE_MAX] / static, math.nan)
+            factor = np.where(static > 0.0, summaries[..., orbit.FORCE_MAX] / static, math.nan)
         shares = statics.load_shares(self, mean)
-        columns = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
-        return {name: (dims, values) for name, values in columns.items()}
+        variables = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
+        return {name: (dims, values) for name, values in variables.items()}
 
-    def layout(self):
+    def layout(self) -> xr.Dataset:
         """Return the positions of the gears, without assembly errors, and their speeds.
 
         The origin is the axis of the first carrier or, without carriers, of the first body.
@@ -508,20 +525,23 @@ class GearTrain(Model):
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
         return means * self.loaded_stretches / self.load
 
-    def reduction(self):
+    def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
 
         Raises ValueError if damping or gyroscopic forces act on the free rotation.
         """
         free, (_, shapes) = self.free_motions, self.linear_modes
         structure = self.structure
-        forces = [structure.damping, structure.turning] if self.gyroscopic else [structure.damping]
-        # Each force is compared with the size of the terms that cancel in it.
-        if any((np.abs(a @ free) > 1e-9 * (np.abs(a) @ np.abs(free))).any() for a in forces):
-            raise ValueError(
-                "this train is not allowed here: its free rotation must feel neither damping nor "
-                "gyroscopic forces"
-            )
+        matrices = [structure.damping]
+        if self.gyroscopic:
+            matrices.append(structure.turning)
+        for matrix in matrices:
+            # Each force is compared with the size of the terms that cancel in it.
+            if (np.abs(matrix @ free) > 1e-9 * (np.abs(matrix) @ np.abs(free))).any():
+                raise ValueError(
+                    "this train is not allowed here: its free rotation must feel neither damping "
+                    "nor gyroscopic forces"
+                )
         # The largest entry of a lifted mode is 1, so that residuals are in static deflections.
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
