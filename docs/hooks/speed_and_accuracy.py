@@ -213,23 +213,22 @@ def short():
     scenes = [row for row in read("models") if row["chosen"] == "yes"]
     small = [row for row in scenes if row["model"] == "one_degree"]
     conclusions = (
-        "**Which method.** The default is the right one: `exact` for linear damping and "
+        "**Which method.** Take the default: `exact` for linear damping and "
         "rectangular stiffness, `taylor` for the rest. Both locate every gain and loss of "
         f"contact, reach rounding errors and are right on {right['exact']} and {right['taylor']} "
         f"of the difficult problems that they take. In {default} of the {len(first)} cells of the "
         "table of times below they are gearlib's fastest, whatever the accuracy.",
         "**Other packages.** heyoka, whose Taylor steps locate events too, is right on "
         f"{right['heyoka']}; DOP853 stopped at every event, at tight tolerances, on "
-        f"{right['DOP853-split']}. As they come, scipy's `solve_ivp` is right on "
+        f"{right['DOP853-split']}. With default settings scipy's `solve_ivp` is right on "
         f"{right['scipy-RK45']} and the pair of MATLAB's ode45 on {right['rk45']}.",
         "**Fixed steps** lose their order, because neither the switches of the stiffness nor "
         "the changes of contact are ends of steps: `rk4` converges with order "
         f"{_order('rk4'):.1f} on `bouncing`. With 2000 steps per mesh period it is right on "
         f"{right['rk4-2000']}, with 200 on {right['rk4-200']}. Near instability tongues fixed "
         "steps invent motion or hide it.",
-        f"**Which model.** One degree of freedom is the model of {len(small)} of {len(scenes)} "
-        "scenes of the paper; the other one shows bearings and friction, which smaller models "
-        "do not have.",
+        f"**Which model.** One degree of freedom suffices for {len(small)} of {len(scenes)} scenes "
+        "of the paper; the other scene shows bearings and friction.",
     )
     return "\n".join(f"- {one}" for one in conclusions)
 
