@@ -132,7 +132,7 @@ def largest(
         if deviation.vector is None:
             # Strong damping has reduced the deviation to zero.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
-    if strobe.unbounded(current[None], size_before, bound, periods)[0].any():
+    if strobe.follow_growth(current[None], size_before, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     batches = np.array([batch.mean() for batch in np.array_split(logs, min(BATCHES, periods))])
     error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf

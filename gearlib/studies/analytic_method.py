@@ -20,7 +20,7 @@ from gearlib.analysis.harmonics.schmidt import (
     schmidt,
     search,
 )
-from gearlib.analysis.harmonics.solution import errors, exact_course
+from gearlib.analysis.harmonics.solution import errors, exact_motion
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.tongues.meissner import linear_pair
 from gearlib.data.result import result, stacked
@@ -74,7 +74,7 @@ def _iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     """
     count = settings["iterations"] + 1
     iterates, algebraic_steps = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
-    exact = exact_course(periodic_orbit(pair, tuning), _SAMPLES)[0]
+    exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
     degenerate = np.array(solution.degenerate, int)
@@ -113,7 +113,7 @@ def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> di
         except NoOrbit:
             return {"contraction": factors, "converged": converged, "automatic": np.int32(0)}
         equation = MeshEquation(model, tuning, settings["harmonics"])
-        exact = first_coefficients(equation, exact_course(orbit, _GUESS_SAMPLES)[0])
+        exact = first_coefficients(equation, exact_motion(orbit, _GUESS_SAMPLES)[0])
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
         limits = _TOLERANCE, _MAX_APPLICATIONS
         for i in counts:
@@ -135,7 +135,7 @@ def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> di
 def _method_errors(pair: GearPair, settings: dict) -> dict:
     """Return the errors of both methods against exact orbits, over their numbers of harmonics."""
     orbits = {tuning: periodic_orbit(pair, tuning) for tuning in settings["shown"]}
-    guesses = {tuning: exact_course(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
+    guesses = {tuning: exact_motion(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
     data = {}
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 

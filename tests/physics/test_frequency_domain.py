@@ -18,7 +18,7 @@ from gearlib import (
 from gearlib.analysis.harmonics import solution
 from gearlib.analysis.harmonics.equation import MeshEquation, real_parts
 from gearlib.analysis.harmonics.schmidt import contraction
-from gearlib.analysis.harmonics.solution import errors, exact_course
+from gearlib.analysis.harmonics.solution import errors, exact_motion
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
 from tests.properties.known_models import EVERYTHING, gears
@@ -93,7 +93,7 @@ def test_inverse_mesh():
     )
     orbit = periodic_orbit(MATERIAL, 0.66, guess=curve.final_state.values[0])
     assert orbit.pattern == (0, -1, 0, 1, 0)
-    guess = exact_course(orbit, 512)[0]
+    guess = exact_motion(orbit, 512)[0]
     for solve in (harmonic_balance, schmidt):
         error = errors(solve(MATERIAL, 0.66, harmonics=64, guess=guess), orbit)
         assert error.displacement < 3e-4 and error.event < 1e-4 and error.multiplier < 1e-5
@@ -101,7 +101,7 @@ def test_inverse_mesh():
 
 def test_gibbs_slopes():
     orbit = periodic_orbit(MATERIAL, 1.0)
-    guess = exact_course(orbit, 256)[0]
+    guess = exact_motion(orbit, 256)[0]
     found = [errors(schmidt(MATERIAL, 1.0, harmonics=h, guess=guess), orbit) for h in (16, 64, 256)]
     x, v = np.array([e.displacement for e in found]), np.array([e.velocity for e in found])
     # x'' jumps, coefficients fall as h^-3: errors as h^-2 and h^-1, slopes over factors of 16.
@@ -169,7 +169,7 @@ def test_shares_choose_the_multipliers(monkeypatch, most):
 
 
 def test_more_degenerate_terms_contract_more():
-    exact = exact_course(periodic_orbit(MATERIAL, 0.95), 256)[0]
+    exact = exact_motion(periodic_orbit(MATERIAL, 0.95), 256)[0]
     found = [
         schmidt(MATERIAL, 0.95, harmonics=32, degenerate=n, guess=exact, max_iterations=400)
         for n in (0, 1, 3)

@@ -47,7 +47,7 @@ def test_growth_counts_beyond_its_bound():
     strobe = Stroboscope(DAMPED, 0.8)
     strobe.propagator = Still
     for bound, beyond in ((50.0, False), (49.9, True)):
-        assert strobe.unbounded(np.array([[50.0, 0.0]]), 50.0, bound, 20)[0] == [beyond]
+        assert strobe.follow_growth(np.array([[50.0, 0.0]]), 50.0, bound, 20)[0] == [beyond]
 
 
 def test_exponents_of_the_models_agree():

@@ -22,19 +22,20 @@ from gearlib.engines import orbit as columns
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 
-#: Longest period of an orbit that is sought, in cycles.
+#: Longest period of the orbits that are searched for, in cycles.
 MAX_CYCLES = 32
-#: Distance of states one period apart that are a guess for shooting, relative to the motion's size.
+#: Largest distance between states one period apart from which shooting starts, relative to the
+#: size of the motion.
 _GUESS_TOLERANCE = 1e-2
-#: Points closer than this, static deflections (relative to larger motions), count as equal.
+#: Points closer than this count as equal, in static deflections (relative to larger motions).
 _SAME_POINT_TOLERANCE = 1e-6
-#: Distance from the unit circle below which a multiplier neither attracts nor repels.
+#: Multipliers closer to the unit circle than this neither attract nor repel.
 _MIN_DECAY = 1e-6
-#: Factor by which the linearised map contracts the quadratic form.
+#: Factor by which the linearised map contracts the quadratic form of an ellipse.
 _CONTRACTION = 0.5
-#: Ratio of the radii of neighbouring rings, and their number, from the size of the motion down.
+#: Ratio of the radii of neighbouring rings, and number of rings, from the motion's size down.
 _RING_RATIO, _RING_COUNT = 0.7, 40
-#: Sampled directions of ellipses with two coordinates, and with more.
+#: Number of sampled directions of ellipses with two coordinates, and with more.
 _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
 
 
@@ -47,12 +48,12 @@ class TrappingEllipses:
     radii: np.ndarray  #: shape (m,): form of the difference <= radius^2; static deflections
 
     def contain(self, scaled_states: np.ndarray) -> np.ndarray:
-        """Return which of the scaled states, shape (k, n), lie in one of the ellipses."""
+        """Return a mask of the scaled states, shape (k, n), that lie in any of the ellipses."""
         inside = np.zeros(len(scaled_states), bool)
         for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
             difference = scaled_states - point
-            squares = np.einsum("ki,ij,kj->k", difference, form, difference)
-            inside |= squares <= radius * radius
+            squared_radii = np.einsum("ki,ij,kj->k", difference, form, difference)
+            inside |= squared_radii <= radius * radius
         return inside
 
 
@@ -67,7 +68,7 @@ class Attractor:
     ellipses: TrappingEllipses | None = field(default=None, repr=False)
     points: np.ndarray | None = field(default=None, repr=False)  #: full states, shape (m, n)
     exponent: float = np.nan  #: largest Lyapunov exponent per mesh period
-    uncertainty: float = np.nan  #: of the exponent
+    uncertainty: float = np.nan  #: standard error of the exponent
 
     @property
     def period(self) -> int:
@@ -76,31 +77,34 @@ class Attractor:
 
     @property
     def sort_key(self) -> tuple:
-        """Key by which attractors are sorted: kind, period, height."""
+        """Key for sorting attractors by kind, period and height; infinite heights come last."""
         height = self.displacement_max - self.displacement_min
         return self.kind, self.period, height if np.isfinite(height) else np.inf
 
 
-def find_attractors(strobe: Stroboscope, states: np.ndarray, known: list) -> list:
-    """Return the periodic `Attractor`s near settled states (k, n) that are not yet known."""
+def find_attractors(stroboscope: Stroboscope, states: np.ndarray, known_attractors: list) -> list:
+    """Return the periodic attractors near settled states that are not among the known ones.
+
+    `states` has shape (k, n); each state is followed over 64 more cycles of the excitation.
+    """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
-        series.append(strobe(series[-1], 1)[0])
-    # From the latest to the earliest: the latest has settled best.
+        series.append(stroboscope(series[-1], 1)[0])
+    # The latest states come first, because they have settled best.
     series = np.array(series[::-1])
-    scaled_series, all_known = strobe.scaled(series), list(known)
+    scaled_series, attractors = stroboscope.scaled(series), list(known_attractors)
     for k in range(len(states)):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
-        if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in all_known):
+        if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):
             continue
-        attractor = _attractor_at(strobe, series[0, k], scaled_series[:, k])
-        if attractor and not any(_are_equal(attractor, other) for other in all_known):
-            all_known.append(attractor)
-    return all_known[len(known) :]
+        candidate = _attractor_at(stroboscope, series[0, k], scaled_series[:, k])
+        if candidate and not any(_are_same_orbit(candidate, other) for other in attractors):
+            attractors.append(candidate)
+    return attractors[len(known_attractors) :]
 
 
-def _are_equal(first: Any, second: Any) -> bool:
+def _are_same_orbit(first: Any, second: Any) -> bool:
     """Return whether two periodic attractors are the same orbit."""
     points = first.ellipses.points
     size = max(1.0, np.abs(points).max())
@@ -109,88 +113,110 @@ def _are_equal(first: Any, second: Any) -> bool:
 
 
 def _attractor_at(
-    strobe: Stroboscope, state: np.ndarray, scaled_series: np.ndarray
+    stroboscope: Stroboscope, state: np.ndarray, scaled_series: np.ndarray
 ) -> Attractor | None:
     """Return the periodic attractor at a settled state, or None.
 
-    `scaled_series` holds the scaled state and those of the cycles before it, the latest first.
+    `scaled_series` holds the scaled states of successive cycles up to this state, latest first.
     """
     size = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
         if np.abs(scaled_series[n] - scaled_series[0]).max() > _GUESS_TOLERANCE * size:
             continue
-        period, max_events = n * strobe.cycle, strobe.max_events
         try:
             orbit = periodic_orbit(
-                strobe.pair, strobe.tuning, guess=state, period=period, max_events=max_events
+                stroboscope.model,
+                stroboscope.tuning,
+                guess=state,
+                period=n * stroboscope.mesh_periods_per_cycle,
+                max_events=stroboscope.max_events,
             )
         except NoOrbit:
             continue
-        largest = np.abs(orbit.multipliers).max()
-        if largest <= 1.0 + _MIN_DECAY:
+        largest_multiplier = np.abs(orbit.multipliers).max()
+        if largest_multiplier < 1.0 - _MIN_DECAY:
+            return attractor_of(stroboscope, orbit)
+        if largest_multiplier <= 1.0 + _MIN_DECAY:
             # Without damping in contact neither the orbit nor its neighbours attract.
-            return attractor_of(strobe, orbit) if largest < 1.0 - _MIN_DECAY else None
+            return None
     return None
 
 
-def attractor_of(strobe: Stroboscope, orbit: Orbit) -> Attractor:
-    """Return the attractor of a stable orbit, with its trapping ellipses."""
+def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
+    """Return the attractor of a stable periodic orbit, with its trapping ellipses."""
     points = [orbit.state]
-    for _ in range(orbit.period // strobe.cycle - 1):
-        points.append(strobe(points[-1][None], 1)[0][0])
+    for _ in range(orbit.period // stroboscope.mesh_periods_per_cycle - 1):
+        next_states, _ = stroboscope(points[-1][None], 1)
+        points.append(next_states[0])
     points = np.array(points)
-    summary = strobe.propagator.record(orbit.state, orbit.period, strobe.max_events).summary
+    propagator = stroboscope.propagator
+    summary = propagator.record(orbit.state, orbit.period, stroboscope.max_events).summary
     return Attractor(
         PERIODIC,
-        float(summary[columns.X_MAX]),
-        float(summary[columns.X_MIN]),
-        orbit,
-        _trapping_ellipses(strobe, points),
-        points,
+        displacement_max=float(summary[columns.X_MAX]),
+        displacement_min=float(summary[columns.X_MIN]),
+        orbit=orbit,
+        ellipses=_trapping_ellipses(stroboscope, points),
+        points=points,
         exponent=float(np.log(np.abs(orbit.multipliers).max())) / orbit.period,
         uncertainty=0.0,
     )
 
 
-def _trapping_ellipses(strobe: Stroboscope, points: np.ndarray) -> TrappingEllipses:
-    """Return the largest ellipses around the points (m, n) of an orbit that no sample leaves."""
-    centres = strobe.scaled(points)
+def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
+    """Return the largest ellipses around the points of an orbit that no sampled motion leaves.
+
+    `points` are the full states of the orbit one cycle apart, shape (m, n).
+    """
+    centres = stroboscope.scaled(points)
     size = max(1.0, np.abs(centres).max())
+    forms, return_cycles = _contracted_forms(stroboscope.cycle_maps(points[0], len(points)))
+    radii = size * _RING_RATIO ** np.arange(_RING_COUNT)
     count, n = centres.shape
-    maps = strobe.cycle_maps(points[0], count)
-    forms, factors = np.empty((count, n, n)), np.empty((count, n, n))
-    spectral_radius = np.abs(np.linalg.eigvals(compose(maps))).max()
-    log_radius = np.log(max(spectral_radius, 1e-12))
-    turns = max(1, int(np.ceil(2.0 * np.log(_CONTRACTION) / log_radius)))
-    for j in range(count):
-        return_map = np.linalg.matrix_power(compose(np.roll(maps, -j, axis=0)), turns)
-        # Smallest solution S of A^T S A = _CONTRACTION^2 (S - 1) with the return map A.
-        forms[j] = solve_discrete_lyapunov(return_map.T / _CONTRACTION, np.eye(n))
-        factors[j] = np.linalg.inv(np.linalg.cholesky(forms[j]).T)
-    rings = size * _RING_RATIO ** np.arange(_RING_COUNT)
     directions = _unit_vectors(n)
+    to_boundary = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
-    offsets = np.einsum("jab,db->jda", factors, directions)[:, None] * rings[:, None, None]
-    samples = (centres[:, None, None] + offsets).reshape(-1, n) / strobe.weights
-    base = np.repeat(points, rings.size * len(directions), axis=0)
-    starts = base + (samples - strobe.scaled(base) / strobe.weights) @ strobe.lift.T
-    ends, _ = strobe(starts, turns * count)
-    end_offsets = strobe.scaled(ends).reshape(count, rings.size, -1, n) - centres[:, None, None]
-    radii = np.sqrt(np.einsum("jrda,jab,jrdb->jrd", end_offsets, forms, end_offsets)).max(axis=2)
-    # A NaN, of a run that could not go on, is not inside.
-    inside = radii <= _RING_RATIO * rings
+    offsets = np.einsum("jab,db->jda", to_boundary, directions)[:, None] * radii[:, None, None]
+    samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
+    base = np.repeat(points, radii.size * len(directions), axis=0)
+    deviations = samples - stroboscope.scaled(base) / stroboscope.weights
+    ends, _ = stroboscope(base + deviations @ stroboscope.lift.T, return_cycles)
+    scaled_ends = stroboscope.scaled(ends).reshape(count, radii.size, -1, n)
+    end_offsets = scaled_ends - centres[:, None, None]
+    end_squares = np.einsum("jrda,jab,jrdb->jrd", end_offsets, forms, end_offsets)
+    # A NaN, from a run that could not go on, is not inside.
+    is_inside = np.sqrt(end_squares).max(axis=2) <= _RING_RATIO * radii
     trapping_radii = np.empty(count)
     for j in range(count):
-        failed = np.flatnonzero(~inside[j])
-        first = failed[-1] + 1 if failed.size else 0
-        # Below the smallest ring rounding dominates: there only the states of the orbit itself.
-        is_ring = first < rings.size
-        trapping_radii[j] = rings[first] if is_ring else _SAME_POINT_TOLERANCE * size
+        failed = np.flatnonzero(~is_inside[j])
+        outermost = failed[-1] + 1 if failed.size else 0
+        # Rounding dominates below the smallest ring: only the states of the orbit itself remain.
+        is_ring = outermost < radii.size
+        trapping_radii[j] = radii[outermost] if is_ring else _SAME_POINT_TOLERANCE * size
     return TrappingEllipses(centres, forms, trapping_radii)
 
 
+def _contracted_forms(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return (quadratic forms, cycles in which the linearised map contracts them to a quarter).
+
+    `cycle_maps`, shape (m, n, n), are the derivatives of the cycles of a stable orbit, and each of
+    its m points has a form, shape (m, n, n).
+    """
+    count, n = cycle_maps.shape[:2]
+    spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()
+    log_radius = np.log(max(spectral_radius, 1e-12))
+    orbit_repeats = max(1, int(np.ceil(2.0 * np.log(_CONTRACTION) / log_radius)))
+    forms = np.empty((count, n, n))
+    for j in range(count):
+        orbit_map = compose(np.roll(cycle_maps, -j, axis=0))
+        return_map = np.linalg.matrix_power(orbit_map, orbit_repeats)
+        # Smallest solution S of A^T S A = _CONTRACTION^2 (S - 1) with the return map A.
+        forms[j] = solve_discrete_lyapunov(return_map.T / _CONTRACTION, np.eye(n))
+    return forms, orbit_repeats * count
+
+
 def _unit_vectors(n: int) -> np.ndarray:
-    """Return unit vectors, shape (k, n), spread over all directions."""
+    """Return unit vectors in n dimensions, shape (k, n): equally spaced for n = 2, else random."""
     if n == 2:
         angles = 2.0 * np.pi * np.arange(_PLANE_DIRECTIONS) / _PLANE_DIRECTIONS
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)

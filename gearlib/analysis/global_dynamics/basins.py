@@ -7,20 +7,26 @@ import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
 from gearlib import checks, notebook
-from gearlib.analysis.global_dynamics import stroboscope
 from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, Attractor
 from gearlib.analysis.global_dynamics.classification import check_model, classify
-from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
+from gearlib.analysis.global_dynamics.stroboscope import (
+    MAX_STATES,
+    Stroboscope,
+    distinct_values,
+    grid_axes,
+    grid_states,
+    region_bounds,
+)
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Attributes of an attractor that are variables of the same name in a dataset.
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
-#: CF flags of the kind of an attractor.
+#: CF attributes of the variable attractor_kind.
 KIND_FLAGS = flags_of(KINDS)
-#: Largest difference of the extrema, relative to the height of the orbit (or a static deflection if
-#: that is larger), of orbits at neighbouring tunings that are one family.
+#: Attractors at neighbouring tunings are one family if their extrema differ by less than this,
+#: relative to the height of the orbit, or to a static deflection if that is larger.
 _FAMILY_TOLERANCE = 0.25
 
 
@@ -52,6 +58,7 @@ def basins(
         deflection. Of six degrees the grid is the plane of states in which the bearings are in
         their initial deflection, like in `gearlib.simulate`.
     tuning : float
+        Mesh frequency over mean eigenfrequency, nu.
     grid : tuple
         Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
         last, count) or an array of different values.
@@ -61,11 +68,11 @@ def basins(
     stop_early : bool, default True
         Whether a run ends in a trapping ellipse. False runs all periods, as a check of these.
     seed : int, default 0
-        Of the choice of states that are looked at first for attractors.
+        Seed of the random choice of states from which attractors are searched for first.
     max_events : int
         Largest number of contact events in one mesh period.
     threads : int, optional
-        All processors by default.
+        Number of processors; all by default.
 
     Returns
     -------
@@ -93,15 +100,15 @@ def basins(
     ----------
     Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92, for the shares.
     """
-    strobe = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
+    stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
     check_model(pair)
     periods = checks.integer("periods", periods, 1)
     seed = checks.integer("seed", seed, 0)
     checks.one_of("stop_early", stop_early, (False, True))
-    x, v = stroboscope.grid_axes(grid)
-    cycles = -(-periods // strobe.cycle)
-    states = stroboscope.grid_states(x, v)
-    attractors, labels = classify(strobe, states, cycles, stop_early=stop_early, seed=seed)
+    x, v = grid_axes(grid)
+    cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
+    states = grid_states(x, v)
+    attractors, labels = classify(stroboscope, states, cycles, stop_early=stop_early, seed=seed)
     share = np.bincount(labels, minlength=len(attractors)) / labels.size
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
@@ -109,7 +116,7 @@ def basins(
         "share": ("attractor", share),
         "share_error": ("attractor", np.sqrt(share * (1.0 - share) / labels.size)),
         **pair.scales(),
-        "tuning": strobe.tuning,
+        "tuning": stroboscope.tuning,
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     numbers = ("attractor", "point", "coordinate", "multiplier")
@@ -117,9 +124,9 @@ def basins(
         "Basins of attraction of a gear mesh",
         pair,
         dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}),
-        method=strobe.propagator.description,
-        tuning=strobe.tuning,
-        periods=cycles * strobe.cycle,
+        method=stroboscope.propagator.description,
+        tuning=stroboscope.tuning,
+        periods=cycles * stroboscope.mesh_periods_per_cycle,
         stop_early=bool(stop_early),
         seed=seed,
     )
@@ -127,22 +134,25 @@ def basins(
     return dataset
 
 
-def _attractor_variables(attractors: list) -> dict:
-    """Return the properties of attractors as variables of a dataset: name -> (dims, values)."""
+def _attractor_variables(attractors: list[Attractor]) -> dict:
+    """Return the properties of attractors as variables of a dataset: name -> (dims, values).
+
+    Attractors have different numbers of points; missing entries are NaN.
+    """
     count = len(attractors)
     orbits = [attractor.orbit for attractor in attractors]
     points = max((len(attractor.points) for attractor in attractors if attractor.orbit), default=1)
-    size = max((orbit.state.size for orbit in orbits if orbit), default=2)
+    coordinates = max((orbit.state.size for orbit in orbits if orbit), default=2)
     multipliers = max((orbit.multipliers.size for orbit in orbits if orbit), default=2)
-    states = np.full((count, points, size), math.nan)
+    states = np.full((count, points, coordinates), math.nan)
     real, imaginary = np.full((2, count, multipliers), math.nan)
     for i, (attractor, orbit) in enumerate(zip(attractors, orbits, strict=True)):
         if orbit:
             states[i, : len(attractor.points)] = attractor.points
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
-    def variables(attractor):
-        """Return the scalar variables of an attractor."""
+    def scalar_variables(attractor: Attractor) -> dict:
+        """Return the scalar variables of an attractor: name -> value."""
         orbit = attractor.orbit
         return {
             "attractor_kind": np.int8(attractor.kind),
@@ -153,7 +163,7 @@ def _attractor_variables(attractors: list) -> dict:
             "trap_radius": attractor.ellipses.radii.min() if attractor.ellipses else math.nan,
         }
 
-    return stacked({"attractor": attractors}, variables) | {
+    return stacked({"attractor": attractors}, scalar_variables) | {
         "state": (("attractor", "point", "coordinate"), states),
         "multiplier_real": (("attractor", "multiplier"), real),
         "multiplier_imaginary": (("attractor", "multiplier"), imaginary),
@@ -187,6 +197,7 @@ def basin_stability(
     periods, max_events, threads
         The same arguments as those of `gearlib.basins`.
     seed : int, default 0
+        Seed of the random initial states.
 
     Returns
     -------
@@ -201,22 +212,22 @@ def basin_stability(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    values = stroboscope.distinct_values("tunings", tunings)
+    values = distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     Stroboscope(pair, values[0])
     check_model(pair)
-    bounds = stroboscope.region_bounds(region)
+    bounds = region_bounds(region)
     low, high = bounds.T
-    cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, stroboscope.MAX_STATES))))
+    cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
     attractors_and_shares = []
     for i, nu in notebook.counted("tunings", enumerate(values), values.size):
-        strobe = Stroboscope(pair, nu, max_events=max_events, threads=threads)
+        stroboscope = Stroboscope(pair, nu, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
-        corners = stroboscope.grid_states(np.arange(cells), np.arange(cells))
+        corners = grid_states(np.arange(cells), np.arange(cells))
         states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
-        cycles = -(-periods // strobe.cycle)
-        attractors, labels = classify(strobe, states, cycles, seed=seed)
+        cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
+        attractors, labels = classify(stroboscope, states, cycles, seed=seed)
         shares = np.bincount(labels, minlength=len(attractors)) / labels.size
         attractors_and_shares.append((attractors, shares))
     data, coords = _family_variables(values, attractors_and_shares, cells * cells)
@@ -235,35 +246,44 @@ def basin_stability(
     return dataset
 
 
-def _assign_families(attractors_of_tunings: list, order: np.ndarray) -> tuple:
-    """Follow attractors from tuning to tuning in an order.
+def _assign_families(
+    attractors_by_tuning: list[list[Attractor]], order: np.ndarray
+) -> tuple[list[Attractor], list[np.ndarray]]:
+    """Group the attractors at several tunings into families that change little with the tuning.
 
-    Return (last attractor of each family, family numbers of the attractors of each tuning).
+    The tunings are visited in the given order of their indices. Return (latest attractor of each
+    family, family number of each attractor at each tuning).
     """
-    families: list = []
-    numbers: list = [None] * len(attractors_of_tunings)
+    latest: list[Attractor] = []
+    family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
     for i in order:
-        attractors = attractors_of_tunings[i]
-        distances = np.array([[_distance(a, b) for b in families] for a in attractors])
-        distances = distances.reshape(len(attractors), len(families))
-        rows, columns = linear_sum_assignment(np.minimum(distances, 1e9))
-        assigned = np.full(len(attractors), -1)
-        for row, column in zip(rows, columns, strict=True):
-            if distances[row, column] < _FAMILY_TOLERANCE:
-                assigned[row] = column
-        for row, attractor in enumerate(attractors):
-            if assigned[row] < 0:
-                assigned[row] = len(families)
-                families.append(attractor)
-            families[assigned[row]] = attractor
-        numbers[i] = assigned
-    return families, numbers
+        attractors = attractors_by_tuning[i]
+        distances = np.array([[_distance(a, family) for family in latest] for a in attractors])
+        distances = distances.reshape(len(attractors), len(latest))
+        matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
+        numbers = np.full(len(attractors), -1)
+        for k, family in zip(matched_attractors, matched_families, strict=True):
+            if distances[k, family] < _FAMILY_TOLERANCE:
+                numbers[k] = family
+        for k, attractor in enumerate(attractors):
+            if numbers[k] < 0:
+                numbers[k] = len(latest)
+                latest.append(attractor)
+            latest[numbers[k]] = attractor
+        family_numbers[i] = numbers
+    return latest, family_numbers
 
 
-def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
-    """Return (variables, coordinates) of the families of attractors over the tuning."""
-    attractors_of_tunings = [attractors for attractors, _ in attractors_and_shares]
-    families, numbers = _assign_families(attractors_of_tunings, np.argsort(tunings))
+def _family_variables(
+    tunings: np.ndarray, attractors_and_shares: list, samples: int
+) -> tuple[dict, dict]:
+    """Return (variables, coordinates) of the families of attractors over the tuning.
+
+    `attractors_and_shares` holds (attractors, their shares of the initial states) for each tuning;
+    `samples` is the number of initial states at a tuning.
+    """
+    attractors_by_tuning = [attractors for attractors, _ in attractors_and_shares]
+    families, numbers = _assign_families(attractors_by_tuning, np.argsort(tunings))
     shape = len(tunings), len(families)
     share = np.zeros(shape)
     names = ("displacement_max", "displacement_min", "exponent")
@@ -272,20 +292,24 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
         share[i, numbers[i]] = shares
         for name, table in tables.items():
             table[i, numbers[i]] = [getattr(attractor, name) for attractor in attractors]
-    kinds, periods = np.array([(last.kind, last.period) for last in families]).reshape(-1, 2).T
+    kinds = np.array([family.kind for family in families], np.int8)
+    periods = np.array([family.period for family in families], np.int32)
     dims = ("tuning", "attractor_family")
     data = {
         "share": (dims, share),
         "share_error": (dims, np.sqrt(share * (1.0 - share) / samples)),
         **{name: (dims, table) for name, table in tables.items()},
-        "attractor_kind": ("attractor_family", kinds.astype(np.int8)),
-        "period": ("attractor_family", periods.astype(np.int32)),
+        "attractor_kind": ("attractor_family", kinds),
+        "period": ("attractor_family", periods),
     }
     return data, {"tuning": tunings, "attractor_family": np.arange(len(families))}
 
 
 def _distance(first: Attractor, second: Attractor) -> float:
-    """Return the difference of the extrema of two attractors, relative to their height."""
+    """Return the largest difference of the extrema of two attractors, relative to their height.
+
+    It is infinite for different kinds or periods, and 0 for two attractors that are not periodic.
+    """
     if (first.kind, first.period) != (second.kind, second.period):
         return np.inf
     if first.kind != PERIODIC:

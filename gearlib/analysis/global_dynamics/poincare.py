@@ -27,6 +27,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
+        Mesh frequency over mean eigenfrequency, nu.
     states : array_like of float, shape (n, 2)
         Initial displacements in static deflections and dx/dtau at tau = 0, one row per orbit.
     periods : int
@@ -52,22 +53,22 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         Naming the argument, its value and the allowed range.
     """
     tuning, phase = check_tuning("tuning", tuning), _check_phase(phase)
-    rows = np.atleast_2d(float_array(states))
-    if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows) or not np.isfinite(rows).all():
+    starts = np.atleast_2d(float_array(states))
+    if starts.ndim != 2 or starts.shape[1] != 2 or not len(starts) or not np.isfinite(starts).all():
         raise checks.refusal(
             "states",
             states,
             "rows of two finite numbers (displacement in static deflections, dx/dtau)",
         )
     periods, settle = checks.integer("periods", periods, 1), checks.integer("settle", settle, 0)
-    if len(rows) * periods > MAX_POINTS:
+    if len(starts) * periods > MAX_POINTS:
         raise ValueError(
-            f"states x periods = {len(rows):,} x {periods:,} is not allowed: there must be at "
+            f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
     max_events = checks.integer("max_events", max_events, 1)
     method = choose(pair, None, None)[0]
-    table, ends, codes = _section(pair, tuning, rows, settle, periods, phase, max_events)
+    table, ends, codes = _section(pair, tuning, starts, settle, periods, phase, max_events)
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
         "velocity": (("orbit", "strobe"), table[..., 1]),
@@ -78,7 +79,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         **pair.scales(),
     }
     coords = {
-        "orbit": np.arange(len(rows)),
+        "orbit": np.arange(len(starts)),
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
@@ -96,7 +97,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
 
 
 def _check_phase(phase: float) -> float:
-    """Return the mesh phase of a section, checked to be from 0 to less than 2 pi."""
+    """Return a mesh phase in rad; raise ValueError unless it is from 0 to less than 2 pi."""
     return checks.number(
         "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
     )
@@ -105,25 +106,28 @@ def _check_phase(phase: float) -> float:
 def _section(
     model: Any,
     tuning: float,
-    states: np.ndarray,
+    starts: np.ndarray,
     settle: int,
     periods: int,
     phase: float,
     max_events: int,
-) -> tuple:
-    """Record states at a mesh phase of each period for initial states (n, 2).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (recorded states, final states, status codes) of the motions from initial states.
 
-    Return (recorded states, final states, status codes), shapes (n, periods, 2), (n, 2), (n,).
+    The shapes are (n, periods, 2), (n, 2), (n,). States are recorded at a mesh phase, in rad, of
+    each of `periods` mesh periods after `settle`; `starts` has shape (n, 2). A run stops at more
+    than `max_events` contact events in a mesh period.
     """
     check_one_mesh(model)
-    table = np.full((len(states), periods, 2), math.nan)
-    ends, codes = np.empty((len(states), 2)), np.zeros(len(states), np.int64)
-    model.propagator(tuning).sections(states, settle, phase, max_events, table, ends, codes)
-    for i, state in enumerate(states):
-        if codes[i] == status.OK and np.abs(table[i, :, 0]).max() > model.bound(tuning, state):
-            table[i], codes[i] = math.nan, status.OVERFLOW
+    states = np.full((len(starts), periods, 2), math.nan)
+    ends, codes = np.empty((len(starts), 2)), np.zeros(len(starts), np.int64)
+    # The propagator fills the last three arrays.
+    model.propagator(tuning).sections(starts, settle, phase, max_events, states, ends, codes)
+    for i, start in enumerate(starts):
+        if codes[i] == status.OK and np.abs(states[i, :, 0]).max() > model.bound(tuning, start):
+            states[i], codes[i] = math.nan, status.OVERFLOW
     ends[codes != status.OK] = math.nan
-    return table, ends, codes
+    return states, ends, codes
 
 
 def bifurcation_diagram(
@@ -145,12 +149,13 @@ def bifurcation_diagram(
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     values : array_like of float, shape (n,)
-        Of the parameter, all different.
+        Values of the parameter, all different.
     parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
 "stiffness_ratio"}
-        What is varied; a ratio other than the tuning is varied of a `GearPair`, the others held.
+        Parameter that varies; only a `GearPair` has others than the tuning, one of which varies
+        while all others keep their values.
     tuning : float, optional
-        Where another parameter is varied.
+        Mesh frequency over mean eigenfrequency, if another parameter varies.
     direction : {"cold", "up", "down"}
         Whether each run starts from the initial state, or where the last one ended, for rising or
         falling values; six degrees of freedom start cold.
@@ -159,6 +164,7 @@ def bifurcation_diagram(
     phase : float, default 0
         Mesh phase at which states are recorded, like in `gearlib.poincare_section`.
     initial_state : tuple of float
+        Displacement in static deflections and dx/dtau.
     max_events : int
         Largest number of contact events in one mesh period.
 
@@ -184,8 +190,8 @@ def bifurcation_diagram(
     settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
     initial_state = checks.state("initial_state", initial_state)
     phase, max_events = _check_phase(phase), checks.integer("max_events", max_events, 1)
-    words = f"strobes = {strobes} at {values.size} values"
-    check_memory(words, strobes * values.size, 2, "in all")
+    description = f"strobes = {strobes} at {values.size} values"
+    check_memory(description, strobes * values.size, 2, "in all")
     cases = varied(pair, tuning, parameter, values)
     states, ends, codes = _diagram(
         cases, values, direction, (settle, strobes, phase, max_events), initial_state
@@ -225,10 +231,12 @@ def _diagram(
     direction: str,
     section_arguments: tuple,
     initial_state: tuple,
-) -> tuple:
-    """Return (states, final states, periods and status codes) of the section of each case.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (states, final states, periods and status codes) of the section at each value.
 
-    `cases` are (model, tuning), `section_arguments` are (settle, periods, phase, max_events).
+    `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
+    periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts where
+    the last one ended, with "cold" at the initial state (displacement, velocity).
     """
     states = np.full((values.size, section_arguments[1], 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
@@ -240,10 +248,10 @@ def _diagram(
         model, tuning = cases[i]
         section = _section(model, tuning, np.array([state]), *section_arguments)
         states[i], ends[i], code = (array[0] for array in section)
-        # Only complete records can repeat; their range is the scale of the comparison.
+        # States are compared on the scale of the range of displacements.
         height = float(np.ptp(states[i, :, 0]))
         period = 0 if code else orbit.orbit_period(states[i], tuning, height, model.repeats)
         codes[i] = period, code
-        is_carried = direction != "cold" and code == status.OK
-        state = tuple(ends[i]) if is_carried else initial_state
+        is_warm_started = direction != "cold" and code == status.OK
+        state = tuple(ends[i]) if is_warm_started else initial_state
     return states, ends, codes

@@ -18,31 +18,41 @@ from gearlib.data.motions import float_array
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Sizes beyond this multiple of the model's extent may grow without bound.
+#: Motions larger than this many extents of the model may grow without bound.
 _LARGE_EXTENTS = 1e2
-#: Factor by which such a size must grow again and again, up to `Model.bound`.
+#: Factor by which such a motion must grow again and again, up to `Model.bound`.
 _MIN_GROWTH = 1.5
 #: Largest number of initial states in one call: all of them are held in memory.
 MAX_STATES = 50_000_000
-#: Bytes of one state during a run: the state, its end, its labels.
+#: Bytes of memory for one state during a run: initial and final state, labels.
 _BYTES_PER_STATE = 120
 
 
 class Stroboscope:
-    """The map of many states over whole cycles of the excitation."""
+    """The map of many states over whole cycles of the excitation of a model.
 
-    def __init__(self, model, tuning, *, max_events=MAX_EVENTS, threads=None):
-        choose(model, None, None)
-        self.pair, self.tuning = model, check_tuning("tuning", tuning)
+    A run stops at more than `max_events` contact events in a mesh period; `threads` is the number
+    of processors, None for all.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        tuning: float,
+        *,
+        max_events: int = MAX_EVENTS,
+        threads: int | None = None,
+    ):
+        choose(model, None, None)  # Refuses arguments that are no models.
+        self.model, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
-        count = os.cpu_count() or 1
-        self.threads = count if threads is None else checks.integer("threads", threads, 1)
-        #: Mesh periods of one cycle.
-        self.cycle = model.repeats
+        processors = os.cpu_count() or 1
+        self.threads = processors if threads is None else checks.integer("threads", threads, 1)
+        self.mesh_periods_per_cycle = model.repeats
         #: Matrices from full states to states without free rotation, and back.
         self._reduction, self.lift = model.reduction()
-        #: Factors that turn velocities into displacements.
+        #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
 
     def start(self, states: np.ndarray) -> np.ndarray:
@@ -54,66 +64,72 @@ class Stroboscope:
         return states @ self._reduction.T * self.weights
 
     def size(self, states: np.ndarray) -> np.ndarray:
-        """Return the largest scaled coordinate of each state, shape (k,); infinite if NaN."""
+        """Return the largest scaled coordinate of each state, shape (k,); infinite for NaN."""
         size = np.abs(self.scaled(states)).max(axis=-1)
         return np.where(np.isnan(size), np.inf, size)
 
-    def unbounded(self, states: np.ndarray, sizes_before: Any, bounds: Any, periods: int) -> tuple:
-        """Return (mask of the states that grow beyond their bounds, states followed so far).
+    def follow_growth(
+        self, states: np.ndarray, sizes_before: Any, bounds: np.ndarray, periods: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Follow large states, shape (k, n), while they grow; return (mask of too large, states).
 
-        Shapes (k,) and (k, n). States are followed as long as they grow; `sizes_before` are their
-        sizes the given number of mesh periods ago.
+        `sizes_before` are their sizes some mesh periods ago, `bounds` the sizes from which on they
+        are too large, shape (k,).
         """
-        states, size = states.copy(), self.size(states)
-        growing = size > _LARGE_EXTENTS * self.pair.extent
-        growing &= size > _MIN_GROWTH * sizes_before
-        while (followed := growing & (size <= bounds)).any():
-            ends, codes = self(states[followed], -(-periods // self.cycle))
-            stopped = ~np.isin(codes, (status.OK, status.OVERFLOW))
-            new_size = np.where(stopped, 0.0, self.size(ends))
-            grows = new_size > _MIN_GROWTH * size[followed]
-            growing[followed] = grows
-            states[followed] = np.where(grows[:, None], ends, states[followed])
-            size[followed] = new_size
-        return size > bounds, states
+        states, sizes = states.copy(), self.size(states)
+        is_growing = sizes > _LARGE_EXTENTS * self.model.extent
+        is_growing &= sizes > _MIN_GROWTH * sizes_before
+        cycles = -(-periods // self.mesh_periods_per_cycle)
+        while (followed := is_growing & (sizes <= bounds)).any():
+            ends, codes = self(states[followed], cycles)
+            is_stopped = ~np.isin(codes, (status.OK, status.OVERFLOW))
+            new_sizes = np.where(is_stopped, 0.0, self.size(ends))
+            has_grown = new_sizes > _MIN_GROWTH * sizes[followed]
+            is_growing[followed] = has_grown
+            states[followed] = np.where(has_grown[:, None], ends, states[followed])
+            sizes[followed] = new_sizes
+        return sizes > bounds, states
 
     def cycle_maps(self, state: np.ndarray, cycles: int) -> np.ndarray:
-        """Return the derivatives of the map of each cycle in scaled coordinates."""
-        _, maps, code = self.propagator.maps(state, cycles * self.cycle, self.max_events)
+        """Return the derivative of the map of each cycle that follows a full state.
+
+        The shape is (cycles, n, n), the coordinates are those of `scaled`.
+        """
+        periods = cycles * self.mesh_periods_per_cycle
+        _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
         if code != status.OK:
             raise RuntimeError(status.MESSAGES[code])
-        maps = self._reduction @ maps @ self.lift
-        scaled = maps * self.weights[:, None] / self.weights
-        maps_of_cycles = scaled.reshape(cycles, self.cycle, *maps.shape[1:])
-        return np.array([compose(maps_of_cycle) for maps_of_cycle in maps_of_cycles])
+        reduced = self._reduction @ period_maps @ self.lift
+        scaled = reduced * self.weights[:, None] / self.weights
+        by_cycle = scaled.reshape(cycles, self.mesh_periods_per_cycle, *scaled.shape[1:])
+        return np.array([compose(maps_of_cycle) for maps_of_cycle in by_cycle])
 
-    def __call__(self, states: np.ndarray, cycles: int) -> tuple:
+    def __call__(self, states: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
         """Propagate states, shape (k, n), over cycles; return (final states, status codes).
 
         Where a code is not OK, the final state is NaN.
         """
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)
+        periods = cycles * self.mesh_periods_per_cycle
         size = max(1, min(self.propagator.chunk_size, -(-len(states) // self.threads)))
-        parts = [slice(i, i + size) for i in range(0, len(states), size)]
+        chunks = [slice(i, i + size) for i in range(0, len(states), size)]
 
-        def propagate(part):
-            periods = cycles * self.cycle
-            ends[part], codes[part] = self.propagator.many(states[part], periods, self.max_events)
+        def propagate(chunk: slice) -> None:
+            """Fill the final states and status codes of a chunk of the states."""
+            ends[chunk], codes[chunk] = self.propagator.many(
+                states[chunk], periods, self.max_events
+            )
 
-        if len(parts) < 2 or self.threads == 1:
-            for part in parts:
-                propagate(part)
-        else:
-            # The kernels release the interpreter lock; every state has rows of its own.
-            with ThreadPoolExecutor(self.threads) as pool:
-                list(pool.map(propagate, parts))
+        # The kernels release the interpreter lock, and every chunk has its own rows.
+        with ThreadPoolExecutor(self.threads) as pool:
+            list(pool.map(propagate, chunks))
         ends[codes != status.OK] = np.nan
         return ends, codes
 
 
 def check_one_mesh(model: Any) -> None:
-    """Raise ValueError if a model has several meshes, so that two numbers are no initial state."""
+    """Raise ValueError if a model has several meshes: two numbers are then no initial state."""
     if model.mesh_names:
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed here: it must have one mesh, whose "
@@ -121,25 +137,30 @@ def check_one_mesh(model: Any) -> None:
         )
 
 
-def grid_axes(grid: Any) -> tuple:
-    """Return (displacements, velocities) of a grid of initial states, as float arrays, checked."""
+def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
+    """Check a grid of initial states and return its (displacements, velocities) as float arrays.
+
+    Each of the two axes of `grid` is a tuple (first, last, count) or an array of values.
+    """
     try:
-        first, second = grid
+        displacement_axis, velocity_axis = grid
     except (TypeError, ValueError):
         raise checks.refusal(
             "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
         ) from None
-    axes = {"grid displacements": first, "grid velocities": second}
+    axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
     counts = [
         checks.integer(f"count of the {name}", axis[2], 1) if _is_range(axis) else np.size(axis)
         for name, axis in axes.items()
     ]
     # The number of states is checked before any array is made.
-    if (states := math.prod(counts)) > MAX_STATES:
+    state_count = math.prod(counts)
+    if state_count > MAX_STATES:
         raise ValueError(
-            f"grid of {counts[0]:,} x {counts[1]:,} = {states:,} initial states is not allowed: "
-            f"they would take some {states * _BYTES_PER_STATE / 2**30:,.0f} GiB of memory; there "
-            f"must be at most {MAX_STATES:,}, so take parts of the grid one after the other"
+            f"grid of {counts[0]:,} x {counts[1]:,} = {state_count:,} initial states is not "
+            f"allowed: they would take some {state_count * _BYTES_PER_STATE / 2**30:,.0f} GiB of "
+            f"memory; there must be at most {MAX_STATES:,}, so take parts of the grid one after "
+            "the other"
         )
     return tuple(_axis_values(name, axis) for name, axis in axes.items())
 
@@ -150,13 +171,14 @@ def _is_range(axis: Any) -> bool:
 
 
 def _axis_values(name: str, axis: Any) -> np.ndarray:
-    """Return the values of an axis of a grid: (first, last, count) or distinct numbers."""
+    """Return the values of an axis of a grid, which is (first, last, count) or distinct numbers.
+
+    `name` is the name of the axis in error messages.
+    """
     if not _is_range(axis):
         return distinct_values(name, axis)
-    first, last = (
-        checks.number(f"{end} of the {name}", value, "finite", math.isfinite)
-        for end, value in zip(("first", "last"), axis, strict=False)
-    )
+    first = checks.number(f"first of the {name}", axis[0], "finite", math.isfinite)
+    last = checks.number(f"last of the {name}", axis[1], "finite", math.isfinite)
     if last < first or (last == first) != (axis[2] == 1):
         raise ValueError(
             f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
@@ -166,7 +188,10 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
 
 
 def distinct_values(name: str, values: Any) -> np.ndarray:
-    """Return a non-empty sequence of distinct finite numbers as a float array, checked."""
+    """Check that an argument is a sequence of distinct finite numbers; return it as an array.
+
+    `name` is the name of the argument in error messages.
+    """
     array = np.atleast_1d(float_array(values))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise checks.refusal(name, values, "a non-empty sequence of finite numbers")
@@ -176,7 +201,10 @@ def distinct_values(name: str, values: Any) -> np.ndarray:
 
 
 def region_bounds(region: Any) -> np.ndarray:
-    """Return ((x0, x1), (v0, v1)) of a region of initial states as an array, checked."""
+    """Check a region of initial states and return it as an array, shape (2, 2).
+
+    Its rows are the lowest and highest displacement, and the lowest and highest velocity.
+    """
     try:
         array = np.array([[low, high] for low, high in region], float)
         valid = array.shape == (2, 2) and np.isfinite(array).all() and (np.diff(array) > 0.0).all()
@@ -191,6 +219,6 @@ def region_bounds(region: Any) -> np.ndarray:
 
 
 def grid_states(displacements: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return all states of a grid, shape (n m, 2), in which velocities vary fastest."""
-    both = np.meshgrid(displacements, velocities, indexing="ij")
-    return np.stack([axis.ravel() for axis in both], axis=1)
+    """Return all pairs (displacement, velocity) of a grid, shape (n m, 2), velocities first."""
+    axes = np.meshgrid(displacements, velocities, indexing="ij")
+    return np.stack([axis.ravel() for axis in axes], axis=1)

@@ -25,7 +25,7 @@ MIN_SAMPLES = 4
 _DEFAULT_SAMPLES = 16
 #: Smallest width of a flank crossing, which avoids a division by zero.
 _MIN_WIDTH = 1e-300
-#: Signs with which contact at the far flank adds to the six rows of `_flank` at the near one.
+#: Signs with which contact at the far flank is added to the six rows of `_contact` at the near one.
 _FAR_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
 
 
@@ -35,8 +35,8 @@ class Force(NamedTuple):
     value: np.ndarray
     slope: np.ndarray  #: derivative of the mesh force by displacement
     impulse: np.ndarray  #: derivative by displacement of damping that jumps at a flank line
-    by_velocity: np.ndarray
-    share: np.ndarray  #: of contact, 0 to 1
+    by_velocity: np.ndarray  #: derivative by velocity
+    contact_share: np.ndarray  #: share of contact, 0 to 1
 
 
 class MeshEquation:
@@ -46,8 +46,16 @@ class MeshEquation:
     `added_damping` is a linear damping force added_damping x' in all motions.
     """
 
-    def __init__(self, model, tuning, harmonics, samples=None, period=1, added_damping=0.0):
-        self.pair, self.tuning = model, tuning
+    def __init__(
+        self,
+        model: Any,
+        tuning: float,
+        harmonics: int,
+        samples: int | None = None,
+        period: int = 1,
+        added_damping: float = 0.0,
+    ):
+        self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = samples or default_samples(harmonics)
         law, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
@@ -62,16 +70,16 @@ class MeshEquation:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
-        #: Mean mesh stiffness, and the load: 1 / nu^2.
-        self.unit = 1.0 / tuning**2
+        #: Mean mesh stiffness 1 / nu^2, which is also the load.
+        self.mean_stiffness = 1.0 / tuning**2
         #: Linear damping 2 beta / nu of the flanks in contact.
-        self.rate = float(self.law.drive_damping[0])
+        self.damping = float(self.law.drive_damping[0])
         #: The mean-stiffness oscillator on the harmonics, 1 / nu^2 - k^2 + 2 i beta k / nu.
-        self.symbol = self.unit - self.orders**2 + 1j * self.rate * self.orders
+        self.symbol = self.mean_stiffness - self.orders**2 + 1j * self.damping * self.orders
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """Stiffness c / nu^2 on the grid, without harmonics above the highest of the grid."""
+        """Mesh stiffness c / nu^2 on the grid of phases, from the harmonics that the grid holds."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
         coefficients = _stiffness_coefficients(self.law, highest)
@@ -79,48 +87,53 @@ class MeshEquation:
         return np.fft.irfft(spectrum * self.samples, self.samples)
 
     def on_grid(self, coefficients: np.ndarray) -> np.ndarray:
-        """Transform harmonics, shape (..., harmonics + 1), to the grid, shape (..., samples)."""
+        """Return values on the grid, shape (..., samples), of harmonics, shape (..., h + 1)."""
         return np.fft.irfft(coefficients, self.samples, norm="forward")
 
     def to_harmonics(self, values: np.ndarray) -> np.ndarray:
-        """Transform values on the grid to harmonics; those above the highest are dropped."""
+        """Return the harmonics 0 ... h of values on the grid of phases, shape (..., samples)."""
         return np.fft.rfft(values, norm="forward")[..., : self.harmonics + 1]
 
-    def motion(self, coefficients: np.ndarray) -> tuple:
-        """Return displacement and dx/dtau on the grid of a motion given by its harmonics."""
+    def motion(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (displacement, dx/dtau) on the grid of a motion given by its harmonics."""
         return self.on_grid(coefficients), self.on_grid(1j * self.orders * coefficients)
 
     def force(self, coefficients: np.ndarray) -> Force:
         """Return the `Force` on the grid, damping and mesh, of a motion given by its harmonics."""
         law, (x, v) = self.law, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        contact = _flank(x, v, step) + _FAR_SIGNS * _flank(-(x + law.backlash), -v, step)
-        share, share_x, share_v, depth, depth_x, depth_v = contact
+        near, far = _contact(x, v, step), _contact(-(x + law.backlash), -v, step)
+        # The suffixes _x and _v stand for derivatives by displacement and velocity.
+        share, share_x, share_v, deflection, deflection_x, deflection_v = near + _FAR_SIGNS * far
         material, material_v = _damping(law.drive_damping, v)
         oil, oil_v = _damping(law.backlash_damping, v)
         p2, p3 = law.stiffness_powers
-        mesh = depth * (1.0 + p2 * np.abs(depth) + p3 * depth**2)
-        slope = self.stiffness * (1.0 + 2.0 * p2 * np.abs(depth) + 3.0 * p3 * depth**2)
+        size = np.abs(deflection)
+        mesh_force = self.stiffness * (deflection * (1.0 + p2 * size + p3 * deflection**2))
+        slope = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
+        damping_v = oil_v + share * (material_v - oil_v) + share_v * (material - oil)
         return Force(
-            oil + share * (material - oil) + self.stiffness * mesh,
-            slope * depth_x,
-            share_x * (material - oil),
-            oil_v + share * (material_v - oil_v) + share_v * (material - oil) + slope * depth_v,
-            share,
+            value=oil + share * (material - oil) + mesh_force,
+            slope=slope * deflection_x,
+            impulse=share_x * (material - oil),
+            by_velocity=damping_v + slope * deflection_v,
+            contact_share=share,
         )
 
-    def variation(self, coefficients: np.ndarray) -> tuple:
-        """Return (a, h, b) on the grid for small deviations, y'' + a y' + (h y)' + b y = 0.
+    def variation(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return (a, h, b) on the grid for small deviations y from a motion given by its harmonics.
 
-        Damping that jumps at a flank line would leave an impulse in b where y' jumps, a product
-        that no grid can represent. With the jump j(v), p = j / v and contact H,
+        They obey y'' + a y' + (h y)' + b y = 0. Damping that jumps at a flank line would leave an
+        impulse in b where y' jumps, a product that no grid can represent. With the jump j(v),
+        p = j / v and contact H,
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
 
         has no impulse: with linear damping the last two terms vanish.
         """
         force, law = self.force(coefficients), self.law
-        v, share = self.motion(coefficients)[1], force.share
+        v, share = self.motion(coefficients)[1], force.contact_share
+        # Coefficients of the powers 1 to 3 of the velocity in the jump of the damping force.
         jump = law.drive_damping - law.backlash_damping
         acceleration = self.on_grid(self.excitation) - force.value
         return (
@@ -131,35 +144,40 @@ class MeshEquation:
         )
 
     def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
-        """Return the residual x'' + f - e on the harmonics."""
+        """Return the residual x'' + f - e on harmonics 0 ... h, for a motion and its force."""
         inertia = -(self.orders**2) * coefficients
         return inertia + self.to_harmonics(force.value) - self.excitation
 
     def size(self, residual: np.ndarray) -> float:
-        """Return the largest value of a residual over the period, relative to the load."""
-        return float(np.abs(self.on_grid(residual)).max() / self.unit)
+        """Return the largest value over the period of a residual on harmonics, in loads."""
+        return float(np.abs(self.on_grid(residual)).max() / self.mean_stiffness)
 
     def jacobian(self, force: Force) -> np.ndarray:
-        """Return the derivative of the residual by the harmonics, both as `real_parts`."""
+        """Return the derivative of the residual by the harmonics, shape (2 h + 1, 2 h + 1).
+
+        Both are real and imaginary parts as in `real_parts`; `force` is that of the motion.
+        """
         k = np.arange(self.harmonics + 1)
         by_x = np.fft.fft(force.slope + force.impulse, norm="forward")
         by_v = np.fft.fft(force.by_velocity, norm="forward")
-        rate, differences, sums = 1j * self.orders, k[:, None] - k, k[:, None] + k
-        direct = by_x[differences] + by_v[differences] * rate - np.diag(self.orders**2)
-        conjugate = by_x[sums] - by_v[sums] * rate
+        derivative, differences, sums = 1j * self.orders, k[:, None] - k, k[:, None] + k
+        direct = by_x[differences] + by_v[differences] * derivative - np.diag(self.orders**2)
+        conjugate = by_x[sums] - by_v[sums] * derivative
         conjugate[:, 0] = 0.0
         changes = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
         return real_parts(changes.T).T
 
     def weights(self, force: Force) -> np.ndarray:
-        """Return a bound of the factor by which each harmonic of the kernel enlarges a deviation.
+        """Return bounds of the factors by which the kernel enlarges deviations, shape (h + 1,).
 
+        The bound on harmonic k is
         |G_k| (sup |n_x| + k sup |n_v|), where n = f - 2 d x' - w^2 x is the force that the
         mean-stiffness oscillator lacks, n_x and n_v its derivatives. Damping that jumps at a flank
         line counts by n_v alone: its deviation is the derivative of (jump of damping) times y.
+        `force` is that of the motion.
         """
-        by_x = np.abs(force.slope - self.unit).max()
-        by_v = np.abs(force.by_velocity - self.rate).max()
+        by_x = np.abs(force.slope - self.mean_stiffness).max()
+        by_v = np.abs(force.by_velocity - self.damping).max()
         with np.errstate(divide="ignore"):
             return (by_x + self.orders * by_v) / np.abs(self.symbol)
 
@@ -175,17 +193,18 @@ def real_parts(coefficients: np.ndarray) -> np.ndarray:
 
 
 def from_real_parts(parts: np.ndarray) -> np.ndarray:
-    """Return complex harmonics from their `real_parts`."""
+    """Return complex harmonics 0 ... h from their `real_parts`, shape (..., 2 h + 1)."""
     half = parts.shape[-1] // 2 + 1
     coefficients = parts[..., :half].astype(complex)
     coefficients[..., 1:] += 1j * parts[..., half:]
     return coefficients
 
 
-def _flank(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
-    """Return contact with a flank at x = 0, touched for x > 0, on a grid of phases.
+def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
+    """Return contact with a flank at x = 0, touched for x > 0, on a grid of phases, shape (6, n).
 
-    Rows: share of contact, its derivatives by x and v, elastic deflection, its derivatives. The
+    The rows are the share of contact, its derivatives by displacement x and velocity v, the
+    elastic deflection and its derivatives. `step` is the width of a grid cell in rad. The
     deflection is the mean over a grid cell. The share of contact is weighted with a hat function
     over two cells: its derivative, an impulse, then has the right position between two points.
     """
@@ -202,15 +221,17 @@ def _flank(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
 
 
 def _damping(d: np.ndarray, v: np.ndarray) -> tuple:
-    """Return the damping force d1 v + d2 |v| v + d3 v^3 and its derivative by v."""
-    size = np.abs(v)
-    return v * (d[0] + d[1] * size + d[2] * v**2), d[0] + 2.0 * d[1] * size + 3.0 * d[2] * v**2
+    """Return the damping force d1 v + d2 |v| v + d3 v^3 at velocities v, and its derivative."""
+    d1, d2, d3 = d
+    speed = np.abs(v)
+    return v * (d1 + d2 * speed + d3 * v**2), d1 + 2.0 * d2 * speed + 3.0 * d3 * v**2
 
 
 def _stiffness_coefficients(law: Any, highest: int) -> np.ndarray:
-    """Return the exact complex Fourier coefficients 0 ... `highest` of c / nu^2 of a `Law`.
+    """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
 
-    They follow from the jumps of value and slope between the linear pieces.
+    They follow from the jumps of value and slope between the linear pieces of `law`, a `Law`, and
+    from its harmonics.
     """
     n = np.arange(1, highest + 1)
     lengths = np.diff(law.segment_bounds)

@@ -42,7 +42,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     ----------
     pair : GearPair or OneDegreePair
     tuning : float
-        nu.
+        Mesh frequency over mean eigenfrequency, nu.
     harmonics : int, default 64
         Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps, the
         coefficients fall as their third power, and the error of x as the second (Gibbs).
@@ -65,7 +65,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     ValueError
         Naming the argument, its value and the allowed range.
     gearlib.analysis.orbits.shooting.NoOrbit
-        If Newton's method found none near the guess; the message says what to try.
+        If Newton's method found no motion near the guess; the message says what to try.
     """
     equation = check_problem(pair, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
@@ -95,10 +95,10 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
 
 
 def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
-    """Solve the equation by Newton's method with halved steps.
+    """Solve the mesh equation by Newton's method with halved steps.
 
-    Return (coefficients, size of the residual, steps, evaluations of the force) of the last
-    iterate.
+    Start from complex harmonics 0 ... h. Return (harmonics of the last iterate, size of its
+    residual, number of steps, number of evaluations of the force).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
@@ -108,7 +108,8 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
             step = np.linalg.solve(equation.jacobian(force), -real_parts(residual))
         except np.linalg.LinAlgError:
             break
-        step, steps = from_real_parts(step), steps + 1
+        step = from_real_parts(step)
+        steps += 1
         for _ in range(_MAX_HALVINGS):
             new = coefficients + step
             new_force = equation.force(new)
@@ -126,14 +127,14 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
 
 def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
     """Return the largest residual that counts as zero: a tolerance times the inertia terms."""
-    inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.unit
+    inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.mean_stiffness
     return tolerance * max(1.0, inertia)
 
 
 def check_problem(
     model: Any, tuning: float, harmonics: int, samples: int | None, period: int
 ) -> MeshEquation:
-    """Return the `MeshEquation` of checked arguments, else ValueError."""
+    """Check arguments of `harmonic_balance` and return the `MeshEquation` that they describe."""
     if not (is_model(model) and model.one_mesh):
         raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
     tuning = check_tuning("tuning", tuning)
@@ -145,24 +146,24 @@ def check_problem(
 
 
 def stages(equation: MeshEquation, guess: Any, tolerance: float) -> list:
-    """Return the equations that are solved one after the other, each with its tolerance.
+    """Return (equation, tolerance) of the mesh equations that are solved one after the other.
 
-    If there is no guess, meshes with added damping come first, with few harmonics.
+    Without a guess, equations with added damping and few harmonics lead to the given one.
     """
-    pair, tuning, period = equation.pair, equation.tuning, equation.period
+    model, tuning, period = equation.model, equation.tuning, equation.period
     harmonics = min(equation.harmonics, _GUESS_HARMONICS * period)
     damped_stages = [
-        (MeshEquation(pair, tuning, harmonics, None, period, damping), _GUESS_TOLERANCE)
+        (MeshEquation(model, tuning, harmonics, None, period, damping), _GUESS_TOLERANCE)
         for damping in (_ADDED_DAMPINGS if guess is None else ())
     ]
     return [*damped_stages, (equation, tolerance)]
 
 
 def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
-    """Return the harmonics of a guess, shape (harmonics + 1,), checked.
+    """Check a guess and return its complex harmonics, shape (harmonics + 1,).
 
-    The guess is a `PeriodicSolution` of the same period; displacements at n equal steps of
-    phase over the period; or None, the static deflection.
+    The guess is a `PeriodicSolution` of the same period, an array of displacements at equal steps
+    of phase over the period, or None for the static deflection.
     """
     if guess is None:
         return resized(np.ones(1, complex), equation)
@@ -179,8 +180,9 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
             f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
             "finite displacements over the period"
         )
+    coefficients = np.fft.rfft(values, norm="forward")
     # The highest harmonic of an even number of points has no phase and is left out.
-    return resized(np.fft.rfft(values, norm="forward")[: (values.size + 1) // 2], equation)
+    return resized(coefficients[: (values.size + 1) // 2], equation)
 
 
 def resized(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:

@@ -55,20 +55,21 @@ class SchmidtSolution(PeriodicSolution):
 
     converged: bool
     degenerate: tuple  #: harmonics of the degenerate part
-    norm_bound: float  #: of the norm of the remainder, in mean squares, along the motion
+    norm_bound: float  #: bound of the remainder's norm, in mean squares, along the motion
     contraction: float  #: factor of a deviation in each iteration: spectral radius of R n'
 
     @property
-    def status(self):
+    def status(self) -> str:
         """ "converged" or "diverged"."""
         return "converged" if self.converged else "diverged"
 
     @property
-    def terms(self):
+    def terms(self) -> int:
         """Real terms of the degenerate kernel: one for the mean, two for each harmonic."""
         return sum(1 if k == 0 else 2 for k in self.degenerate)
 
-    def _method_variables(self):
+    def _method_variables(self) -> dict:
+        """Return the variables that this method adds to the dataset of a motion."""
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
@@ -96,7 +97,7 @@ def schmidt(
     ----------
     pair : GearPair or OneDegreePair
     tuning : float
-        nu.
+        Mesh frequency over mean eigenfrequency, nu.
     degenerate : "auto", int or sequence of int
         Harmonics of the degenerate part, in units of 1 / period: their list; or how many, the
         nearest to resonance (of the largest kernel) first; or as many as keep the bound of the
@@ -104,13 +105,13 @@ def schmidt(
     harmonics : int, default 1024
         Harmonics of the kernel kept.
     samples : int, optional
-        Like in `gearlib.harmonic_balance`.
+        Grid points over the period, as in `gearlib.harmonic_balance`.
     tolerance : float, default 1e-10
         Last correction, static deflections (root of the mean square over the period).
     max_iterations : int, default 2000
         Applications of the kernel after which the search has diverged.
     guess : PeriodicSolution or array_like of float, optional
-        Like in `gearlib.harmonic_balance`.
+        First iterate, as in `gearlib.harmonic_balance`.
     period : int, default 1
         Mesh periods after which the motion repeats.
 
@@ -154,15 +155,17 @@ def search(
     tolerance: float,
     max_applications: int,
 ) -> tuple:
-    """Iterate until convergence.
+    """Iterate from complex harmonics 0 ... h until both parts of the motion converge.
 
-    Return (coefficients, degenerate harmonics, whether they converged, applications of the kernel).
-    If the choice is `automatic`, further harmonics become degenerate where the motion needs it.
+    `degenerate` are the numbers of the degenerate harmonics; if their choice is `automatic`,
+    further ones are added where the motion needs them. Return (harmonics of the motion, degenerate
+    harmonics, whether the iteration converged, applications of the kernel).
     """
     count, steps = 0, iterate(equation, coefficients, degenerate, tolerance)
     while count < max_applications:
         step = next(steps)
-        coefficients, count = step.coefficients, count + step.applications
+        coefficients = step.coefficients
+        count += step.applications
         if not _norm(coefficients) < _MAX_SIZE:
             break
         resonant = _resonant(equation, step.force) if automatic else degenerate
@@ -177,26 +180,31 @@ def search(
 class Iterate(NamedTuple):
     """One step of the iteration."""
 
-    coefficients: np.ndarray  #: after the step
-    force: Force  #: before it
-    correction: float  #: of the remainder, static deflections
-    algebraic: float  #: last step of the degenerate part, static deflections
-    applications: int  #: of the kernel in this step
+    coefficients: np.ndarray  #: harmonics after the step
+    force: Force  #: force before the step
+    correction: float  #: size of the change of the remainder, static deflections
+    algebraic: float  #: size of the last step of the degenerate part, static deflections
+    applications: int  #: applications of the kernel in this step
 
 
 def iterate(
     equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, tolerance: float
 ) -> Iterator[Iterate]:
-    """Yield the `Iterate`s from first coefficients, without end."""
+    """Yield `Iterate` after `Iterate` from complex harmonics 0 ... h on, without end.
+
+    The remainder is corrected until its change is below `tolerance` or small beside the residual
+    of the `degenerate` harmonics; then these take a Newton step, halved if it did not help.
+    """
     gain = _remainder_gain(equation, degenerate)
     algebraic = np.inf if len(degenerate) else 0.0
-    # Start of the last step of the degenerate part, the step, and the residual at its start.
+    # Harmonics before the last step of the degenerate part, this step, the residual before it.
     base, step, base_residual = coefficients, np.zeros_like(coefficients), np.inf
     halvings = applications = 0
     while True:
         force = equation.force(coefficients)
         balance = equation.excitation - _lacking_force(equation, coefficients, force.value)
-        residual = _norm((equation.symbol * coefficients - balance)[degenerate]) / equation.unit
+        algebraic_residual = (equation.symbol * coefficients - balance)[degenerate]
+        residual = _norm(algebraic_residual) / equation.mean_stiffness
         new = gain * balance
         new[degenerate] = coefficients[degenerate]
         correction, coefficients = _norm(new - coefficients), new
@@ -213,7 +221,7 @@ def iterate(
 
 
 def _remainder_gain(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarray:
-    """Return the kernel of the remainder on the harmonics: 0 on the degenerate ones."""
+    """Return the kernel of the remainder R on harmonics 0 ... h: 0 on the degenerate ones."""
     gain = np.zeros(equation.harmonics + 1, complex)
     remainder = np.delete(np.arange(gain.size), degenerate)
     gain[remainder] = 1.0 / equation.symbol[remainder]
@@ -222,51 +230,63 @@ def _remainder_gain(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarra
 
 def _algebraic_step(
     equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, gain: np.ndarray
-) -> tuple:
-    """Return (Newton step of the degenerate part and the remainder, applications of the kernel)."""
+) -> tuple[np.ndarray, int]:
+    """Return (Newton step of harmonics 0 ... h, applications of the kernel).
+
+    The step solves the equations of the `degenerate` harmonics; the others, with the kernel `gain`
+    of the remainder, follow their changes.
+    """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    # Unit changes of all real parts, and of all imaginary parts but that of the mean.
+    # Changes of one real or imaginary part each; the mean has no imaginary part.
     unknowns = np.concatenate([degenerate, equation.harmonics + degenerate[degenerate > 0]])
-    units = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
-    units[np.arange(unknowns.size), unknowns] = 1.0
-    units = from_real_parts(units)
-    remainder, terms = np.zeros_like(units), 0
+    real_changes = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
+    real_changes[np.arange(unknowns.size), unknowns] = 1.0
+    degenerate_changes = from_real_parts(real_changes)
+    remainder, terms = np.zeros_like(degenerate_changes), 0
     while terms < _MAX_SERIES_TERMS:
         # Neumann series of (1 + R n')^-1, summed as successive approximations.
-        new = -gain * _lacking_force_change(equation, force, units + remainder)
+        new = -gain * _lacking_force_change(equation, force, degenerate_changes + remainder)
         change = np.abs(new - remainder).max()
         remainder, terms = new, terms + 1
         if not _SERIES_TOLERANCE < change < _MAX_SIZE:
             break
-    directions = units + remainder
+    directions = degenerate_changes + remainder
     effect = equation.symbol * directions + _lacking_force_change(equation, force, directions)
     matrix = real_parts(effect)[:, unknowns].T
-    step, *_ = np.linalg.lstsq(matrix, -real_parts(residual)[unknowns], rcond=None)
-    return step @ directions, 1 + (terms + 1) * len(units)
+    step = np.linalg.lstsq(matrix, -real_parts(residual)[unknowns], rcond=None)[0]
+    return step @ directions, 1 + (terms + 1) * len(directions)
 
 
 def _lacking_force(
     equation: MeshEquation, coefficients: np.ndarray, force: np.ndarray
 ) -> np.ndarray:
-    """Return n, the force that the mean-stiffness oscillator lacks, on the harmonics."""
-    linear = (equation.unit + 1j * equation.rate * equation.orders) * coefficients
+    """Return harmonics 0 ... h of n, the force that the mean-stiffness oscillator lacks.
+
+    `force` is the force on the grid of phases, `coefficients` are the harmonics of the motion.
+    """
+    linear = (equation.mean_stiffness + 1j * equation.damping * equation.orders) * coefficients
     return equation.to_harmonics(force) - linear
 
 
 def _lacking_force_change(equation: MeshEquation, force: Force, changes: np.ndarray) -> np.ndarray:
-    """Return the change of n by changes of the harmonics, shape (m, harmonics + 1)."""
+    """Return the changes of `_lacking_force` by m changes of the motion, both shape (m, h + 1).
+
+    `force` is the force along the motion with its derivatives.
+    """
     x, v = equation.motion(changes)
     by_displacement = force.slope + force.impulse
     return _lacking_force(equation, changes, by_displacement * x + force.by_velocity * v)
 
 
 def contraction(equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray) -> float:
-    """Return the spectral radius of R n' along a motion: below 1 the method converges there.
+    """Return the spectral radius of R n' along a motion: below 1 Schmidt's method converges there.
 
-    It is estimated by power iteration from a fixed start, to about a percent.
+    `coefficients` are the harmonics of the motion, `degenerate` the numbers of the harmonics that
+    R leaves out. Power iteration from a fixed start estimates it to about a percent.
     """
     force, gain = equation.force(coefficients), _remainder_gain(equation, degenerate)
+    # The start has a share of every harmonic, and a real mean.
     change = np.where(np.arange(gain.size) % 2, 1.0, 0.7 + 0.4j) * np.abs(gain)
     change[0] = abs(change[0])
     sizes = []
@@ -280,7 +300,10 @@ def contraction(equation: MeshEquation, coefficients: np.ndarray, degenerate: np
 
 
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
-    """Return the rising harmonics that the argument `degenerate` of `schmidt` selects, checked."""
+    """Return the rising harmonics that the argument `degenerate` of `schmidt` selects.
+
+    They are a list of harmonics, a number of harmonics nearest to resonance, or "auto".
+    """
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
@@ -292,18 +315,26 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
 
 
 def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
-    """Return the harmonics on which the kernel may enlarge a deviation too much."""
+    """Return the numbers of the harmonics on which the kernel may enlarge a deviation too much."""
     return np.flatnonzero(equation.weights(force) > _MAX_NORM)
 
 
 def _norm(coefficients: np.ndarray) -> float:
     """Return the root mean square over the period of a motion given by its harmonics."""
     squares = np.abs(coefficients) ** 2
+    # Harmonics above the mean stand for their conjugates, too.
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
-def _solution(equation, coefficients, degenerate, converged, iterations, evaluations):
-    """Return the `SchmidtSolution` at the end of a search; NaN for multipliers if it diverged."""
+def _solution(
+    equation: MeshEquation,
+    coefficients: np.ndarray,
+    degenerate: np.ndarray,
+    converged: bool,
+    iterations: int,
+    evaluations: int,
+) -> SchmidtSolution:
+    """Return the `SchmidtSolution` at the end of a search; multipliers are NaN if it diverged."""
     force = equation.force(coefficients)
     multipliers, norm_bound, factor = np.full(2, np.nan, complex), np.nan, np.nan
     if _norm(coefficients) < _MAX_SIZE:
@@ -312,7 +343,7 @@ def _solution(equation, coefficients, degenerate, converged, iterations, evaluat
         norm_bound = float(np.delete(equation.weights(force), degenerate).max(initial=0.0))
         factor = contraction(equation, coefficients, degenerate)
     return SchmidtSolution(
-        equation.pair,
+        equation.model,
         equation.tuning,
         equation.period,
         "schmidt",

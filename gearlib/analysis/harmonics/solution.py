@@ -1,4 +1,4 @@
-"""Periodic motions over harmonics: course, flank crossings, errors, multipliers, dataset.
+"""Periodic motions over harmonics: time history, flank crossings, errors, multipliers, dataset.
 
 Floquet multipliers are those of Hill's method. Small deviations obey
 y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0, the terms of which are those of
@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import ArpackNoConvergence, eigs
 
-from gearlib.analysis.harmonics.equation import default_samples
+from gearlib.analysis.harmonics.equation import MeshEquation, default_samples
 from gearlib.analysis.orbits.shooting import periodic_orbit
 from gearlib.data.result import result
 from gearlib.engines.pair.motion import contact_of
@@ -25,12 +27,12 @@ from gearlib.runs.simulation import simulate
 
 #: Newton steps that refine a flank crossing.
 _CROSSING_STEPS = 8
-#: Phases per mesh period at which courses are compared: the smallest number, and those for each
-#: harmonic. The error of many harmonics lies within the shortest wave of a stiffness jump.
+#: Phases per mesh period at which time histories are compared: the smallest number, and the number
+#: for each harmonic. The error of many harmonics lies within the shortest wave of a stiffness jump.
 _MIN_PHASES, _PHASES_PER_HARMONIC = 512, 16
 #: Largest number of harmonics of the variations: the cost is their number cubed.
 _MAX_VARIATION_HARMONICS = 100
-#: Exponents that are computed, from which two are chosen.
+#: Number of exponents that are computed, from which two are chosen.
 _CANDIDATES = 8
 #: Restarts of ARPACK; without strong damping four are enough.
 _MAX_RESTARTS = 10
@@ -54,7 +56,7 @@ class PeriodicSolution:
     multipliers: np.ndarray  #: Floquet multipliers of the period by Hill's method
 
     @property
-    def harmonics(self):
+    def harmonics(self) -> int:
         """Highest harmonic, in units of 1 / period."""
         return self.coefficients.size - 1
 
@@ -64,36 +66,37 @@ class PeriodicSolution:
         return np.arange(self.harmonics + 1) / self.period
 
     @property
-    def stable(self):
+    def stable(self) -> bool:
         """Whether all multipliers lie inside the unit circle."""
         return bool(np.abs(self.multipliers).max() < 1.0)
 
     @property
-    def state(self):
+    def state(self) -> np.ndarray:
         """Displacement and dx/dtau at tau = 0, shape (2,)."""
         return np.array(self.at(0.0))
 
     def _real_factors(self) -> tuple:
-        """Return the factors of exp(i k tau / period) in x = Re sum, and in dx/dtau."""
+        """Return the factors of exp(i k tau / period) in x = Re sum, and those in dx/dtau."""
         factors = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
         return factors, 1j * self.orders * factors
 
-    def at(self, phase):
-        """Return displacement and dx/dtau at phases (rad), each of the shape of `phase`."""
+    def at(self, phase: ArrayLike) -> tuple:
+        """Return (displacement, dx/dtau) at mesh phases (rad), each of the shape of `phase`."""
         waves = np.exp(1j * np.asarray(phase, float)[..., None] * self.orders)
         return tuple((waves @ factors).real for factors in self._real_factors())
 
-    def courses(self, samples_per_period):
-        """Return displacement and dx/dtau at equal steps of phase over the whole period."""
+    def courses(self, samples_per_period: int) -> tuple:
+        """Return (displacement, dx/dtau) at equal steps of phase over the whole period."""
         points = samples_per_period * self.period
+        # The inverse FFT needs more than two points for each harmonic.
         refinement = -(-(2 * self.harmonics + 1) // points)
         return tuple(
             np.fft.irfft(values, refinement * points, norm="forward")[::refinement]
             for values in (self.coefficients, 1j * self.orders * self.coefficients)
         )
 
-    def crossings(self):
-        """Return the phases of the flank crossings, rad, rising, and contact codes (from, to).
+    def crossings(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return (rising phases of the flank crossings, rad; contact codes before and after each).
 
         They are bracketed on a grid and refined by Newton's method on the harmonics; two crossings
         within one cell of the grid are not detected.
@@ -101,23 +104,25 @@ class PeriodicSolution:
         x, _ = self.courses(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
-        for line, codes in ((0.0, (1, 0)), (-self.pair.backlash_ratio, (0, -1))):
+        flank_lines = ((0.0, (1, 0)), (-self.pair.backlash_ratio, (0, -1)))
+        for line, downward_codes in flank_lines:
             if not np.isfinite(line):
                 continue
-            above = x >= line
-            for i in np.flatnonzero(above != np.roll(above, -1)):
+            is_above = x >= line
+            for i in np.flatnonzero(is_above != np.roll(is_above, -1)):
                 before, after = x[i] - line, x[(i + 1) % x.size] - line
                 phase = (i + before / (before - after)) * length / x.size
                 for _ in range(_CROSSING_STEPS):
                     displacement, velocity = self.at(phase)
                     phase -= (displacement - line) / velocity if velocity else 0.0
-                crossings.append((float(phase) % length, codes if above[i] else codes[::-1]))
+                codes = downward_codes if is_above[i] else downward_codes[::-1]
+                crossings.append((float(phase) % length, codes))
         crossings.sort()
-        codes = np.array([pair for _, pair in crossings], np.int8).reshape(-1, 2)
-        return np.array([phase for phase, _ in crossings]), codes
+        all_codes = np.array([codes for _, codes in crossings], np.int8).reshape(-1, 2)
+        return np.array([phase for phase, _ in crossings]), all_codes
 
-    def dataset(self, samples_per_period=256, orbit=None):
-        """Return course, harmonics, multipliers and the facts of the solution as a dataset.
+    def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
+        """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
         With an exact `orbit` (`gearlib.periodic_orbit`) the errors against it are added.
         """
@@ -156,7 +161,7 @@ class PeriodicSolution:
         )
 
     def _method_variables(self) -> dict:
-        """Return the variables that a method adds to the dataset."""
+        """Return the variables that a method adds to the dataset: none in general."""
         return {}
 
 
@@ -164,23 +169,23 @@ class Errors(NamedTuple):
     """Largest differences of a periodic solution from the exact orbit."""
 
     displacement: float  #: over the period, static deflections
-    velocity: float  #: of dx/dtau over the period
-    state: float  #: at tau = 0, the larger of displacement and dx/dtau
-    event: float  #: of the phases of flank crossings, rad; NaN if there are none, or others
-    multiplier: float  #: of the largest |Floquet multiplier|
+    velocity: float  #: difference of dx/dtau over the period
+    state: float  #: difference at tau = 0, the larger of displacement and dx/dtau
+    event: float  #: difference of phases of flank crossings, rad; NaN if contacts differ or none is
+    multiplier: float  #: difference of the largest |Floquet multiplier|
 
 
 def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
-    """Return the `Errors` of a `PeriodicSolution` against an exact `Orbit`.
+    """Return the differences of a `PeriodicSolution` from an exact `Orbit`.
 
-    Without an orbit shooting computes it from the state of the solution.
+    Without an orbit, it is computed by shooting from the state of the solution.
     """
     if orbit is None:
         orbit = periodic_orbit(
             solution.pair, solution.tuning, guess=solution.state, period=solution.period
         )
     count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
-    exact_x, exact_v, exact_phases, exact_codes = exact_course(orbit, count)
+    exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, count)
     x, v = solution.courses(count)
     phases, codes = solution.crossings()
     event = np.nan
@@ -196,8 +201,11 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     )
 
 
-def exact_course(orbit: Any, samples_per_period: int) -> tuple:
-    """Return (displacement, dx/dtau, phases of events, their codes) of an exact orbit."""
+def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
+    """Return (displacement, dx/dtau, phases of contact events, codes) of an exact `Orbit`.
+
+    The codes, shape (events, 2), are the contact codes before and after each event.
+    """
     run = simulate(
         orbit.pair,
         orbit.tuning,
@@ -210,17 +218,22 @@ def exact_course(orbit: Any, samples_per_period: int) -> tuple:
     return run.displacement.values, run.velocity.values, run.event_phase.values, codes
 
 
-def hill_multipliers(equation, coefficients, harmonics=_MAX_VARIATION_HARMONICS):
-    """Return the two Floquet multipliers of a motion by Hill's method, largest first."""
+def hill_multipliers(
+    equation: MeshEquation, coefficients: np.ndarray, harmonics: int = _MAX_VARIATION_HARMONICS
+) -> np.ndarray:
+    """Return the two Floquet multipliers of a motion by Hill's method, largest first.
+
+    `coefficients` are the harmonics of the motion; deviations have at most `harmonics` harmonics.
+    """
     highest = min(equation.harmonics, harmonics)
     k = np.arange(-highest, highest + 1)
     variation = equation.variation(coefficients)
-    a, h, b = (np.fft.fft(part, norm="forward")[k[:, None] - k] for part in variation)
+    a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in variation)
     # With u = (l + i k) y + h y the problem is linear in l for (y, u).
-    rate = np.diag(1j * k / equation.period)
-    matrix = np.block([[-rate - h, np.eye(k.size)], [a @ h - b, -rate - a]])
-    # By Liouville's formula the two exponents lie on either side of minus half the mean damping,
-    # and their copies farther from there.
+    derivative = np.diag(1j * k / equation.period)
+    matrix = np.block([[-derivative - h, np.eye(k.size)], [a @ h - b, -derivative - a]])
+    # By Liouville's formula the two exponents lie on either side of minus half the mean damping;
+    # their copies lie farther away.
     mean_damping = np.mean(variation[0] + variation[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     shift = -mean_damping / 2.0 + _SHIFT_OFFSET
@@ -230,11 +243,12 @@ def hill_multipliers(equation, coefficients, harmonics=_MAX_VARIATION_HARMONICS)
     except ArpackNoConvergence:
         # The copies of strongly damped exponents are nearly equally far from the shift.
         exponents, vectors = np.linalg.eig(matrix)
-    share = np.abs(vectors[: k.size]) ** 2
-    asymmetry = np.abs(k @ share) / share.sum(axis=0)
+    power = np.abs(vectors[: k.size]) ** 2
+    asymmetry = np.abs(k @ power) / power.sum(axis=0)
     length = 2.0 * np.pi * equation.period
-    first, *others = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
+    candidates = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
+    first, others = candidates[0], candidates[1:]
     liouville_product = np.exp(-length * mean_damping)
-    differences = np.abs(first * np.array(others) - liouville_product)
-    pair = np.array([first, others[int(np.argmin(differences))]])
-    return pair[np.argsort(-np.abs(pair), kind="stable")]
+    differences = np.abs(first * others - liouville_product)
+    multipliers = np.array([first, others[int(np.argmin(differences))]])
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]

@@ -26,7 +26,7 @@ _FIRST_STEP, _MIN_STEP, _STEP_BEHIND_GRAZING = 0.1, 1e-4, 1e-3
 _MAX_EASY_CORRECTIONS = 3
 #: Height of an orbit, in static deflections, from which on the largest step grows with it.
 _LARGE_HEIGHT = 4.0
-#: Share of the parameter in a tangent below which the branch is normal to the parameter's axis.
+#: Component of the parameter in a tangent below which the branch is normal to its axis.
 _NORMAL_TOLERANCE = 1e-9
 #: Distances from a period doubling at which the doubled orbit is sought, scaled.
 _SWITCH_DISTANCES = (0.02, 0.005, 0.1, 1e-3)
@@ -109,12 +109,15 @@ def continue_orbit(
 
 
 def _checked_limits(limits: Any, start: float, to: float) -> tuple:
-    """Return (lowest, highest) value of the parameter, by default `start` and `to`, checked."""
+    """Return the argument `limits` as (lowest, highest) value of the parameter, checked.
+
+    By default they are its values `start` at the first orbit and `to` at the end of the branch.
+    """
     if limits is None:
         return min(start, to), max(start, to)
     low, high = (
-        checks.number("limits", v, "two finite numbers", np.isfinite)
-        for v in checks.many("limits", limits, 2)
+        checks.number("limits", limit, "two finite numbers", np.isfinite)
+        for limit in checks.many("limits", limits, 2)
     )
     if not low <= min(start, to) <= max(start, to) <= high:
         raise ValueError(
@@ -125,21 +128,21 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
 
 
 def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> BranchPoint:
-    """Return the first point of a branch, with a tangent along which the parameter has a sign.
+    """Return the first point of a branch, at scaled unknowns of the shooting equation.
 
-    If the branch is normal to the parameter's axis, its tangent leads to higher orbits.
+    Its tangent leads to larger values of the parameter for the sign 1, to smaller ones for -1; to
+    higher orbits if the branch is normal to the parameter's axis.
     """
     solution = problem.evaluate(unknowns)
     direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
     first = branch_point(solution, direction)
     if abs(direction[-1]) < _NORMAL_TOLERANCE:
-        height_ahead, height_behind = (
-            branch_point(
-                tracing.correct(problem, unknowns + h * direction, direction)[0], direction
-            ).height
-            for h in (1e-3, -1e-3)
-        )
-        if height_ahead < height_behind:
+        heights = []
+        for distance in (1e-3, -1e-3):
+            start = unknowns + distance * direction
+            neighbour, _ = tracing.correct(problem, start, direction)
+            heights.append(branch_point(neighbour, direction).height)
+        if heights[0] < heights[1]:
             return replace(first, tangent=-direction)
     return first
 
@@ -153,10 +156,14 @@ def _follow_branch(
     max_step: float,
     max_points: int,
 ) -> list:
-    """Follow the branch from its first point to its end and return its `BranchPoint`s."""
+    """Return the `BranchPoint`s of a branch from its first point to the parameter value `to`.
+
+    It ends earlier where it leaves the parameter limits (lowest, highest) or orbits become higher
+    than `max_height`; the last point then has the label "end".
+    """
     points, goal = [first], to / problem.units[-1]
 
-    def step(length):
+    def step(length: float) -> tuple[float, str]:
         """Take a step and add its points; return (next length, reason for the end or "")."""
         last = points[-1]
         solution, tangent, corrections = tracing.take_step(
@@ -191,10 +198,14 @@ def _follow_branch(
 
 
 def _value_at_end(last: float, new: float, first: float, to: float, limits: tuple) -> float | None:
-    """Return the value of the parameter at which the branch ends within a step, else None."""
+    """Return the value of the parameter at which the branch ends within a step, or None.
+
+    The parameter goes from `last` to `new` in the step; the branch began at `first` and ends at
+    `to` or at a limit (lowest, highest).
+    """
     if (last - to) * (new - to) <= 0.0 and last != to:
         return to
-    # On the side where the branch began, rounding is no reason to end it.
+    # Rounding must not end the branch at the limit where it began.
     slack = 1e-9 * abs(to - first)
     low, high = limits
     if new < low - slack and low != to:
@@ -205,9 +216,9 @@ def _value_at_end(last: float, new: float, first: float, to: float, limits: tupl
 
 
 def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> list:
-    """Return the points that a step adds: special points, then the new point.
+    """Return the points that a step from `last` to `new` adds: special points, then `new`.
 
-    After a grazing the last point is the one just behind it.
+    If the step passes a grazing, it ends at the point just behind the grazing instead.
     """
     if new.pattern == last.pattern:
         return [*special.special_points(problem, last, new), new]
@@ -216,7 +227,10 @@ def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> l
 
 
 def _is_closed(points: list, step_length: float) -> bool:
-    """Return whether the branch has come back to its first point, in its first direction."""
+    """Return whether a branch has come back to within a step of its first point.
+
+    `points` are its `BranchPoint`s; both ends must have the same direction.
+    """
     if len(points) < 10:
         return False
     first, last = points[0], points[-1]
@@ -227,8 +241,12 @@ def _is_closed(points: list, step_length: float) -> bool:
 
 
 def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Dataset:
-    """Return the branch over a parameter as a dataset over its points."""
-    highest, lowest = np.array([(p.displacement_max, p.displacement_min) for p in points]).T
+    """Return the `BranchPoint`s of a branch as a dataset over ``point``.
+
+    `name` is the parameter, `to` the value at which the branch was to end.
+    """
+    highest = np.array([point.displacement_max for point in points])
+    lowest = np.array([point.displacement_min for point in points])
     stable = [is_stable(point.solution.multipliers) for point in points]
     data = {
         "stable": ("point", np.array(stable, np.int8)),
@@ -253,18 +271,19 @@ def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Datase
 def point_of_dataset(
     model: Any, branch: xr.Dataset, point: int, max_events: int, labels: tuple = ()
 ) -> BranchPoint:
-    """Return the `BranchPoint` of a number in a dataset of `continue_orbit`.
+    """Return the point with a number in a dataset of `continue_orbit` as a `BranchPoint`.
 
-    ValueError if there is no such point, or if it has none of the labels.
+    Raise ValueError if there is no such point, or if its label is none of `labels` (indices in
+    `special_points.LABELS`; empty: any).
     """
     if "parameter" not in getattr(branch, "attrs", ()):
         raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     if labels and int(branch.label[point]) not in labels:
-        names = [special.LABELS[label] for label in (*labels, int(branch.label[point]))]
+        allowed = " or ".join(special.LABELS[label] for label in labels)
         raise ValueError(
-            f"point = {point!r} is not allowed: it must be labelled "
-            f"{' or '.join(names[:-1])}, it is {names[-1]}"
+            f"point = {point!r} is not allowed: it must be labelled {allowed}, it is "
+            f"{special.LABELS[int(branch.label[point])]}"
         )
     name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
     value = float(branch[name][point])

@@ -34,7 +34,10 @@ _ATTRIBUTE_NAMES = {
 
 
 def followed_parameters(model: Any) -> dict:
-    """Return the parameters over which orbits of a model can be followed: name -> attributes."""
+    """Return the parameters over which orbits of a model can be followed.
+
+    Their names map to the CF attributes of a dataset variable, units and long_name.
+    """
     parameters = (RATIOS if model.mesh else {}) | model.parameters
     return {
         name: {"units": units, "long_name": long_name}
@@ -43,7 +46,7 @@ def followed_parameters(model: Any) -> dict:
 
 
 def check_parameter(model: Any, name: str) -> str:
-    """Return the name of a parameter over which orbits of a model can be followed, checked."""
+    """Return a parameter name; raise ValueError if orbits cannot be followed over it."""
     if not (is_model(model) and (model.mesh or model.mesh_names)):
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
@@ -53,7 +56,10 @@ def check_parameter(model: Any, name: str) -> str:
 
 
 def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) -> tuple:
-    """Return (value of a parameter, different value up to which it is followed), checked."""
+    """Return (present value of a parameter, value `goal` up to which it is followed), checked.
+
+    They must be different; `owner` says in the error message whose present value it is.
+    """
     start = value_of(model, tuning, name)
     goal = checks.number("to", goal, f"another {name} than {owner}", lambda v: v != start)
     with_parameter(model, tuning, name, goal)
@@ -61,7 +67,7 @@ def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) ->
 
 
 def value_of(model: Any, tuning: float, name: str) -> float:
-    """Return the value of a parameter of a model at a tuning."""
+    """Return the value of a parameter of a model; the tuning is one, too."""
     if name == "tuning":
         return float(tuning)
     if name in model.parameters:
@@ -70,7 +76,10 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 
 
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
-    """Return (model, tuning) with another value of one parameter; ValueError if not allowed."""
+    """Return (model, tuning) with another value of the parameter `name`.
+
+    Raise ValueError if the value is not allowed. All other dimensionless parameters stay.
+    """
     if name == "tuning":
         return model, checks.finite_positive(name, value)
     if name in model.parameters:
@@ -90,9 +99,10 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
 
 
 def varied(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
-    """Return (model, tuning) for each value, shape (n,), of one of `RATIOS`, else ValueError.
+    """Return a list of (model, tuning), one for each value of a parameter among `RATIOS`.
 
-    If another parameter than the tuning varies, the tuning is fixed and the model a `GearPair`.
+    If another parameter than the tuning varies, `tuning` is fixed and the model a `GearPair`; else
+    `tuning` must be None.
     """
     checks.one_of("parameter", parameter, RATIOS)
     if parameter == "tuning":
@@ -110,9 +120,9 @@ def varied(model: Any, tuning: float | None, parameter: str, values: np.ndarray)
 
 
 def set_parameter_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
-    """Return a dataset over a parameter, in which a varied backlash has its long name.
+    """Return a dataset over a parameter, after naming the parameter if it is the backlash.
 
-    In other datasets the variable backlash is the flank line over time.
+    In other datasets the variable "backlash" is the flank line over time, and named so.
     """
     if parameter == "backlash":
         dataset[parameter].attrs["long_name"] = "backlash in static deflections"

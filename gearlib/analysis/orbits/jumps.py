@@ -35,7 +35,7 @@ _RESONANCE_BOUNDS = (0.65, 1.5)
 _MAX_LOSS_DEPTH = 0.1
 #: First, largest and smallest step along a branch, and the longest within which it may turn.
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _MAX_TURNING_STEP = 0.1, 0.4, 1e-5, 1e-3
-#: Size of states from which on the largest step grows with it.
+#: Size of states above which the largest step grows with the state.
 _LARGE_STATE = 2.0
 _MAX_EASY_CORRECTIONS, _MAX_POINTS = 3, 4000
 #: Tuning that weighs as much as a static deflection.
@@ -122,19 +122,21 @@ def main_resonance(model, quantities=QUANTITIES):
 class _Search:
     """Search for special points of one model; each is an array of scaled unknowns, or None."""
 
-    def __init__(self, model):
+    def __init__(self, model: Any):
+        """Compute orbits of the model from static equilibrium at tunings about the resonance."""
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Direction of the tuning in the unknowns.
         self.tuning_axis = np.eye(self.problem.units.size)[-1]
-        orbits = map(self._orbit_from_equilibrium, _SCAN_TUNINGS)
-        self.scan, heights, clearances = zip(*orbits, strict=True)
+        orbits = [self._orbit_from_equilibrium(tuning) for tuning in _SCAN_TUNINGS]
+        self.scan = [unknowns for unknowns, _, _ in orbits]
+        heights = np.array([height for _, height, _ in orbits])
+        in_contact = np.array([clearance >= 0.0 for _, _, clearance in orbits])
         low, high = _RESONANCE_BOUNDS
-        within = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
+        near_resonance = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
         #: Index of the highest orbit of the scan, and a tuning at which contact is lost.
-        self.highest = int(np.where(within, heights, -np.inf).argmax())
+        self.highest = int(np.where(near_resonance, heights, -np.inf).argmax())
         self.tuning_with_loss = float(_SCAN_TUNINGS[self.highest])
-        in_contact = np.array(clearances) >= 0.0
         if in_contact[self.highest]:
             step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
             bounds = self.tuning_with_loss / step, self.tuning_with_loss * step
@@ -142,19 +144,19 @@ class _Search:
             self.tuning_with_loss = float(lowest.x) if lowest.fun < 0.0 else math.nan
         below = np.flatnonzero(in_contact & (_SCAN_TUNINGS < self.tuning_with_loss))
         above = np.flatnonzero(in_contact & (_SCAN_TUNINGS > self.tuning_with_loss))
-        #: Orbits of the scan on both sides that keep contact.
+        #: Orbits of the scan that keep contact, nearest to the loss of contact on either side.
         self.below = self.scan[below[-1]] if below.size else None
         self.above = self.scan[above[0]] if above.size else None
 
     def tuning(self, unknowns: np.ndarray) -> float:
-        """Return the tuning of scaled unknowns."""
+        """Return the tuning, the last of the scaled unknowns of an orbit."""
         return float(unknowns[-1] * self.problem.units[-1])
 
     def _orbit_from_equilibrium(self, tuning: float) -> tuple:
-        """Return (unknowns, height, clearance) of the orbit next to static equilibrium.
+        """Return (scaled unknowns, height, clearance) of the orbit next to static equilibrium.
 
-        The clearance is the least distance from the flank line, at least -_MAX_LOSS_DEPTH, which
-        is also returned where there is no such orbit.
+        The clearance is the smallest distance from the flank line, negative after contact loss,
+        at least -_MAX_LOSS_DEPTH. It has this value, too, if there is no such orbit.
         """
         model = self.model
         start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
@@ -169,11 +171,14 @@ class _Search:
         return unknowns, (highest - lowest).max(), clearance
 
     def _clearance(self, tuning: float) -> float:
-        """Return the least distance from the flank line of the orbit from static equilibrium."""
+        """Return the smallest distance of `_orbit_from_equilibrium` from the flank line."""
         return self._orbit_from_equilibrium(tuning)[2]
 
     def onset(self) -> np.ndarray | None:
-        """Return the orbit that just touches the flank line, running up."""
+        """Return the scaled unknowns of the orbit at which contact is first lost, running up.
+
+        Return None if contact is lost at all lower tunings.
+        """
         if self.below is None:
             return None
         low, precision = self.tuning(self.below), np.finfo(float).eps
@@ -183,19 +188,22 @@ class _Search:
         return self._orbit_from_equilibrium(tuning)[0]
 
     def _extremum(self, unknowns: np.ndarray, column: int) -> float:
-        """Return the largest value of a column of the summaries of all meshes."""
+        """Return the largest value, over all meshes, in a column of the summary of an orbit.
+
+        The columns are those of `gearlib.engines.orbit`.
+        """
         record = self.problem.record(unknowns, self.model.repeats)[1]
         return float(record.summary[..., column].max())
 
     def jump_up(self) -> np.ndarray | None:
-        """Return the first fold running up, None if there is none."""
+        """Return the scaled unknowns of the first fold running up, None if there is none."""
         if self.below is None:
             return None
         return self._stable_fold(self._follow_branch(self.below, True)[0])
 
     @functools.cached_property
     def _branch_down(self) -> tuple:
-        """The first fold running down, and the points of the branch before it."""
+        """The first fold running down, or None, and the points of the branch before it."""
         if self.above is not None:
             return self._follow_branch(self.above, False)
         neighbours = self.scan[max(self.highest - 3, 0) : self.highest + 4]
@@ -204,7 +212,7 @@ class _Search:
         return None, [branch_point(solution, axis) for solution in solutions]
 
     def jump_down(self) -> np.ndarray | None:
-        """Return the fold at which the motion falls, running down, None if there is none."""
+        """Return the unknowns of the fold at which the motion falls, running down, or None."""
         fold = self._branch_down[0]
         for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
@@ -224,7 +232,8 @@ class _Search:
     def _follow_branch(self, start: np.ndarray, up: bool) -> tuple:
         """Return (first fold ahead of an orbit or None, points of the branch before it).
 
-        The branch ends where it comes out on the other side of the resonance without contact loss.
+        The orbit has the scaled unknowns `start`; the tuning rises with `up`, else it falls. The
+        branch ends beyond the resonance, where it has contact without loss.
         """
         problem = self.problem
         sign, end = (1.0, self.above) if up else (-1.0, self.below)
@@ -233,15 +242,15 @@ class _Search:
         tangent = tracing.tangent(solution.jacobian, sign * self.tuning_axis)
         points = [branch_point(solution, tangent)]
 
-        def has_passed(point):
-            """Return whether a point lies behind the resonance or outside the tunings."""
+        def has_passed(point: BranchPoint) -> bool:
+            """Return whether a point lies beyond the resonance or outside the tunings."""
             if not low < point.value < high:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
             in_contact = point.displacement_min >= np.max(self.model.flank_lines[0])
             return is_beyond and (up or in_contact)
 
-        def step(length):
+        def step(length: float) -> tuple[float, str]:
             """Take a step and add its point; return (next length, reason for the end or "")."""
             last = points[-1]
             # Close behind a grazing a fold is so sharp that a short step may turn.
@@ -276,7 +285,7 @@ class _Search:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the unknowns of a fold if the motion is stable up to it.
+        """Return the scaled unknowns of a fold, or None; raise an error if the motion is unstable.
 
         With one degree of freedom and damping the second multiplier is below 1.
         """
@@ -289,7 +298,10 @@ class _Search:
         return fold.unknowns
 
     def peak(self, column: int) -> tuple:
-        """Return (unknowns, value) where a column of summaries is largest before the first fold."""
+        """Return (scaled unknowns, value) where an extremum is largest before the first fold.
+
+        `column` is that of the extremum in `gearlib.engines.orbit`, for instance X_MAX.
+        """
         fold, branch = self._branch_down
         points = [point.unknowns for point in (branch if fold is None else [*branch, fold])]
         values = [self._extremum(unknowns, column) for unknowns in points]
@@ -304,6 +316,7 @@ class _Search:
             return tracing.correct(self.problem, start, normal)[0].unknowns
 
         def negative_extremum(position: float) -> float:
+            """Return the extremum at a fractional index of the points, with the opposite sign."""
             return -self._extremum(point_at(position), column)
 
         before_fold = last - _SHARE_BEFORE_FOLD

@@ -6,7 +6,6 @@ on a flank line) fix a curve over the state and both parameters, followed by pse
 
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -31,7 +30,7 @@ _DIFFERENCE_STEP = 1e-6
 _MAX_CONDITION = 1e-10
 #: Smallest step, as a share of the largest.
 _MIN_STEP = 1e-3
-#: Size of states, in static deflections, from which on the largest step grows with it.
+#: Size of states, in static deflections, above which the largest step grows with the state.
 _LARGE_STATE = 2.0
 #: Corrections up to which a step counts as easy, so that the next may be longer.
 _MAX_EASY_CORRECTIONS = 4
@@ -44,25 +43,31 @@ _HERMITE = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) 
 class _SpecialPointProblem(Shooting):
     """The shooting equation with the condition of a special point, over two parameters."""
 
-    label, phase, line = FOLD, None, 0.0
+    label: int = FOLD  #: kind of special point
+    phase: float | None = None  #: mesh phase of the turning point of the last grazing orbit
+    line: float = 0.0  #: displacement at the flank line that the orbit touches
 
-    def turning_point(self, unknowns: np.ndarray) -> tuple:
-        """Return (phase, displacement) of the turning point that touches a flank line.
+    def turning_point(self, unknowns: np.ndarray) -> tuple[float, float]:
+        """Return (mesh phase, displacement) of the turning point of an orbit that grazes.
 
-        It is the one next to the last `phase`; without one, the one next to a line.
+        It is the turning point nearest to `self.phase`. Without a phase it is the one nearest to a
+        flank line, which becomes `self.line`.
         """
         samples = self.record(unknowns, self.period + 1, _SAMPLES)[1].samples
         samples = samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
-        turns, step = np.flatnonzero(np.diff(samples[:, 1] < 0.0)), math.tau / _SAMPLES
+        step = math.tau / _SAMPLES
+        # The velocity changes its sign between each of these samples and the next.
+        turns = np.flatnonzero(np.diff(samples[:, 1] < 0.0))
         if not turns.size:
             raise tracing.ContinuationFailed("the orbit has no turning point")
         if self.phase is None:
-            # Half a period off both ends a turning point exists in neighbouring orbits too.
+            # Turning points next to the ends of the record may be missing in neighbouring orbits.
             inside = turns[np.abs(turns / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
             touches = itertools.product(inside, (0.0, -self.pair.backlash_ratio))
             i, self.line = min(touches, key=lambda touch: abs(samples[touch[0], 0] - touch[1]))
         else:
             i = turns[np.abs(turns * step - self.phase).argmin()]
+        # A polynomial of degree 5 matches x, v and a at both samples.
         ends = samples[i : i + 2] * step ** np.arange(3.0)
         displacement = Polynomial(np.linalg.solve(_HERMITE, ends.ravel()))
         position = ends[0, 1] / (ends[0, 1] - ends[1, 1])
@@ -71,7 +76,7 @@ class _SpecialPointProblem(Shooting):
         return (i + position) * step, float(displacement(position))
 
     def condition(self, unknowns: np.ndarray) -> float:
-        """Return a function of the unknowns that is zero at the special point."""
+        """Return a number that is zero if the orbit at scaled unknowns is the special point."""
         if self.label == GRAZING:
             return self.turning_point(unknowns)[1] - self.line
         monodromy = super().evaluate(unknowns).monodromy
@@ -87,9 +92,9 @@ class _SpecialPointProblem(Shooting):
                 for i in range(unknowns.size)
             ]
         )
-        size = np.linalg.norm(gradient)
-        value = self.condition(unknowns) / size
-        solution.jacobian = np.vstack([solution.jacobian, gradient / size])
+        gradient_size = np.linalg.norm(gradient)
+        value = self.condition(unknowns) / gradient_size
+        solution.jacobian = np.vstack([solution.jacobian, gradient / gradient_size])
         solution.residuals = np.append(solution.residuals, value)
         solution.converged = solution.converged and abs(value) <= _MAX_CONDITION
         return solution
@@ -172,15 +177,24 @@ def locus(
 
 
 def _follow_locus(
-    problem: Any, solutions: list, to: float, limits: tuple, max_step: float, max_points: int
+    problem: _SpecialPointProblem,
+    solutions: list,
+    to: float,
+    limits: tuple,
+    max_step: float,
+    max_points: int,
 ) -> str:
-    """Add the solutions of the locus behind the first one, and return the reason for its end."""
+    """Follow a locus, append its solutions to the first one, and return the reason for its end.
+
+    `to` is the value of the second parameter at which it ends, `limits` are (lowest, highest) of
+    the first.
+    """
     goal, first_value = to / problem.units[-1], solutions[0].unknowns[-1]
     sign = np.sign(goal - first_value)
     axis = np.eye(solutions[0].unknowns.size)[-1]
     direction = tracing.tangent(solutions[0].jacobian, sign * axis)
 
-    def step(length):
+    def step(length: float) -> tuple[float, str]:
         """Take a step and add its point; return (next length, reason for the end or "")."""
         nonlocal direction
         # Where an event meets a stiffness switch, folds and doublings have a corner.
@@ -194,11 +208,10 @@ def _follow_locus(
             problem.phase, _ = problem.turning_point(unknowns)
         longest = max_step * max(1.0, np.abs(unknowns[:-2]).max() / _LARGE_STATE)
         length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest)
-        end_reasons = {
-            "at its goal": unknowns[-1] == goal,
-            "at a limit": not limits[0] <= unknowns[-2] * problem.units[-2] <= limits[1],
-            "back at its beginning": (unknowns[-1] - first_value) * sign < 0.0,
-        }
-        return length, next((reason for reason, reached in end_reasons.items() if reached), "")
+        if unknowns[-1] == goal:
+            return length, "at its goal"
+        if not limits[0] <= unknowns[-2] * problem.units[-2] <= limits[1]:
+            return length, "at a limit"
+        return length, "back at its beginning" if (unknowns[-1] - first_value) * sign < 0.0 else ""
 
     return tracing.follow_curve(step, solutions, 0.2 * max_step, _MIN_STEP * max_step, max_points)

@@ -144,11 +144,13 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
 
 
 def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
-    """Return an orbit as one of a divisor of its period, if it repeats earlier, else None."""
+    """Return the orbit of a solution with its smallest period, None if that is the solution's."""
     problem, state = solution.problem, solution.state
     model, tuning, max_events = problem.pair, problem.tuning, problem.max_events
     propagator, period = problem.propagator(model, tuning), problem.period
-    for divisor in (n for n in range(model.repeats, period, model.repeats) if period % n == 0):
+    for divisor in range(model.repeats, period, model.repeats):
+        if period % divisor:
+            continue
         end, _, code = propagator.maps(state, divisor, max_events)
         if code != status.OK or problem.distance(end, state) > _SHORTER_PERIOD_TOLERANCE:
             continue
@@ -172,7 +174,16 @@ class Shooting:
     each (multiple shooting), so that deviations along an unstable orbit stay above rounding.
     """
 
-    def __init__(self, model, tuning, period, names=(), scales=(), max_events=MAX_EVENTS):
+    def __init__(
+        self,
+        model: Any,
+        tuning: float,
+        period: int,
+        names: tuple = (),
+        scales: tuple = (),
+        max_events: int = MAX_EVENTS,
+    ):
+        """Take the names of the parameters that vary, and the scale of each."""
         self.pair, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator: Any = None
@@ -190,12 +201,15 @@ class Shooting:
         #: Size of one scaled unit of each unknown.
         self.units = np.array([*state_units, *scales])
 
-    def unknowns(self, state, values):
-        """Return the scaled unknowns for a full state and values of the parameters."""
+    def unknowns(self, state: np.ndarray, values: Any) -> np.ndarray:
+        """Return the scaled unknowns for a full state and values of the parameters that vary."""
         return np.append(self.reduction @ state, values) / self.units
 
-    def guess(self, state):
-        """Return the scaled unknowns of the motion from a full state; keep its free rotation."""
+    def guess(self, state: np.ndarray) -> np.ndarray:
+        """Return the scaled unknowns of the motion from a full state.
+
+        The free rotations of the model along this motion are kept in `self.rotations`.
+        """
         states, propagator = [state], self.propagator(self.pair, self.tuning)
         for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
             states.append(self._segment(propagator, states[-1], start, stop)[0])
@@ -204,17 +218,21 @@ class Shooting:
         self.rotations = full_states - reduced_states @ self.lift.T
         return reduced_states.ravel() / self.units
 
-    def model(self, unknowns):
-        """Return (model, tuning, full states at the starts of segments), else ValueError."""
+    def model(self, unknowns: np.ndarray) -> tuple:
+        """Return (model, tuning, full states at the starts of segments) at scaled unknowns.
+
+        Raise ValueError if the model does not allow the values of its parameters.
+        """
         values = unknowns * self.units
-        model, tuning, n = self.pair, self.tuning, self.units.size - len(self.names)
+        model, tuning = self.pair, self.tuning
+        n = self.units.size - len(self.names)
         for name, value in zip(self.names, values[n:], strict=True):
             model, tuning = with_parameter(model, tuning, name, float(value))
         states = values[:n].reshape(-1, len(self.reduction)) @ self.lift.T
         return model, tuning, states + self.rotations
 
-    def propagator(self, model, tuning):
-        """Return the propagator of a model at a tuning; tables of the last one are reused."""
+    def propagator(self, model: Any, tuning: float) -> Any:
+        """Return the propagator of a model at a tuning, which reuses tables of the last one."""
         last = self._propagator
         if last is None or last.model is not model:
             self._propagator = model.propagator(tuning)
@@ -222,80 +240,97 @@ class Shooting:
             self._propagator = last.at(tuning)
         return self._propagator
 
-    def _segment(self, propagator, state, start, stop):
-        """Return (final state, maps of all mesh periods) of the motion between mesh periods."""
+    def _segment(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
+        """Return (final state, linearised map of each mesh period) of the motion from a full state.
+
+        It runs from the beginning of mesh period `start` to that of mesh period `stop`.
+        """
         first = start % self.pair.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first)
         if code != status.OK:
             raise ContinuationFailed(f"the motion could not go on: {status.MESSAGES[code]}")
         return end, maps
 
-    def run(self, unknowns):
-        """Return (tuning, first states, final states, maps of all mesh periods) of all segments."""
+    def run(self, unknowns: np.ndarray) -> tuple:
+        """Return (tuning, first states, final states, linearised maps) of all segments.
+
+        States have shape (segments, n); the maps of a segment are those of its mesh periods.
+        """
         model, tuning, states = self.model(unknowns)
-        propagator, maps, ends = self.propagator(model, tuning), [], np.empty_like(states)
+        propagator = self.propagator(model, tuning)
+        maps, ends = [], np.empty_like(states)
         for i, state in enumerate(states):
-            ends[i], segment_maps = self._segment(propagator, state, *self.starts[i : i + 2])
+            start, stop = self.starts[i], self.starts[i + 1]
+            ends[i], segment_maps = self._segment(propagator, state, start, stop)
             maps.append(segment_maps)
         return tuning, states, ends, maps
 
-    def record(self, unknowns, periods, samples=0):
-        """Return (model, `Record`) of a run over some mesh periods."""
+    def record(self, unknowns: np.ndarray, periods: int, samples: int = 0) -> tuple:
+        """Return (model, `Record` of its motion over some mesh periods) at scaled unknowns.
+
+        `samples` is the number of samples in a mesh period.
+        """
         model, tuning, states = self.model(unknowns)
         propagator = self.propagator(model, tuning)
         return model, propagator.record(states[0], periods, self.max_events, samples)
 
-    def evaluate(self, unknowns):
-        """Return the `Evaluation` at scaled unknowns; ValueError or ContinuationFailed."""
+    def evaluate(self, unknowns: np.ndarray) -> "Evaluation":
+        """Return the `Evaluation` of the shooting equation at scaled unknowns.
+
+        Raise ValueError for a parameter value that is not allowed, ContinuationFailed if the motion
+        cannot go on.
+        """
         return Evaluation(self, unknowns)
 
-    def distance(self, first, second):
-        """Return the distance of two states, relative to the second as in `residual_size`."""
+    def distance(self, first: np.ndarray, second: np.ndarray) -> float:
+        """Return the distance of two full states as in `residual_size`, without free rotation."""
         return residual_size(self.reduction @ (first - second), second, self.tuning)
 
 
 class Evaluation:
     """The shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
-    def __init__(self, problem, unknowns):
+    def __init__(self, problem: Shooting, unknowns: np.ndarray):
         self.problem, self.unknowns = problem, unknowns
         tuning, states, ends, maps = problem.run(unknowns)
         next_states = states if len(states) == 1 else states[problem.next_segments]
         differences = (ends - next_states) @ problem.reduction.T
         self.state = states[0]  #: full state at tau = 0
         #: Maps of the segments without free rotations.
-        self.maps = [problem.reduction @ compose(m) @ problem.lift for m in maps]
+        self.maps = [
+            problem.reduction @ compose(segment_maps) @ problem.lift for segment_maps in maps
+        ]
         self.residuals = differences.ravel() / problem.units[: differences.size]  #: shape (n,)
         self.residual = residual_size(differences, states, tuning)
         self.converged = self.residual <= MAX_RESIDUAL
 
     @cached_property
-    def monodromy(self):
+    def monodromy(self) -> np.ndarray:
         """Monodromy matrix: the linearised map of the whole period, without free rotations."""
         return compose(self.maps)
 
     @cached_property
-    def multipliers(self):
+    def multipliers(self) -> np.ndarray:
         """Floquet multipliers, complex, largest first."""
         return floquet_multipliers(self.monodromy)
 
     @cached_property
-    def jacobian(self):
-        """Derivative of the residuals, shape (n, n + parameters)."""
+    def jacobian(self) -> np.ndarray:
+        """Derivative of the residuals by the scaled unknowns, shape (n, n + parameters)."""
         problem, n = self.problem, self.residuals.size
         units = problem.units[:n]
         ends_by_states = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
         by_states = (ends_by_states - problem.links) * units / units[:, None]
 
-        def final_states(unknowns):
+        def final_states(unknowns: np.ndarray) -> np.ndarray:
+            """Return the final states of the segments."""
             return problem.run(unknowns)[2]
 
-        by_parameters = [
-            (difference_quotient(final_states, self.unknowns, i) @ problem.reduction.T).ravel()
-            / units
-            for i in range(n, self.unknowns.size)
-        ]
-        return np.column_stack([by_states, *by_parameters])
+        columns = [by_states]
+        for i in range(n, self.unknowns.size):
+            derivative = difference_quotient(final_states, self.unknowns, i)
+            columns.append((derivative @ problem.reduction.T).ravel() / units)
+        return np.column_stack(columns)
 
 
 def as_orbit(solution: Evaluation) -> Orbit:
@@ -309,7 +344,10 @@ def as_orbit(solution: Evaluation) -> Orbit:
 
 
 def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
-    """Solve the shooting equation by Newton's method with halved steps; return the last iterate."""
+    """Solve the shooting equation by Newton's method with halved steps; return the last iterate.
+
+    It may not have converged. The method starts at scaled unknowns.
+    """
     solution = problem.evaluate(unknowns)
     for _ in range(_MAX_NEWTON_STEPS):
         if solution.converged:
@@ -333,7 +371,10 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
 
 
 def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
-    """Return the full state of a guess; without one, the state in which the motion settles."""
+    """Return the full state of a guess, None: the state of the motion from rest when settled.
+
+    `guess` is displacement and velocity, or a full state.
+    """
     model, n = problem.pair, problem.pair.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
@@ -367,37 +408,48 @@ def is_stable(multipliers: np.ndarray) -> bool:
 
 
 def compose(maps: Any) -> np.ndarray:
-    """Return the linear map of all periods from the maps of each, in their order."""
+    """Return the product of linear maps, shape (n, n) each, that are applied one after another."""
     return functools.reduce(lambda matrix, next_map: next_map @ matrix, maps)
 
 
 def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> float:
-    """Return a difference of states in static deflections, relative to states larger than 100."""
+    """Return the largest component of a difference of states, in static deflections.
+
+    Velocities are multiplied by the tuning. Beyond 100 static deflections the difference is
+    relative to a hundredth of the state.
+    """
     weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
     return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))
 
 
 def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
-    """Return (contact codes in the order in which they occur, whether the orbit grazes)."""
+    """Return (contact codes of an orbit in the order in which they occur, whether it grazes).
+
+    `record` is its `Record`, `flank_lines` are the displacements at the near and the far flank.
+    """
     events, summary = record.events, record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     tolerance = _TOUCH_TOLERANCE * np.maximum(1.0, highest - lowest)
-    touches = any(
+    touches_line = any(
         np.min(np.abs(extremum - line) - tolerance) < 0
         for extremum in (lowest, highest)
         for line in flank_lines
     )
     if not len(events):
-        return tuple(codes_without_events(lowest, highest, *flank_lines)), touches
+        return tuple(codes_without_events(lowest, highest, *flank_lines)), touches_line
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
-    return pattern, bool(touches or speeds.min() < np.sqrt(tolerance.min()))
+    return pattern, bool(touches_line or speeds.min() < np.sqrt(tolerance.min()))
 
 
 def codes_without_events(
     lowest: np.ndarray, highest: np.ndarray, near_line: Any, far_line: Any
 ) -> list:
-    """Return the contact code of every mesh of an orbit without events, from its extrema (m,)."""
+    """Return the contact code of each mesh of an orbit without contact events.
+
+    `lowest` and `highest` are the extreme displacements of the meshes, shape (m,), the lines are
+    the displacements at which the near and the far flank touch.
+    """
     codes = np.where(highest > near_line, 1, np.where(lowest > far_line, 0, -1))
     return np.atleast_1d(codes).tolist()

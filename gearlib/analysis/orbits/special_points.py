@@ -46,7 +46,8 @@ REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(
 
 #: Tolerance of the position of a special point, as a share of the chord.
 _CHORD_TOLERANCE = 1e-14
-#: Share of the chord behind a grazing at which the branch goes on: there rounding makes no contact.
+#: Share of the chord behind a grazing at which the branch goes on, so that rounding does not decide
+#: on contact there.
 _SHARE_BEHIND_GRAZING = 1e-7
 #: Largest deviation of the squared modulus from 1 at which a complex pair is on the unit circle.
 _CIRCLE_TOLERANCE = 1e-6
@@ -62,8 +63,8 @@ class BranchPoint:
     """An orbit of a branch, with its tangent, extrema, contact pattern and label."""
 
     solution: Evaluation
-    tangent: np.ndarray  #: of the branch, unit length
-    value: float  #: of the parameter
+    tangent: np.ndarray  #: tangent of the branch, unit length
+    value: float  #: value of the parameter
     pattern: str  #: contact states in cyclic order, as letters
     displacement_max: float
     displacement_min: float
@@ -81,7 +82,7 @@ class BranchPoint:
 
 
 def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
-    """Return the `BranchPoint` at a solution of the shooting equation with one parameter."""
+    """Return a solution of the shooting equation as a point of a branch over one parameter."""
     problem = solution.problem
     model, record = problem.record(solution.unknowns, problem.period)
     summary = record.summary
@@ -92,9 +93,9 @@ def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
 
 
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
-    """Return a dataset of shooting solutions and their parameters over ``point``.
+    """Return a dataset of shooting solutions (`Evaluation`s) and their parameters over ``point``.
 
-    `variables` are added to it, and replace parameters of the same name.
+    `variables` are added to it; those named like a parameter replace the values of the parameter.
     """
     problem = solutions[0].problem
     multipliers = np.array([solution.multipliers for solution in solutions])
@@ -117,10 +118,12 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
 
 
 def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
-    """Return the contact states of an orbit as letters, independent of where tau = 0 lies.
+    """Return the contact states of an orbit as letters, which do not depend on where tau = 0 lies.
 
-    Of all cyclic rotations the last in the alphabet is chosen. With several meshes the number of
-    the mesh stands before each letter, and simultaneous events are sorted by mesh.
+    `events` and `summary` are tables of a `Record`, `flank_lines` the displacements at the near
+    and the far flank. Of all cyclic rotations of the letters the last in the alphabet is chosen.
+    With several meshes the number of the mesh stands before each letter, and simultaneous events
+    are sorted by mesh.
     """
     if not len(events):
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
@@ -140,9 +143,11 @@ def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple)
 
 
 def _neimark_sacker_test(multipliers: np.ndarray) -> float:
-    """Return |mu|^2 - 1 of the largest pair of complex multipliers, -1 without one."""
-    pairs = multipliers[multipliers.imag > 1e-9]
-    return np.abs(pairs).max() ** 2 - 1.0 if pairs.size else -1.0
+    """Return |mu|^2 - 1 of the largest complex Floquet multiplier mu, -1 if all are real."""
+    complex_multipliers = multipliers[multipliers.imag > 1e-9]
+    if not complex_multipliers.size:
+        return -1.0
+    return np.abs(complex_multipliers).max() ** 2 - 1.0
 
 
 #: Label -> function of the multipliers that changes its sign at such a point.
@@ -156,9 +161,9 @@ _TEST_FUNCTIONS = {
 def point_on_chord(
     problem: Shooting, first: BranchPoint, last: BranchPoint, share: float
 ) -> BranchPoint:
-    """Return the point of the branch at a share of the chord between two points.
+    """Return the point of the branch at a share, 0 to 1, of the chord between two points.
 
-    Its tangent is the chord, because that of the branch costs more and may not exist.
+    The tangent of the branch costs more and may not exist, so the chord takes its place.
     """
     chord = last.unknowns - first.unknowns
     direction = chord / np.linalg.norm(chord)
@@ -167,9 +172,10 @@ def point_on_chord(
 
 
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
-    """Locate a special point of a kind between two points of a branch.
+    """Return (share of the chord, special point) between two points of a branch, or None.
 
-    Return (share of the chord, `BranchPoint`), or None if the test function has no change of sign.
+    `label` is FOLD, DOUBLING or NEIMARK_SACKER. The result is None if its test function does not
+    change its sign between the points.
     """
     test = _TEST_FUNCTIONS[label]
     end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
@@ -178,7 +184,8 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
     if label == NEIMARK_SACKER and min(map(abs, end_values.values())) < _MIN_TEST_VALUE:
         return None
 
-    def test_value(share):
+    def test_value(share: float) -> float:
+        """Return the test function at a share of the chord."""
         if end_values.get(share):
             return end_values[share]
         return test(point_on_chord(problem, first, last, share).solution.multipliers)
@@ -196,17 +203,20 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
     """Return the special points between two points with the same contact pattern, in branch order.
 
-    ContinuationFailed if the branch could not be followed on the chord.
+    Raise ContinuationFailed if the branch cannot be followed on the chord.
     """
-    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
-    pairs = [pair for pair in located if pair]
-    return [point for _, point in sorted(pairs, key=lambda pair: pair[0])]
+    shares_and_points = []
+    for label in _TEST_FUNCTIONS:
+        located = locate(problem, first, last, label)
+        if located:
+            shares_and_points.append(located)
+    return [point for _, point in sorted(shares_and_points, key=lambda located: located[0])]
 
 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
-    """Return the points just before and just behind the first change of the contact pattern.
+    """Return the points just before and just behind the grazing between two points of a branch.
 
-    The first of them has the label of a grazing.
+    The contact pattern changes there. The point before it has the label GRAZING.
     """
     low, high, before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:

@@ -34,9 +34,10 @@ class ContinuationFailed(RuntimeError):
 
 
 def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
-    """Return (solution, number of corrections) on the curve in the plane normal to a vector.
+    """Return (solution, number of corrections) where the curve of a problem meets a plane.
 
-    The plane goes through `start`; ContinuationFailed if Newton's method does not converge.
+    The plane goes through the unknowns `start`, normal to a vector. Raise ContinuationFailed if
+    Newton's method does not converge.
     """
     unknowns = start
     for count in range(_MAX_CORRECTIONS):
@@ -56,11 +57,15 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
 
 
 def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the unit tangent of the curve, shape (n + 1,), that points along a direction."""
-    _, singular_values, rows = np.linalg.svd(jacobian)
+    """Return the unit tangent of the curve, shape (n + 1,), that points along a direction.
+
+    `jacobian` is the derivative of the residuals, shape (n, n + 1).
+    """
+    _, singular_values, right_vectors = np.linalg.svd(jacobian)
     if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
         raise ContinuationFailed("the solutions are no single curve here")
-    return rows[-1] if rows[-1] @ direction >= 0.0 else -rows[-1]
+    null_vector = right_vectors[-1]
+    return null_vector if null_vector @ direction >= 0.0 else -null_vector
 
 
 def take_step(
@@ -73,8 +78,9 @@ def take_step(
 ) -> tuple:
     """Take one step along the curve and return (solution, tangent, number of corrections).
 
-    A step that would pass the value `goal` of the last unknown ends there. ContinuationFailed if
-    the curve turns within the step and no corner is allowed.
+    The step begins at `unknowns`, along the unit tangent `direction`. A step that would pass the
+    value `goal` of the last unknown ends there. Raise ContinuationFailed if the curve turns within
+    the step and no corner is allowed.
     """
     predicted = unknowns + length * direction
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
@@ -102,8 +108,8 @@ def follow_curve(
     """Take steps along a curve until it ends, and return the reason for its end.
 
     `step(length)` adds points to `points` and returns (length of the next step, reason why the
-    curve ends there or ""). A step that fails is repeated with half the length, down to
-    `min_length`.
+    curve ends there or ""). After a ContinuationFailed it is repeated with half the length, down
+    to `min_length`.
     """
     while len(points) < max_points:
         try:
@@ -119,7 +125,10 @@ def follow_curve(
 def solve_at_value(
     problem: Any, unknowns: np.ndarray, unknowns_ahead: np.ndarray, value: float
 ) -> Any:
-    """Return the solution between two points of the curve where the last unknown has a value."""
+    """Return the solution at which the last unknown has a value.
+
+    `unknowns` and `unknowns_ahead` are points of the curve on either side of it.
+    """
     share = (value - unknowns[-1]) / (unknowns_ahead[-1] - unknowns[-1])
     start = unknowns + share * (unknowns_ahead - unknowns)
     start[-1] = value
@@ -129,9 +138,9 @@ def solve_at_value(
 def difference_quotient(
     function: Callable, unknowns: np.ndarray, index: int, step: float = _DIFFERENCE_STEP
 ) -> Any:
-    """Return the derivative of a function by one unknown, by a central difference.
+    """Return the derivative of a function of the unknowns by the unknown with an index.
 
-    Where the function raises ValueError on one side, the difference is one-sided.
+    It is a central difference of half width `step`, one-sided where the function raises ValueError.
     """
     positions, values = [], []
     for signed_step in (-step, step):
