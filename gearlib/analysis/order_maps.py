@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
@@ -58,56 +59,57 @@ _MAX_SAMPLES_PER_REVOLUTION = 2**16
 
 @dataclass
 class Motion:
-    """Samples of one variable over the mesh phase, with the course of the speed."""
+    """Samples of one variable over the mesh phase, with the speed profile."""
 
     phase: np.ndarray  #: mesh phase from the first sample on, shape (k,)
     values: np.ndarray  #: shape (k,), of trains (k, m)
     jumps: np.ndarray | None  #: rising phases at which values or slopes jump; None: not known
-    speeds: np.ndarray  #: course of the speed from the first sample on, rows of s and rpm
+    speeds: np.ndarray  #: speed profile from the first sample on, rows of s and rpm
     teeth: float  #: mesh periods in a revolution
     highest: float  #: highest order by default
     units: str
     coords: dict = field(default_factory=dict)  #: dimensions of the values beside the phase
     attrs: dict = field(default_factory=dict)  #: attributes of the order map
-    start_time: float = 0.0  #: of the first sample, s
+    start_time: float = 0.0  #: time of the first sample, s
 
 
 @dataclass
 class FourierSums:
-    """Fourier coefficients of blocks of a motion, with their changes with half of the samples."""
+    """Fourier coefficients of blocks of a motion, and their changes with half of the samples."""
 
     coefficients: np.ndarray  #: complex, shape (blocks, count, ...)
-    changes: np.ndarray  #: absolute values, the same shape
-    mean_squares: np.ndarray  #: of the values, shape (blocks, ...)
+    changes: np.ndarray  #: absolute values of the changes, the same shape
+    mean_squares: np.ndarray  #: mean squares of the samples, shape (blocks, ...)
 
     @property
-    def rms(self):
+    def rms(self) -> float:
         """Largest root mean square of the values, with which changes are compared."""
         return math.sqrt(self.mean_squares.max())
 
 
 class Turning:
-    """Revolutions of a shaft over a course of speed, rows of s and rpm, from its first row on."""
+    """Revolutions of a shaft with a piecewise linear speed profile, rows of s and rpm."""
 
-    def __init__(self, rows):
-        self._time, speed = np.array(rows, float).T
+    def __init__(self, speed_profile: ArrayLike):
+        self._time, speed = np.array(speed_profile, float).T
+        #: Speed in revolutions per second, its slope, and revolutions since the first row.
         self._rate = speed / 60.0
         self._slope = np.diff(self._rate) / np.diff(self._time)
         self._turned = cumulative_trapezoid(self._rate, self._time, initial=0.0)
 
-    def revolutions(self, time):
-        """Return the revolutions at times (array); behind the last row the speed is constant."""
+    def revolutions(self, time: np.ndarray) -> np.ndarray:
+        """Return the revolutions at times in s; the speed is constant after the last row."""
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
         t = time - self._time[i]
         return self._turned[i] + (self._rate[i] + 0.5 * np.append(self._slope, 0.0)[i] * t) * t
 
-    def at(self, revolutions):
-        """Return (time, speed in rpm) after numbers of revolutions (arrays)."""
+    def at(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (time in s, speed in rpm) after numbers of revolutions."""
         i = np.searchsorted(self._turned, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
         first_rate, turned = self._rate[i], revolutions - self._turned[i]
         rate = np.sqrt(np.maximum(first_rate**2 + 2.0 * self._slope[i] * turned, 0.0))
-        # At a start from rest, the solution as a difference would cancel.
+        # This form of the solution of the quadratic equation is accurate at a start from rest.
         mean_rate, zeros = first_rate + rate, np.zeros(turned.shape)
         time = np.divide(2.0 * turned, mean_rate, where=turned > 0.0, out=zeros)
         return self._time[i] + time, 60.0 * rate
@@ -207,8 +209,11 @@ def order_map(
 
 
 def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
-    """Return the `Motion` of a run-up, of a run at constant speed or of a signal, checked."""
-    names = set(getattr(run, "variables", ()))
+    """Return the samples of a variable of a run-up, a run at constant speed or a signal.
+
+    The arguments are those of `order_map`, which are checked.
+    """
+    names = set(getattr(run, "variables", ()))  # empty if it is no dataset
     if "time" in names and "phase" not in names:
         return _motion_of_signal(run, variable, highest, tacho, teeth)
     checks.one_of("variable", variable, tuple(_VARIABLES))
@@ -237,20 +242,21 @@ def _check_status(run: xr.Dataset) -> None:
 
 
 def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
-    """Return the `Motion` of a variable in a dataset of `gearlib.run_up`."""
+    """Return the samples of a variable in a dataset of `gearlib.run_up`."""
     speed, time, phase = (run[name].values for name in ("speed", "time", "phase"))
-    course = json.loads(run.attrs["parameters"])
-    # Corners of the course and contact events, where the variable or its slope may jump.
-    times = [row[0] for row in (*course["speed"], *course["load"])]
-    times = np.array([*times, *(run.event_time.values if "event_time" in run else ())])
+    profiles = json.loads(run.attrs["parameters"])
+    # Corners of the profiles and contact events, where the variable or its slope may jump.
+    jump_times = [row[0] for row in (*profiles["speed"], *profiles["load"])]
+    if "event_time" in run:
+        jump_times.extend(run.event_time.values)
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
     teeth = _periods_per_revolution(phase, angle)
-    phases = math.tau * teeth * Turning(course["speed"]).revolutions(times)
+    phases = math.tau * teeth * Turning(profiles["speed"]).revolutions(np.array(jump_times))
     return Motion(
         phase,
         run[variable].values,
         _jumps(run, variable, phases),
-        np.array(course["speed"]),
+        np.array(profiles["speed"]),
         teeth,
         _DEFAULT_MESH_ORDERS * teeth,
         run[variable].attrs["units"],
@@ -260,13 +266,10 @@ def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
 
 
 def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
-    """Return the `Motion` of a variable in a dataset of `gearlib.simulate`."""
+    """Return the samples of a variable in a dataset of `gearlib.simulate`, in SI units."""
     phase, rpm = run.phase.values - run.phase.values[0], float(run.speed)
-    omega, phases, (scale, units) = (
-        float(run.mesh_frequency),
-        _event_phases(run),
-        _VARIABLES[variable],
-    )
+    omega, phases = float(run.mesh_frequency), _event_phases(run)
+    scale, units = _VARIABLES[variable]
     teeth = _periods_per_revolution(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
     speeds = np.array([[0.0, rpm], [phases[1] / omega, rpm]])
     attrs = _attributes(run, "references", "model", "gear_pair")
@@ -279,40 +282,50 @@ def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
         _DEFAULT_MESH_ORDERS * teeth,
         units,
         {name: run[name].variable for name in run[variable].dims[1:]},
-        attrs | {"parameters": _course_json(speeds)},
+        attrs | {"parameters": _profiles_json(speeds)},
     )
 
 
 def _event_phases(run: xr.Dataset) -> np.ndarray:
-    """Return phases from the first sample on: both ends of a record of `simulate`, its events."""
+    """Return the phases of both ends and of the events of a run of `simulate`.
+
+    Phases are those after the first sample, in rad.
+    """
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"]
     return np.array([0.0, end, *(run.event_phase.values - run.phase.values[0])])
 
 
 def _periods_per_revolution(phase: np.ndarray, angle: float) -> float:
-    """Return the mesh periods in a revolution, from the mesh phase and the angle of the shaft."""
-    # One sample has no ratio, and no block either.
+    """Return the mesh periods in a revolution: a whole number unless it is far from one.
+
+    `phase` are the mesh phases of the samples, `angle` is how far the shaft turns in them, in rad.
+    """
+    # One sample has no ratio; it gives no block either.
     ratio = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     return float(round(ratio)) if abs(ratio - round(ratio)) < 1e-6 * ratio else ratio
 
 
 def _attributes(run: xr.Dataset, *names: str) -> dict:
-    """Return those attributes of a run with these names that exist."""
+    """Return the attributes of a run among the given names that exist."""
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
-def _course_json(speeds: np.ndarray) -> str:
-    """Return a course of speed at constant load as JSON."""
+def _profiles_json(speeds: np.ndarray) -> str:
+    """Return a speed profile, rows of s and rpm, with a constant load as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 
 def _motion_of_signal(
     data: xr.Dataset, variable: str, highest: float | None, tacho: Any, teeth: int
 ) -> Motion:
-    """Return the `Motion` of a signal over time, by its speed or the times of tacho pulses."""
+    """Return a signal over time as samples at equal angles of the shaft.
+
+    The angle follows from the speed in the dataset, or from the times of tacho pulses. `highest` is
+    the highest order that is needed, `teeth` the mesh periods in a revolution.
+    """
     time, values = _signal(data, variable)
-    angle_at, course = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
-    inside = (time >= course[0, 0]) & (time <= course[-1, 0])
+    angle_at, profile = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
+    inside = (time >= profile[0, 0]) & (time <= profile[-1, 0])
     if inside.sum() < 4:
         raise ValueError("tacho is not allowed: it must have four samples or more between pulses")
     time, values = time[inside], values[inside]
@@ -328,11 +341,12 @@ def _motion_of_signal(
         )
     count = min(2 * math.ceil(0.5 / float(steps.min())), _MAX_SAMPLES_PER_REVOLUTION)
     turned = np.arange(int((angles[-1] - angles[0]) * count) + 1) / count
-    speeds = course[course[:, 0] > time[0]]
-    speeds = np.vstack([[time[0], float(np.interp(time[0], *course.T))], speeds])
+    speeds = profile[profile[:, 0] > time[0]]
+    first_speed = float(np.interp(time[0], profile[:, 0], profile[:, 1]))
+    speeds = np.vstack([[time[0], first_speed], speeds])
     speeds[:, 0] -= time[0]
     # The piecewise linear speed is scaled to the angle of the spline, so that blocks agree.
-    total_angle = float(angle_at(course[-1, 0]) - angles[0])
+    total_angle = float(angle_at(profile[-1, 0]) - angles[0])
     speeds[:, 1] *= total_angle / (np.trapezoid(speeds[:, 1], speeds[:, 0]) / 60.0)
     return Motion(
         math.tau * teeth * turned,
@@ -342,16 +356,17 @@ def _motion_of_signal(
         float(teeth),
         max_order,
         data[variable].attrs.get("units", "1"),
-        attrs={"parameters": _course_json(speeds)},
+        attrs={"parameters": _profiles_json(speeds)},
         start_time=float(time[0]),
     )
 
 
 def _signal(data: xr.Dataset, variable: str) -> tuple:
-    """Return (time, values) of a signal in a dataset, checked."""
+    """Return (time, values) of a signal in a dataset; raise ValueError unless both are usable."""
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
-    time, values = (np.asarray(data[name].values, float) for name in ("time", variable))
+    time = np.asarray(data["time"].values, float)
+    values = np.asarray(data[variable].values, float)
     if not (time.ndim == 1 and time.size > 3 and np.isfinite(values).all()):
         raise ValueError(
             f"{variable} is not allowed: it must have four samples or more, all finite"
@@ -362,7 +377,10 @@ def _signal(data: xr.Dataset, variable: str) -> tuple:
 
 
 def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
-    """Return (shaft angle in revolutions as a function of time, speeds as rows of s and rpm)."""
+    """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
+
+    Both follow from the speeds in a dataset at rising times.
+    """
     if "speed" not in data.variables or data["speed"].shape != time.shape:
         raise ValueError("tacho = None is not allowed for a dataset without speed")
     speed = np.asarray(data["speed"].values, float)
@@ -373,7 +391,10 @@ def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
 
 
 def _angle_by_tacho(tacho: Any) -> tuple:
-    """Return the same as `_angle_by_speed` from times of pulses, one in each revolution."""
+    """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
+
+    Both follow from the times of tacho pulses in s, one in each revolution.
+    """
     pulses = np.array(checks.finite("tacho", tacho))
     if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
         raise ValueError("tacho is not allowed: it must be four times or more that rise")
@@ -382,9 +403,10 @@ def _angle_by_tacho(tacho: Any) -> tuple:
 
 
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
-    """Return the rising phases at which a variable or its slope jumps.
+    """Return the rising phases at which a variable of a run or its slope jumps.
 
-    These are phases of events, and switches of the stiffness if the run names its model.
+    These are `event_phases` and, if the run names its model, switches of the stiffness. Phases
+    count from the first sample.
     """
     if variable in ("displacement", "velocity"):
         return np.empty(0)
@@ -395,7 +417,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
         begin = 0.0 if "time" in run.dims else float(run.phase[0])
         end = float(run.phase[-1])
         switches, period = _stiffness_switches(model)
-        first, last = ((begin - math.tau) // period, (end + math.tau) // period)
+        first, last = (begin - math.tau) // period, (end + math.tau) // period
         starts = period * np.arange(first, last + 1.0)
         phases = np.concatenate([phases, (starts[:, None] + switches).ravel() - begin])
     phases = np.sort(phases)
@@ -403,7 +425,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (phases at which forces of a model may jump, phase after which they repeat)."""
+    """Return (phases at which mesh forces of a model may jump, phase after which they repeat)."""
     if model.equation is None:
         starts = model.system(1.0).starts
         return starts[:-1], starts[-1]
@@ -424,24 +446,37 @@ def fourier(
     step: float,
     count: int,
 ) -> FourierSums:
-    """Return the `FourierSums` of samples over phases (k,), in blocks of a span of phase.
+    """Return the Fourier coefficients 0 ... count - 1 of samples, in blocks of a span of phase.
 
-    Block b begins at phase b span, and coefficient n belongs to the wave number n step. Values or
-    slopes jump at the rising phases `jumps`.
+    `phase` has shape (k,), `values` (k,) or (k, m). Block b begins at phase b span, and coefficient
+    n belongs to the wave number n step. Values or slopes jump at the rising phases `jumps`, None if
+    these are not known.
     """
-    sums, squares = _block_sums(phase, values, jumps, span, blocks, step, count)
+    sums, mean_squares = _block_sums(phase, values, jumps, span, blocks, step, count)
     coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, span, blocks, step, count)
-    return FourierSums(sums, np.abs(sums - coarse_sums), squares)
+    return FourierSums(sums, np.abs(sums - coarse_sums), mean_squares)
 
 
-def _block_sums(phase, values, jumps, span, blocks, step, count):
-    """Return (coefficients, mean squares) of `fourier`; without known jumps by trapezia."""
+def _block_sums(
+    phase: np.ndarray,
+    values: np.ndarray,
+    jumps: np.ndarray | None,
+    span: float,
+    blocks: int,
+    step: float,
+    count: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (coefficients, mean squares) of the blocks, for the arguments of `fourier`.
+
+    Without known jumps the samples are integrated by the trapezoidal rule.
+    """
     table, inner_shape = values.reshape(len(values), -1), values.shape[1:]
     sums = np.zeros((blocks, count, table.shape[1]), complex)
     squares = np.zeros((blocks, table.shape[1]))
     if jumps is not None:
-        # The value at a jump may be that of either side, so it is left out.
-        ends, after = np.concatenate([[-np.inf], jumps, [np.inf]]), np.searchsorted(jumps, phase)
+        # A sample at a jump may belong to either side, so it is left out.
+        ends = np.concatenate([[-np.inf], jumps, [np.inf]])
+        after = np.searchsorted(jumps, phase)
         distances = np.minimum(phase - ends[after], ends[after + 1] - phase)
         phase, table = phase[distances > PHASE_TOLERANCE], table[distances > PHASE_TOLERANCE]
     for b in range(blocks):
@@ -469,46 +504,50 @@ def _block_sums(phase, values, jumps, span, blocks, step, count):
 
 
 def _integration_weights(phase: np.ndarray, jumps: np.ndarray, span: float) -> np.ndarray:
-    """Return weights (n,) of samples at phases (n,), whose sum is the integral from 0 to span.
+    """Return the weights (n,) with which samples at phases (n,) add up to the integral.
 
-    Cubic polynomials go through neighbouring samples between the same jumps.
+    The integral goes from phase 0 to `span`. Cubic polynomials interpolate neighbouring samples;
+    none reaches across one of the rising phases `jumps`.
     """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
     ends = np.concatenate([[0.0, span], phase, jumps])
     bounds = np.unique(ends[(ends >= 0.0) & (ends <= span)])
     half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-    # Smooth pieces are numbered by the jumps before them.
-    piece_of_sample = np.searchsorted(jumps, phase)
-    piece_of_interval = np.searchsorted(jumps, middle)
-    low = np.searchsorted(piece_of_sample, piece_of_interval, side="left")
-    high = np.searchsorted(piece_of_sample, piece_of_interval, side="right")
-    # In a piece without samples the neighbours on both sides are used.
-    empty = (low == high).astype(int)
-    low, high = np.maximum(low - empty, 0), np.minimum(high + empty, phase.size)
+    # Smooth segments are numbered by the jumps before them.
+    segment_of_sample = np.searchsorted(jumps, phase)
+    segment_of_interval = np.searchsorted(jumps, middle)
+    low = np.searchsorted(segment_of_sample, segment_of_interval, side="left")
+    high = np.searchsorted(segment_of_sample, segment_of_interval, side="right")
+    # In a segment without samples the neighbours on both sides are used.
+    is_empty = (low == high).astype(int)
+    low, high = np.maximum(low - is_empty, 0), np.minimum(high + is_empty, phase.size)
     size = np.minimum(high - low, STENCIL)
     first = np.clip(np.searchsorted(phase, middle) - size // 2, low, high - size)
     weights = np.zeros(phase.size)
     for n in np.unique(size).tolist():
-        rows = np.flatnonzero(size == n)
-        indices = first[rows] + np.arange(n)[:, None]
-        x, nodes = phase[indices] - middle[rows], half[rows] * GAUSS_NODES[:, None]
+        intervals = np.flatnonzero(size == n)
+        indices = first[intervals] + np.arange(n)[:, None]
+        x, nodes = phase[indices] - middle[intervals], half[intervals] * GAUSS_NODES[:, None]
         for i in range(n):
             lagrange = np.ones(nodes.shape)
             for j in range(n):
                 if j != i:
                     lagrange *= (nodes - x[j]) / (x[i] - x[j])
-            integrals = half[rows] * (GAUSS_WEIGHTS @ lagrange)
+            integrals = half[intervals] * (GAUSS_WEIGHTS @ lagrange)
             weights += np.bincount(indices[i], integrals, minlength=phase.size)
     return weights
 
 
 def _samples_per_period(phase: np.ndarray) -> int:
-    """Return the median number of samples in a mesh period."""
+    """Return the number of samples in a mesh period, from the median step of their phases."""
     return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
 
 
 def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
-    """Raise ValueError if coefficients change too much with half of the samples."""
+    """Raise ValueError if a coefficient changes too much with half of the samples.
+
+    `phase` are the mesh phases of the samples.
+    """
     change = sums.changes.max()
     if change > MAX_CHANGE * sums.rms:
         raise ValueError(
@@ -519,7 +558,7 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
 
 
 def _order_index(order: float, revolutions: int, count: int) -> int:
-    """Return the index of an order among multiples of 1 / revolutions, checked."""
+    """Return the index of an order among the `count` multiples of 1 / revolutions, checked."""
     index = round(order * revolutions)
     if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
         raise ValueError(
@@ -529,10 +568,19 @@ def _order_index(order: float, revolutions: int, count: int) -> int:
     return index
 
 
-def _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds):
-    """Return the order map as a dataset, of the orders with these indices.
+def _dataset(
+    motion: Motion,
+    variable: str,
+    amplitude: str,
+    sums: FourierSums,
+    indices: np.ndarray,
+    revolutions: int,
+    bounds: np.ndarray,
+) -> xr.Dataset:
+    """Return the order map of a variable as a dataset.
 
-    Blocks have `revolutions` each and the times `bounds`, shape (blocks + 1,), s.
+    `indices` are those of its orders in `sums`, `amplitude` is a key of `_AMPLITUDES`. Each block
+    has `revolutions`; `bounds` are the times of their ends, shape (blocks + 1,), s.
     """
     mean = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
@@ -629,21 +677,21 @@ def orders(run, *, count=None):
 
 
 def _teeth_of(run: xr.Dataset) -> int:
-    """Return the mesh periods in a revolution of a run of `simulate`."""
+    """Return the mesh periods in a revolution of the gear that turns with the run's speed."""
     return round(float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed)))
 
 
 def _record_periods(run: xr.Dataset) -> int:
-    """Return the mesh periods of the record of a run of `simulate`."""
+    """Return the number of recorded mesh periods of a run of `simulate`."""
     return json.loads(run.attrs["parameters"])["record_periods"]
 
 
 def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = True) -> tuple:
-    """Return (mesh orders, Fourier sums of the record) of a run of `simulate`.
+    """Return (mesh orders, {"force": ..., "error": ...}) of a run of `simulate`.
 
-    The sums of "force" (N) and "error" (m) are (values at the samples, `FourierSums` of one block).
-    Mesh orders go up to `count`, in steps of one over the record's mesh periods, or of one without
-    `fractions`.
+    The mesh force (N) and the transmission error (m) have (values at the samples, `FourierSums` of
+    one block). Mesh orders go up to `count`, in steps of 1 over the recorded mesh periods, or of 1
+    without `fractions`.
     """
     _check_status(run)
     periods, teeth = _record_periods(run), _teeth_of(run)
@@ -657,11 +705,12 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = Tru
         )
     max_count = max(run.phase.size // periods // 4, 1)
     count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
-    parts, span = periods if fractions else 1, math.tau * periods
+    steps_per_order, span = periods if fractions else 1, math.tau * periods
+    order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]
     margin = 2 * STENCIL
     if repeats:
-        # The record is continued periodically, so that polynomials at its ends are not one-sided.
+        # The record is continued periodically, so that polynomials at both ends are central.
         phase = np.concatenate([phase[-margin:] - span, phase, phase[:margin] + span])
     sums = {}
     for name, values, variable in (
@@ -673,23 +722,24 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = Tru
             record = np.concatenate([values[-margin:], values, values[:margin]])
         sums[name] = (
             values,
-            fourier(phase, record, jumps, span, 1, 1.0 / parts, count * parts + 1),
+            fourier(phase, record, jumps, span, 1, 1.0 / steps_per_order, order_count),
         )
-    return np.arange(count * parts + 1) / parts, sums
+    return np.arange(order_count) / steps_per_order, sums
 
 
 def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
-    """Return mesh orders from 1 on, and peaks of force (N) and error (m), nan if unreliable."""
+    """Return (mesh orders from 1 on, amplitudes of the mesh force, of the transmission error).
+
+    The amplitudes are in N and m, NaN if half of the samples gives a different one.
+    """
     mesh_orders, sums = record_sums(run, fractions=False)
-    peaks = [
-        np.where(
-            block.changes[0] > MAX_CHANGE * block.rms,
-            math.nan,
-            2.0 * np.abs(block.coefficients[0]),
-        )
-        for _, block in sums.values()
-    ]
-    return mesh_orders[1:], *(peak[1:] for peak in peaks)
+    amplitudes = []
+    for name in ("force", "error"):
+        _, block = sums[name]
+        is_unreliable = block.changes[0] > MAX_CHANGE * block.rms
+        peaks = np.where(is_unreliable, math.nan, 2.0 * np.abs(block.coefficients[0]))
+        amplitudes.append(peaks[1:])
+    return mesh_orders[1:], *amplitudes
 
 
 def transmission_error(run: xr.Dataset) -> np.ndarray:

@@ -26,7 +26,7 @@ from gearlib.models.harmonics import Harmonics
 
 #: Step of the scan over 1 / nu; the distance of tongues is about a half.
 _SCAN_STEP = 1.0 / 32.0
-#: Values of |T| / 2 - 1 up to this are rounding.
+#: Largest value of |T| / 2 - 1 that rounding may cause.
 _ROUNDING = 2e-14
 #: Growth per mesh period up to which motions of many coordinates count as stable: the square root
 #: of rounding, by which double multipliers change.
@@ -37,7 +37,7 @@ _MAX_ESTIMATED_DAMPING = 0.3
 
 
 def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
-    """Return the `Tongue`s of a linear `OneDegreePair` whose gaps meet a range of tunings."""
+    """Return the `Tongue`s of a linear `OneDegreePair` in gaps that meet `start` to `stop`."""
     tongues = []
     for order, extrema in _trace_extrema(pair, 1.0 / start):
         tongue, (low, high) = _gap_tongue(pair, order, *extrema)
@@ -49,7 +49,7 @@ def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
 
 
 def closing_damping(pair: Any, tongue: Tongue) -> float:
-    """Return the damping ratio that closes a tongue of a linear `OneDegreePair`; 0: a point."""
+    """Return the damping ratio that closes a tongue of a linear `OneDegreePair`; 0 for a point."""
     undamped = with_damping(pair, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
     before, middle, after = extrema[tongue.order]
@@ -57,7 +57,7 @@ def closing_damping(pair: Any, tongue: Tongue) -> float:
     if undamped_tongue.growth <= 0.0:
         return 0.0
 
-    def growth(damping):
+    def growth(damping: float) -> float:
         """Return the growth of the tongue at a damping ratio."""
         # Damping lowers the frequency, so that the extrema shift.
         shift = 1.0 / math.sqrt(1.0 - damping * damping)
@@ -81,11 +81,12 @@ def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
     """
     sign = math.copysign(1.0, _characteristic(pair, tongue.peak, tongue.multiplier))
 
-    def largest_margin(damping):
+    def largest_margin(damping: float) -> float:
         """Return the largest margin of instability in the tongue at a damping ratio."""
         damped = with_damping(pair, damping)
 
-        def margin(nu):
+        def margin(nu: float) -> float:
+            """Return a number that is positive where the motion at a tuning is unstable."""
             if tongue.multiplier:
                 return sign * _characteristic(damped, nu, tongue.multiplier)
             return _growth(damped, nu) - _MIN_GROWTH
@@ -103,27 +104,31 @@ def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
 
 
 def with_damping(pair: Any, damping: float) -> Any:
-    """Return a model with another damping ratio of the material."""
+    """Return a model with a damping ratio of the material, and all else as it is."""
     material = 2.0 * damping * pair.reduced_mass * pair.mean_eigenfrequency
     return pair.replace(material_damping=material)
 
 
 def _half_trace(pair: Any, k: float, order: int) -> float:
-    """Return (-1)^order T / 2 of the map freed of the damping, > 1 in the gap; k = 1 / nu."""
+    """Return (-1)^order T / 2 at the tuning 1 / k, which is above 1 in the gap of an order.
+
+    T is the trace of the map over one mesh period, freed of the damping.
+    """
     growth = math.exp(2.0 * math.pi * pair.damping_ratio * k)
     unforced = pair.replace(excitation=Harmonics(), deviation=Harmonics())
     return 0.5 * (-1.0) ** order * growth * float(np.trace(period_map(unforced, 1.0 / k)[0]))
 
 
 def _trace_extremum(pair: Any, order: int, low: float, high: float) -> float:
-    """Return k = 1 / nu at which T has its extremum in a gap between two values of k."""
+    """Return k = 1 / nu between `low` and `high` where the trace T is extreme, in one gap."""
     return meissner.maximum(lambda k: _half_trace(pair, k, order), low, high)[1]
 
 
 def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
-    """Yield (order, k = 1 / nu of the extrema of T before, at and after it) up to a value of k.
+    """Yield (order, extrema) of the gaps up to `max_k`, and of one more.
 
-    The extremum of the last order lies beyond `max_k`; the first extremum is k = 0, where T = 2.
+    The extrema are the k = 1 / nu at which the trace T is extreme before, in and after the gap. The
+    first extremum of all is k = 0, where T = 2.
     """
     if pair.damping_ratio >= 1.0:
         raise ValueError(
@@ -145,15 +150,18 @@ def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
 
 
 def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: float) -> tuple:
-    """Return (`Tongue`, ends of its gap over k = 1 / nu) around the extremum of T in the middle.
+    """Return (`Tongue`, ends of its gap over k = 1 / nu) around an extremum of the trace T.
 
-    The ends lie between the neighbouring extrema; they are equal if the gap is too narrow.
+    T is extreme at `middle`; the ends lie between the neighbouring extrema `before` and `after`,
+    and are equal if the gap is too narrow.
     """
 
-    def excess(k):
+    def excess(k: float) -> float:
+        """Return |T| / 2 - 1 in the gap."""
         return _half_trace(pair, k, order) - 1.0
 
-    def scaled_excess(k):
+    def scaled_excess(k: float) -> tuple:
+        """Return |T| / 2 - 1 in the gap with the exponent 0 of its scale."""
         return excess(k), 0.0
 
     ends = middle, middle
@@ -177,23 +185,29 @@ def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float
         if growth <= _MIN_GROWTH:
             continue
         if tongues and tongues[-1].stop == low:
-            # An edge inside a tongue joins its two parts.
-            before = tongues.pop()
-            low, first = before.start, before.multiplier
-            growth, peak = max((growth, peak), (before.growth, before.peak))
+            # The edge lies inside a tongue and does not divide it.
+            previous = tongues.pop()
+            low, first = previous.start, previous.multiplier
+            growth, peak = max((growth, peak), (previous.growth, previous.peak))
         # At the ends of the range the multiplier is not known.
-        sign = first if low > start else last
-        tongues.append(Tongue(0, sign if last in (sign, 0) else 0, low, high, growth, peak))
+        multiplier = first if low > start else last
+        if last not in (multiplier, 0):
+            multiplier = 0
+        tongues.append(Tongue(0, multiplier, low, high, growth, peak))
     return tongues
 
 
 def _edges(pair: Any, grid: np.ndarray) -> list:
-    """Return (tuning, multiplier 1 or -1, 0 for a complex pair) where stability may change."""
+    """Return a list of (tuning, multiplier) where stability may change, between grid tunings.
+
+    The multiplier is 1 or -1, 0 for a complex pair.
+    """
     maps = np.array([pair.contact_map(nu) for nu in grid])
     edges = [(nu, sign) for sign in (1, -1) for nu in _zeros(pair, sign, grid, maps)]
     unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
 
-    def margin(nu):
+    def margin(nu: float) -> float:
+        """Return a number that is positive where the motion at a tuning is unstable."""
         return _growth(pair, nu) - _MIN_GROWTH
 
     for i, (low, high) in enumerate(pairwise(grid)):
@@ -203,7 +217,10 @@ def _edges(pair: Any, grid: np.ndarray) -> list:
 
 
 def _largest_growth(pair: Any, low: float, high: float, grid: np.ndarray) -> tuple:
-    """Return (growth, its tuning) between two edges: at grid points, refined about the largest."""
+    """Return (largest growth, its tuning) between two edges `low` and `high`.
+
+    The largest growth at the tunings of the grid is refined if the motion is unstable there.
+    """
     tunings = [low, *grid[(grid > low) & (grid < high)], high]
     inner = tunings[1:-1] or [0.5 * (low + high)]
     growths = [_growth(pair, nu) for nu in inner]
@@ -215,7 +232,10 @@ def _largest_growth(pair: Any, low: float, high: float, grid: np.ndarray) -> tup
 
 
 def _characteristic(pair: Any, nu: float, sign: int) -> float:
-    """Return det(M - sign I), which is zero where a Floquet multiplier is `sign`."""
+    """Return det(M - sign I), which is zero at tunings where a Floquet multiplier is `sign`.
+
+    M is the monodromy matrix at the tuning `nu`; `sign` is 1 or -1.
+    """
     matrix = pair.contact_map(nu)
     return float(np.linalg.det(matrix - sign * np.eye(len(matrix))))
 
@@ -231,10 +251,14 @@ def _log_spectral_radius(matrix: np.ndarray) -> float:
 
 
 def _zeros(pair: Any, sign: int, grid: np.ndarray, maps: np.ndarray) -> list:
-    """Return the tunings where a multiplier is `sign`, from the monodromy matrices over a grid."""
+    """Return the tunings at which a Floquet multiplier is `sign`, 1 or -1.
+
+    `grid` are rising tunings, `maps` the monodromy matrices at these, shape (m, n, n).
+    """
     values = np.linalg.det(maps - sign * np.eye(maps.shape[1]))
 
-    def characteristic(nu):
+    def characteristic(nu: float) -> float:
+        """Return the determinant at a tuning."""
         return _characteristic(pair, nu, sign)
 
     zeros = []
@@ -259,5 +283,5 @@ def _zeros(pair: Any, sign: int, grid: np.ndarray, maps: np.ndarray) -> list:
 def _has_minimum(values: np.ndarray) -> bool:
     """Return whether three values have one sign and the smallest magnitude in the middle."""
     first, middle, last = np.abs(values)
-    one_sign = values[0] * values[1] > 0.0 < values[1] * values[2]
-    return one_sign and middle <= first and middle <= last
+    have_one_sign = values[0] * values[1] > 0.0 and values[1] * values[2] > 0.0
+    return bool(have_one_sign and middle <= first and middle <= last)

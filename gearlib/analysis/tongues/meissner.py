@@ -42,11 +42,11 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Relative tolerance of roots, the smallest that the solver takes.
 MACHINE_PRECISION = 4.0 * np.finfo(float).eps
-#: Exponent from which on the logarithm of a growth is computed without exp, which would overflow.
+#: Exponent above which the logarithm of a growth is computed without exp, which would overflow.
 _MAX_EXPONENT = 300.0
 #: Phase of the segment of C_min below which its angle is taken from the solution at its ends.
 _SMALL_ANGLE = 0.5
-#: Damping ratios at which the growth of a tongue is computed to bracket the one that closes it.
+#: Number of damping ratios at which the growth of a tongue is computed to bracket its zero.
 _SCANNED_DAMPINGS = 40
 
 
@@ -68,7 +68,7 @@ class Tongue(NamedTuple):
     start: float  #: first tuning; NaN: the tongue is closed
     stop: float  #: last tuning
     growth: float  #: largest logarithm of the growth per mesh period; below 0: closed
-    peak: float  #: its tuning
+    peak: float  #: tuning of the largest growth
 
 
 def equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
@@ -84,7 +84,11 @@ def equation_of(pair: Any) -> Meissner:
 
 
 def segment_solution(q: float, time: float) -> tuple:
-    """Return (cos(w t), sin(w t) / w, s) of w^2 = q; for q < 0 both times exp(-s), s = |w t|."""
+    """Return (cos(w t), sin(w t) / w, 0) for u'' + q u = 0 with q = w^2 > 0 at a time t.
+
+    For q = -w^2 < 0 return (cosh(w t) exp(-s), sinh(w t) / w exp(-s), s) with s = |w t|, so that
+    no number overflows.
+    """
     w = math.sqrt(abs(q))
     angle = w * time
     if q > 0.0 and angle != 0.0:
@@ -97,26 +101,34 @@ def segment_solution(q: float, time: float) -> tuple:
 
 
 def _half_period_solutions(equation: Meissner, k: float) -> tuple:
-    """Return (u1, u1', u2, u2', s) after half a period, all four times exp(-s); k = 1 / nu."""
-    c1, s1, e1 = segment_solution(equation.q_stiff, k * equation.half_stiff)
-    c2, s2, e2 = segment_solution(equation.q_soft, k * equation.half_soft)
+    """Return the even and odd solution u1, u2 after half a mesh period at the tuning 1 / k.
+
+    The result is (u1, u1', u2, u2', s), the first four scaled by exp(-s).
+    """
+    q1, q2 = equation.q_stiff, equation.q_soft
+    cosine1, sine1, exponent1 = segment_solution(q1, k * equation.half_stiff)
+    cosine2, sine2, exponent2 = segment_solution(q2, k * equation.half_soft)
     return (
-        c1 * c2 - equation.q_stiff * s1 * s2,
-        -equation.q_soft * s2 * c1 - equation.q_stiff * s1 * c2,
-        s1 * c2 + c1 * s2,
-        c1 * c2 - equation.q_soft * s2 * s1,
-        e1 + e2,
+        cosine1 * cosine2 - q1 * sine1 * sine2,
+        -q2 * sine2 * cosine1 - q1 * sine1 * cosine2,
+        sine1 * cosine2 + cosine1 * sine2,
+        cosine1 * cosine2 - q2 * sine2 * sine1,
+        exponent1 + exponent2,
     )
 
 
 def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
-    """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order; k = 1 / nu."""
+    """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order at the tuning 1 / k.
+
+    T is the trace of the map over one mesh period, without damping.
+    """
     even, even_rate, odd, odd_rate, exponent = _half_period_solutions(equation, k)
-    return 2.0 * even_rate * odd if order % 2 == 0 else -2.0 * even * odd_rate, exponent
+    excess = 2.0 * even_rate * odd if order % 2 == 0 else -2.0 * even * odd_rate
+    return excess, exponent
 
 
 def _growth(equation: Meissner, k: float, order: int) -> float:
-    """Return the logarithm of the largest multiplier in the gap of an order; k = 1 / nu."""
+    """Return the logarithm of the largest multiplier in the gap of an order at the tuning 1 / k."""
     return _log_multiplier(_scaled_excess(equation, k, order), math.pi * equation.damping * k)
 
 
@@ -135,16 +147,20 @@ def _log_multiplier(scaled_excess: tuple, loss: float) -> float:
 
 
 def _instability_margin(scaled_excess: tuple, loss: float) -> float:
-    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled: positive where deviations grow."""
+    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled like `scaled_excess`: > 0 if deviations grow.
+
+    `scaled_excess` is a result of `_scaled_excess`, `loss` is pi beta / nu.
+    """
     excess, exponent = scaled_excess
     sinh = -0.5 * math.exp(loss - exponent) * math.expm1(-2.0 * loss)
     return excess - 2.0 * sinh * sinh
 
 
 def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
-    """Return the phase angle of u1 (or u2, odd) after half a period, continuous in k = 1 / nu.
+    """Return the phase angle of the even or odd solution after half a mesh period, rad.
 
-    It passes n pi / 2 once, upwards, at an edge of the gap of order n.
+    It is continuous in k = 1 / nu, and passes n pi / 2 once, upwards, at an edge of the gap of
+    order n.
     """
     w = math.sqrt(equation.q_stiff)
     stiff_angle = w * k * equation.half_stiff
@@ -167,21 +183,22 @@ def _is_over_damped(equation: Meissner) -> bool:
 
 
 def gap(equation: Meissner, order: int) -> tuple | None:
-    """Return the ends of the gap of an order over k = 1 / nu, in rising order.
+    """Return the rising ends of the gap of an order over k = 1 / nu.
 
-    None if all segments are over-damped. Equal up to rounding: the gap is a point.
+    They are equal up to rounding if the gap is a point; None if all segments are over-damped.
     """
     if _is_over_damped(equation):
         return None
-    level = 0.5 * math.pi * order
+    angle_at_edge = 0.5 * math.pi * order
     ends = []
     for odd in (False, True):
         high = float(order)
-        while phase_angle(equation, high, odd) <= level:
+        while phase_angle(equation, high, odd) <= angle_at_edge:
             high *= 2.0
 
-        def difference(k, odd=odd):
-            return phase_angle(equation, k, odd) - level
+        def difference(k: float, odd: bool = odd) -> float:
+            """Return the phase angle less the one at the edge of the gap."""
+            return phase_angle(equation, k, odd) - angle_at_edge
 
         ends.append(root(difference, 1e-3 * order / high, high))
     return min(ends), max(ends)
@@ -194,7 +211,8 @@ def tongue(equation: Meissner, order: int) -> Any:
         return None
     low, high = ends
 
-    def scaled_excess(k):
+    def scaled_excess(k: float) -> tuple:
+        """Return `_scaled_excess` of this equation and order."""
         return _scaled_excess(equation, k, order)
 
     return tongue_in_gap(order, low, high, equation.damping, scaled_excess)
@@ -203,16 +221,18 @@ def tongue(equation: Meissner, order: int) -> Any:
 def tongue_in_gap(
     order: int, low: float, high: float, damping: float, scaled_excess: Callable
 ) -> Tongue:
-    """Return the `Tongue` in a gap between two values of k = 1 / nu.
+    """Return the `Tongue` in a gap from `low` to `high`, values of k = 1 / nu.
 
     `scaled_excess(k)` returns |T| / 2 - 1 like `_scaled_excess`. Without damping the tongue is the
     gap.
     """
 
-    def growth(k):
+    def growth(k: float) -> float:
+        """Return the logarithm of the largest multiplier."""
         return _log_multiplier(scaled_excess(k), math.pi * damping * k)
 
-    def margin(k):
+    def margin(k: float) -> float:
+        """Return a number that is positive where deviations grow."""
         return _instability_margin(scaled_excess(k), math.pi * damping * k)
 
     sign = -1 if order % 2 else 1
@@ -229,10 +249,10 @@ def tongue_in_gap(
 
 
 def maximum(function: Callable, low: float, high: float) -> tuple:
-    """Return (largest value, its position) of a function with one maximum in an interval."""
+    """Return (largest value, its position) of a function with one maximum from `low` to `high`."""
     width = high - low
     optimum = minimize_scalar(
-        # Shares of the interval: gaps may be narrower than the solver's tolerance.
+        # The variable is a share of the interval, which may be narrower than the tolerance.
         lambda share: -function(low + share * width),
         bounds=(0.0, 1.0),
         method="bounded",
@@ -242,9 +262,9 @@ def maximum(function: Callable, low: float, high: float) -> tuple:
 
 
 def edge(margin: Callable, inside: float, outside: float) -> float:
-    """Return where a positive margin becomes zero between two positions.
+    """Return the position at which a margin, positive at `inside`, becomes zero towards `outside`.
 
-    `outside` if the margin is positive there, `inside` if it is positive nowhere but by rounding.
+    It is `outside` if the margin is not negative there, `inside` if it is not positive there.
     """
     if margin(outside) >= 0.0:
         return outside
@@ -254,7 +274,7 @@ def edge(margin: Callable, inside: float, outside: float) -> float:
 
 
 def root(function: Callable, low: float, high: float) -> float:
-    """Return a zero between two positions of opposite signs, to machine precision."""
+    """Return the zero of a function between positions where its signs differ, to rounding."""
     return float(brentq(function, low, high, xtol=1e-300, rtol=MACHINE_PRECISION))
 
 
@@ -262,15 +282,17 @@ def orders(equation: Meissner, start: float, stop: float) -> range:
     """Return the orders of the gaps that meet the tunings from `start` to `stop`."""
     if _is_over_damped(equation):
         return range(0)
+    # The gap of order n lies where the phase angles of the two solutions include n pi / 2.
     first = 2.0 / math.pi * min(phase_angle(equation, 1.0 / stop, odd) for odd in (False, True))
     last = 2.0 / math.pi * max(phase_angle(equation, 1.0 / start, odd) for odd in (False, True))
     return range(max(1, math.ceil(first)), math.floor(last) + 1)
 
 
 def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) -> float:
-    """Return the damping ratio from which the tongue of an order stays closed; 0: it is a point."""
+    """Return the damping ratio above which the tongue of an order is closed; 0 for a point."""
 
-    def growth(damping):
+    def growth(damping: float) -> float:
+        """Return the largest growth in the tongue at a damping ratio."""
         damped_tongue = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
         return -math.inf if damped_tongue is None else damped_tongue.growth
 
@@ -280,13 +302,13 @@ def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) ->
 
 
 def last_downward_zero(growth: Callable, dampings: Any) -> float:
-    """Return the largest damping ratio at which a growth passes 0 downwards; 0: none.
+    """Return the largest damping ratio at which a growth passes 0 downwards; 0 if there is none.
 
-    `growth` is the largest growth of a tongue by the damping ratio, `dampings` the rising ratios at
+    `growth(damping)` is the largest growth of a tongue, `dampings` are the rising damping ratios at
     which it is computed; the last one closes the tongue.
     """
     # Damping also changes q: a segment of C_min close to over-damping may open a closed tongue
-    # again. So the last damping that leaves it open is bracketed.
+    # again. The search therefore goes from the largest damping down.
     for low, high in zip(dampings[-2::-1], dampings[:0:-1], strict=True):
         if growth(low) > 0.0:
             return float(brentq(growth, low, high, xtol=1e-300, rtol=1e-13))
@@ -294,26 +316,30 @@ def last_downward_zero(growth: Callable, dampings: Any) -> float:
 
 
 def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) -> np.ndarray:
-    """Return the logarithm of the largest multiplier per mesh period; arrays are broadcast.
+    """Return the logarithm of the largest Floquet multiplier of a mesh period.
 
-    It follows from the discriminant T with complex frequencies, for under-damped, critical and
+    Arguments may be arrays, which are broadcast; `damping` is the damping ratio beta. The result
+    follows from the discriminant T with complex frequencies, for under-damped, critical and
     over-damped segments alike. Between the tongues it is -2 pi beta / nu.
     """
     half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
     stiff_length = 2.0 * half_stiff
     stiffnesses = levels(contact_ratio, stiffness_ratio)
     stiff, soft = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
-    a, b = stiff * stiff_length, soft * soft_length
-    # numpy's sinc gives sin(a) / a also at 0.
-    sines = stiff_length * np.sinc(a / np.pi) * soft_length * np.sinc(b / np.pi)
-    half_trace = (np.cos(a) * np.cos(b) - 0.5 * (stiff**2 + soft**2) * sines).real
+    stiff_angle, soft_angle = stiff * stiff_length, soft * soft_length
+    # numpy's sinc gives sin(angle) / angle also at 0.
+    sines = stiff_length * np.sinc(stiff_angle / np.pi) * soft_length * np.sinc(soft_angle / np.pi)
+    cosines = np.cos(stiff_angle) * np.cos(soft_angle)
+    half_trace = (cosines - 0.5 * (stiff**2 + soft**2) * sines).real
     return np.arccosh(np.maximum(np.abs(half_trace), 1.0)) - 2.0 * np.pi * damping / tuning
 
 
-def coexistence(order, *, contact_ratio=None, stiffness_ratio=None):
-    """Return (value, tuning) where the tongue of an order is a point without damping, shape (j, 2).
+def coexistence(
+    order: int, *, contact_ratio: Any = None, stiffness_ratio: Any = None
+) -> np.ndarray:
+    """Return (value, tuning) where the undamped tongue of an order is a point, shape (j, 2).
 
-    The value is the stiffness ratio for a fixed contact ratio, or the other way round. At such a
+    The value is the stiffness ratio for a given contact ratio, or the other way round. At such a
     point the segment of C_max holds m half waves, m = 1 ... n - 1, the softer one the others:
     sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
@@ -338,9 +364,11 @@ def state_after(
 ) -> tuple:
     """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
 
-    States are (x, dx/dtau) in static deflections; the stiffness is relative to its mean.
+    States are (x, dx/dtau) in static deflections, the phase is in rad, the stiffness relative to
+    its mean; `damping` is the damping ratio.
     """
     equilibrium = 1.0 / stiffness
+    # Deviation from the equilibrium and its derivative by the time t = tau / nu.
     u, v = state[0] - equilibrium, tuning * state[1]
     time = phase / tuning
     cosine, sine, exponent = segment_solution(stiffness - damping * damping, time)
@@ -351,7 +379,10 @@ def state_after(
 
 
 def period_map(model: Any, tuning: float) -> tuple:
-    """Return (M, b), shapes (2, 2) and (2,), of one mesh period without loss of contact."""
+    """Return (M, b), shapes (2, 2) and (2,), of the map z -> M z + b over one mesh period.
+
+    It takes the state z = (x, dx/dtau) at phase 0 through a mesh period without contact loss.
+    """
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
         raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
@@ -359,13 +390,13 @@ def period_map(model: Any, tuning: float) -> tuple:
 
 
 def orbit(pair: Any, tuning: float) -> tuple:
-    """Return the state at phase 0 of the orbit without loss of contact.
+    """Return the state (x, dx/dtau) at phase 0 of the orbit without loss of contact.
 
-    If there are many, as with constant stiffness at nu = 1 / n, it is the one next to static
+    If there are many, as with constant stiffness at nu = 1 / n, it is the orbit next to static
     deflection.
     """
-    matrix, shift = period_map(pair, tuning)
-    matrix = np.eye(2) - matrix
+    monodromy, shift = period_map(pair, tuning)
+    matrix = np.eye(2) - monodromy
     try:
         state = np.linalg.solve(matrix, shift)
     except np.linalg.LinAlgError:

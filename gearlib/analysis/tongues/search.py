@@ -48,7 +48,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         keep the damping ratio; a table and six degrees of freedom only have the last one. Of a
         `GearTrain` stiffness_ratio, contact_ratio or material_damping of all its meshes.
     values : sequence of float, shape (v,), optional
-        Its values.
+        Values of the second parameter.
     step : float, default 0.002
         With six degrees: distance of the tunings of the scan.
 
@@ -80,15 +80,16 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     pair, step = linear_model(pair), check_tuning("step", step)
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
-        rows = [find(pair, start, stop, step)]
+        tongue_lists = [find(pair, start, stop, step)]
     else:
         checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
         values = _checked_values(values)
-        rows = [find(varied(pair, parameter, value), start, stop, step) for value in values]
+        models = [varied(pair, parameter, value) for value in values]
+        tongue_lists = [find(model, start, stop, step) for model in models]
     dimension = "tongue" if pair.size > 2 else "order"
-    data, coords = _variables(rows, parameter, values, dimension)
+    data, coords = _variables(tongue_lists, parameter, values, dimension)
     if parameter is None and pair.mesh:
-        closings = [closing_damping(pair, tongue) for tongue in rows[0]]
+        closings = [closing_damping(pair, tongue) for tongue in tongue_lists[0]]
         data["closing_damping"] = dimension, np.array(closings, float)
     return result(
         "Tongues of parametric resonance",
@@ -102,7 +103,10 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
 
 def linear_model(pair: Any) -> Any:
-    """Return the smallest model with the stability of `pair`; raise ValueError if nonlinear."""
+    """Return the smallest model with the stability of a linear model without contact loss.
+
+    Raise ValueError if its damping or stiffness is nonlinear.
+    """
     has_gears = is_model(pair) and (pair.mesh or pair.mesh_names)
     if not has_gears or (pair.size == 2 and pair.equation is None):
         raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
@@ -116,7 +120,10 @@ def linear_model(pair: Any) -> Any:
 
 
 def find(pair: Any, start: float, stop: float, step: float = 0.002) -> list:
-    """Return the `Tongue`s of a linear model that meet a range of tunings."""
+    """Return the `Tongue`s of a linear model that meet the tunings from `start` to `stop`.
+
+    With several degrees of freedom, tunings are scanned with the distance `step`.
+    """
     if pair.mesh is pair:
         equation = meissner.equation_of(pair)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
@@ -126,7 +133,7 @@ def find(pair: Any, start: float, stop: float, step: float = 0.002) -> list:
 
 
 def closing_damping(pair: Any, tongue: meissner.Tongue) -> float:
-    """Return the damping ratio of the contact from which a tongue stays closed."""
+    """Return the damping ratio of the contact above which a tongue of a model is closed."""
     if pair.mesh is pair:
         return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
     if pair.size > 2:
@@ -135,7 +142,11 @@ def closing_damping(pair: Any, tongue: meissner.Tongue) -> float:
 
 
 def varied(pair: Any, parameter: str, value: float) -> Any:
-    """Return a model with another stiffness ratio, contact ratio or damping ratio."""
+    """Return a model with another value of a parameter.
+
+    The parameter is "stiffness_ratio", "contact_ratio" or "damping", the damping ratio. The first
+    two keep the damping ratio. A `GearTrain` has its own parameters.
+    """
     if pair.mesh_names:
         return pair.with_parameter(parameter, value)
     damping = pair.damping_ratio
@@ -151,28 +162,31 @@ def varied(pair: Any, parameter: str, value: float) -> Any:
 
 
 def _checked_values(values: Any) -> list:
-    """Return the values of the second parameter, checked to be a sequence of finite numbers."""
+    """Return the argument `values` of `tongues`, checked to be a sequence of finite numbers."""
     if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
         raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
     return checks.finite("values", values)
 
 
-def _variables(rows: list, parameter: str | None, values: Any, dimension: str) -> tuple:
-    """Return (variables, coordinates) of lists of tongues, one for each value of a parameter.
+def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
+    """Return (variables, coordinates) of a dataset of tongues.
 
-    `dimension` is "order", or "tongue" if tongues have no order.
+    `tongue_lists` holds a list of `Tongue`s for each value of the parameter, one list without a
+    parameter. `dimension` is "order", or "tongue" if tongues have no order.
     """
     if dimension == "order":
-        numbers = sorted({tongue.order for row in rows for tongue in row})
-        numbered_rows = [{tongue.order: tongue for tongue in row} for row in rows]
+        by_number = [{tongue.order: tongue for tongue in tongues} for tongues in tongue_lists]
     else:
-        numbers = range(1, 1 + max(map(len, rows)))
-        numbered_rows = [dict(enumerate(row, 1)) for row in rows]
+        by_number = [dict(enumerate(tongues, 1)) for tongues in tongue_lists]
+    numbers = sorted(set().union(*by_number))
     data: dict = {}
     for name, (field, missing) in _COLUMNS.items():
-        table = [[getattr(row.get(n), field, missing) for n in numbers] for row in numbered_rows]
+        table = [
+            [getattr(tongues.get(n), field, missing) for n in numbers] for tongues in by_number
+        ]
         dtype = np.int8 if name == "edge_multiplier" else float
-        data[name] = ((parameter, dimension), np.array(table, dtype).reshape(len(rows), -1))
+        array = np.array(table, dtype).reshape(len(by_number), -1)
+        data[name] = ((parameter, dimension), array)
     coordinates = {dimension: np.array(numbers, np.int32)}
     if parameter is None:
         data = {name: (dimension, table[0]) for name, (_, table) in data.items()}
