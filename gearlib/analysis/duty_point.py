@@ -20,8 +20,8 @@ from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
-#: Longest motion that is followed, in mesh periods, and for pairs of teeth in integration steps:
-#: some 0.2 s.
+#: Longest motion that is followed, in mesh periods and in integration steps, which pairs of teeth
+#: take: some 0.2 s.
 _MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
 #: Largest product of mesh periods and sets of pairs of teeth that are tabulated: some 0.5 s.
 _MAX_TABLES = 2500
@@ -107,7 +107,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
 def _model_of_drawn_gears(mesh: Any, torque: float, options: dict) -> tuple:
     """Return (`LoadSharingPair` of drawn gears, whether its pitch errors were truncated).
 
-    If thousands of mesh periods pass until the same teeth meet again, only the first are modelled.
+    `torque` is that of the pinion in N m, `options` are those of `duty_point`. If thousands of mesh
+    periods pass until the same teeth meet again, only the first are modelled.
     """
     model = tooth_pairs_of(mesh, torque=torque, **options)
     max_repeats = _MAX_TABLES // 2 ** math.ceil(mesh.total_contact_ratio)
@@ -117,18 +118,25 @@ def _model_of_drawn_gears(mesh: Any, torque: float, options: dict) -> tuple:
 
 
 def _iso_dynamic_factor(mesh: Any, torque: float, speed: float) -> dict:
-    """Return the dynamic factor by ISO 6336 as a variable, if both gears have a quality."""
+    """Return {"iso_dynamic_factor": dynamic factor by ISO 6336}, empty without gear qualities.
+
+    `mesh` is one of drawn gears; torque in N m and speed in rpm are those of the pinion.
+    """
     gears = mesh.pinion, mesh.wheel
     if any(gear.quality is None for gear in gears):
         return {}
-    # At both ends of the path of contact the smaller tip relief counts.
+    # The smaller tip relief of both gears counts.
     amount = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
     checks.finite_positive("speed", speed)
     return {"iso_dynamic_factor": dynamic_factor(mesh, torque, speed, tip_relief=amount).factor}
 
 
 def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
-    """Return a run of `simulate` over one orbit, or over whole revolutions if there is none."""
+    """Return a run of `simulate` that records one orbit, or whole revolutions if there is none.
+
+    The motion starts at the initial state (displacement, velocity), and the time until it repeats
+    is doubled step by step.
+    """
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
     repeats = model.repeats
     state, followed_periods, orbit_periods = initial_state, 0, 0
@@ -153,7 +161,10 @@ def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) ->
 
 
 def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **options) -> xr.Dataset:
-    """Return a run of `simulate`; ValueError if it could not go on."""
+    """Return a run of `simulate` over mesh periods from a state, with its further options.
+
+    Raise ValueError if the run could not go on.
+    """
     run = simulate(model, tuning, periods=periods, initial_state=state, **options)
     if int(run.status):
         raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")
@@ -161,9 +172,9 @@ def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **option
 
 
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
-    """Return (variables, coordinates) of a run over whole revolutions in SI units.
+    """Return (variables, coordinates) of `duty_point` of a run, in SI units.
 
-    To those of `in_units` it adds period, bearing forces and the first mesh orders.
+    These are the variables of `in_units`, the period, bearing forces and the first mesh orders.
     """
     mesh_orders, forces, errors = mesh_order_amplitudes(run)
     dims = ("mesh_order", *run.displacement.dims[1:])
@@ -181,7 +192,10 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
 
 
 def in_units(run: xr.Dataset, model: Any) -> dict:
-    """Return variables of a run of `simulate` in N, m, Hz and rpm: name -> values."""
+    """Return variables of a run of `simulate` in N, m, Hz and rpm: name -> values.
+
+    They are speeds, mesh forces, transmission error and contact loss, over ``mesh`` for trains.
+    """
     force, length = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
     if np.array_equal(error, run.displacement.values):
@@ -206,19 +220,20 @@ def in_units(run: xr.Dataset, model: Any) -> dict:
 
 
 def bearing_forces(run: xr.Dataset, model: Any) -> tuple:
-    """Return (names, largest forces in N) of bearings.
+    """Return (names of the bearings, largest force of each in N) in a run of `simulate`.
 
-    For rigid bearings these are None and the mesh force, which they carry together.
+    Rigid bearings carry the mesh force together: the result is (None, largest mesh force).
     """
     force, length = float(run.force_scale), float(run.static_deflection)
     if "bearing_force_y3" in run:
         names = ["gear 3", "gear 2"]
         forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
-        return names, [force * float(course.max()) for course in forces]
+        return names, [force * float(time_history.max()) for time_history in forces]
     if "body_motion" not in run:
         return None, force * float(run.dynamic_force_max)
     stiffness = np.array([body.support_stiffness for body in model.bodies])
     motion = run.body_motion.values[:, :, :2]
     with np.errstate(invalid="ignore"):
         components = np.where(np.isfinite(stiffness), stiffness * length * motion, math.nan)
-    return list(model.body_names), np.hypot(*np.moveaxis(components, -1, 0)).max(axis=0)
+    sizes = np.hypot(components[..., 0], components[..., 1])
+    return list(model.body_names), sizes.max(axis=0)

@@ -24,9 +24,9 @@ from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import CARRIED
 
-#: Largest number of maps that are held in memory at a time.
+#: Largest number of linearised maps that are held in memory at a time.
 MAX_MAPS = 512
-#: Batches of consecutive periods whose means give the uncertainty.
+#: Number of batches of consecutive periods; the scatter of their means gives the uncertainty.
 BATCHES = 20
 #: Ratio of an exponent to its uncertainty above which it is significant.
 _MIN_SIGNIFICANCE = 3.0
@@ -64,20 +64,21 @@ class Exponent(NamedTuple):
 
 
 class Deviation:
-    """A small deviation that is propagated along a motion from one run to the next."""
+    """A small deviation from a motion, which is propagated along it from one run to the next."""
 
-    def __init__(self, model, max_events=MAX_EVENTS):
+    def __init__(self, model: Any, max_events: int = MAX_EVENTS):
+        """Start with an arbitrary deviation; runs stop at more contact events in a mesh period."""
         self.model, self.max_events = model, max_events
-        #: Direction, shape (n,); None: any.
+        #: Direction of the deviation, shape (n,), or None before the first run.
         self.vector: np.ndarray | None = None
-        #: Logarithm of its length, from that of rounding up to that of the motion.
+        #: Logarithm of the length of the deviation, 0 for a deviation as small as rounding.
         self.log_length = 0.0
 
     def propagate(self, propagator: Any, state: np.ndarray, periods: int, first: int = 0) -> tuple:
-        """Propagate it over mesh periods; return (end, logarithms of its growth in each, status).
+        """Propagate the deviation along the motion from a full state, over mesh periods.
 
-        They are -inf where it has vanished. `first` is the number of the first period, if the
-        excitation repeats after several.
+        Return (final state, logarithm of the growth in each mesh period, status code); a logarithm
+        is -inf where the deviation has vanished. `first` is the number of the first mesh period.
         """
         logs = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
@@ -89,7 +90,7 @@ class Deviation:
             state, maps, code = propagator.maps(state, logs_of_batch.size, self.max_events, period)
             if code != status.OK:
                 return state, logs, code
-            # The free rotation of six degrees of freedom neither grows nor decays.
+            # The free rotation of a model is left out: it neither grows nor decays.
             if not propagate_deviation(reduction @ maps @ lift, weights, vector, logs_of_batch):
                 logs[done:] = -math.inf
                 return state, logs, status.OK
@@ -97,7 +98,10 @@ class Deviation:
         return state, logs, status.OK
 
     def exceeds_limit(self, tuning: float, state: Any, periods: int, first: int = 0) -> bool:
-        """Return whether rounding decides where a motion goes in a run; keep the last deviation."""
+        """Return whether rounding decides where the motion from a state goes, over mesh periods.
+
+        The deviation goes on from the last run. `first` is the number of the first mesh period.
+        """
         propagator = self.model.propagator(tuning)
         self.vector = self.vector if self.log_length else None
         _, logs, code = self.propagate(propagator, propagator.start(state), periods, first)
@@ -118,7 +122,8 @@ def largest(
 ) -> Exponent:
     """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
 
-    It is averaged over `periods` mesh periods after `settle`.
+    It is averaged over `periods` mesh periods after `settle` others. The run stops at more than
+    `max_events` contact events in a mesh period.
     """
     strobe = Stroboscope(model, tuning, max_events=max_events)
     deviation, current = Deviation(model, max_events), strobe.propagator.start(state)
@@ -142,10 +147,11 @@ def largest(
 def rounding_decides(
     model: Any, tunings: Any, start: tuple, periods: int, final_states: Any = None
 ) -> np.ndarray:
-    """Return at which tunings rounding decides where a motion goes, bool, shape (n,).
+    """Return a mask, shape (n,), of the tunings at which rounding decides where the motion goes.
 
-    The motion begins at `start` at each tuning. With the final states of a sweep, shape (n,
-    components), each motion begins where the last one ended, or at `start` behind a NaN.
+    A run over `periods` mesh periods begins at the state `start` at each tuning. If the final
+    states of a sweep are given, shape (n, components), each run begins where the last one ended,
+    or at `start` after a NaN.
     """
     deviation, decided = Deviation(model), np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
@@ -159,34 +165,38 @@ def rounding_decides(
 
 
 def settled(model: Any, diagrams: list, directions: list, starts: list) -> np.ndarray:
-    """Return where motions are periodic on an orbit that does not depend on rounding.
+    """Return a mask, shape (diagram, tuning), of periodic motions that rounding does not choose.
 
-    Bool, shape (diagram, tuning). `diagrams` are of `gearlib.bifurcation_diagram` over the same
-    tunings, `directions` and `starts` the direction and initial state of each. Behind chaos the
-    orbit of a sweep depends on rounding, until all other motions have come to the same orbit.
+    `diagrams` are results of `gearlib.bifurcation_diagram` over the same tunings, `directions` and
+    `starts` are the direction and initial state of each. After chaos the orbit of a warm-started
+    sweep depends on rounding, until all other motions reach the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
     states = np.array([diagram.displacement.values for diagram in diagrams])
-    is_sweep, lost = np.isin(directions, CARRIED), np.zeros(periods.shape, bool)
+    is_sweep = np.isin(directions, CARRIED)
+    decided_by_rounding = np.zeros(periods.shape, bool)
     rising = np.argsort(diagrams[0].tuning.values)
     orders = [rising[::-1] if direction == "down" else rising for direction in directions]
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
         ends = diagram.final_state.values[order] if is_sweep[k] else None
-        length = int(diagram.strobe.values[-1]) + 1
+        run_periods = int(diagram.strobe.values[-1]) + 1
         tunings = diagram.tuning.values[order]
-        lost[k, order] = rounding_decides(model, tunings, starts[k], length, ends)
-    is_settled = (periods > 0) & ~lost
+        decided_by_rounding[k, order] = rounding_decides(
+            model, tunings, starts[k], run_periods, ends
+        )
+    is_settled = (periods > 0) & ~decided_by_rounding
     others_settled = np.all(is_settled[~is_sweep], axis=0) & np.any(~is_sweep)
     for k in np.flatnonzero(is_sweep):
-        behind_chaos = False
+        after_chaos = False
+        compared_diagrams = ~is_sweep | (np.arange(len(diagrams)) == k)
         for i in orders[k]:
-            compared = np.sort(states[~is_sweep | (np.arange(len(lost)) == k), i], axis=1)
+            compared = np.sort(states[compared_diagrams, i], axis=1)
             spread = np.ptp(compared, axis=0).max()
             is_same_orbit = spread <= _SAME_ORBIT_TOLERANCE * max(1.0, np.ptp(compared))
-            behind_chaos = (behind_chaos or lost[k, i]) and not (
-                others_settled[i] and is_same_orbit
-            )
-            is_settled[k, i] = periods[k, i] > 0 and not behind_chaos
+            after_chaos = after_chaos or decided_by_rounding[k, i]
+            if others_settled[i] and is_same_orbit:
+                after_chaos = False
+            is_settled[k, i] = periods[k, i] > 0 and not after_chaos
     return is_settled
 
 
@@ -218,7 +228,7 @@ def lyapunov_exponents(
     settle, periods : int
         Mesh periods before the count, and counted (at least 20).
     threads : int, optional
-        All processors by default. The result does not depend on it.
+        Number of processors; all by default. The result does not depend on it.
 
     Returns
     -------
@@ -252,8 +262,8 @@ def lyapunov_exponents(
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
     settings = {"settle": settle, "periods": periods, "max_events": max_events}
 
-    def value_error_status(i):
-        """Return (exponent, standard error, status code) of the motion at a value."""
+    def value_error_status(i: int) -> tuple:
+        """Return (exponent, standard error, status code) of the motion at the value of index i."""
         model, nu = cases[i]
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START

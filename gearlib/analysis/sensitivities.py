@@ -22,45 +22,52 @@ MIN_DIFFERENCES = 4
 ERROR_FACTOR = 5.0
 #: Changes of an array below this share of its largest number are rounding.
 ROUNDING = 1e-13
-#: Share of the derivative above which its error causes a warning.
+#: Error, as a share of the derivative, above which a warning is given.
 MAX_ERROR = 1e-6
 
 
 def richardson(function: Callable, value: float, scale: float) -> tuple:
-    """Differentiate an array by a number: return the derivative and an estimate of its error.
+    """Return (derivative, estimate of its error) of an array that depends on a number.
 
-    Differences of several widths, shares of `scale`, are extrapolated by up to three Richardson
-    steps (Ridders, Advances in Engineering Software 4 (1982) 75-76). The width and the step whose
-    result changes least are chosen for the whole array: chosen number by number, differences that
-    agree by chance would win. Differences are one-sided where the function raises ValueError,
-    left out where it returns None; the result is NaN with fewer than four.
+    `function(value)` returns the array. Differences of several widths, shares of `scale`, are
+    extrapolated by up to three Richardson steps (Ridders, Advances in Engineering Software 4 (1982)
+    75-76). The width and the step with the smallest change are chosen for all numbers of the array
+    together, because single differences may agree by chance. Differences are one-sided where the
+    function raises ValueError, left out where it returns None; with fewer than four the result is
+    NaN.
     """
     middle = np.asarray(function(value), float)
-    pairs = [(width, _difference(function, value, width, middle)) for width in scale * WIDTHS]
-    pairs = [(width, difference) for width, difference in pairs if difference is not None]
-    if len(pairs) < MIN_DIFFERENCES:
+    widths, quotients = [], []
+    for width in scale * WIDTHS:
+        quotient = _difference(function, value, width, middle)
+        if quotient is not None:
+            widths.append(width)
+            quotients.append(quotient)
+    if len(widths) < MIN_DIFFERENCES:
         return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
-    differences = table = np.array([difference for _, difference in pairs])
+    differences = table = np.array(quotients)
     best_score, best, error = math.inf, table[0], math.inf
     size = np.abs(middle).max(initial=0.0)
-    for step in range(1, min(MAX_RICHARDSON_STEPS, len(pairs) - 2) + 1):
+    for step in range(1, min(MAX_RICHARDSON_STEPS, len(widths) - 2) + 1):
         table = (9.0**step * table[1:] - table[:-1]) / (9.0**step - 1.0)
         changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
-        # Rounding grows by 3 from width to width, so a change at a small width may be small by
-        # chance.
+        # Rounding grows by 3 from width to width, so small widths need smaller changes to win.
         scores = np.nan_to_num(changes * 3.0 ** (step + np.arange(len(changes))), nan=np.inf)
         i = int(scores.argmin())
         if scores[i] < best_score:
             best_score, best = scores[i], table[i]
             error = ERROR_FACTOR * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
-            error += np.spacing(size) / pairs[i + step + 1][0]
-    is_constant = 2.0 * pairs[0][0] * np.abs(differences[0]) <= ROUNDING * size
+            error += np.spacing(size) / widths[i + step + 1]
+    is_constant = 2.0 * widths[0] * np.abs(differences[0]) <= ROUNDING * size
     error = 0.0 if is_constant.all() else error
     return np.where(is_constant, 0.0, best), np.full(middle.shape, error)
 
 
 def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
-    """Return a central difference quotient, at the end of a range a one-sided one, or None."""
+    """Return the central difference quotient of `function` at a value, None without a result.
+
+    It is one-sided if the function raises ValueError on one side; `middle` is its array there.
+    """
     try:
         ahead = function(value + width)
     except ValueError:
@@ -128,11 +135,15 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return the function from a parameter to (variables of a call, contact events)."""
+    """Return a function from a value of the parameter `name` to (result, contact events).
+
+    The parameter is an argument of `call(model, **arguments)`, or one of the model. The result is
+    a dictionary of the variables of the call.
+    """
 
     @cache
     def run(value: float) -> tuple:
-        """Call with a value of the parameter; return (variables, contact events)."""
+        """Return (variables of the call with a value of the parameter, its contact events)."""
         with counting_contacts() as contacts:
             if name in arguments:
                 result = call(model, **arguments | {name: value})
@@ -140,23 +151,31 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
                 result = call(model.with_values({name: value}), **arguments)
         if not isinstance(result, xr.Dataset):
             result = xr.DataArray(result).to_dataset(name=getattr(result, "name", None) or "value")
-        return {key: x for key, x in result.data_vars.items() if x.dtype.kind == "f"}, contacts
+        variables = {name: x for name, x in result.data_vars.items() if x.dtype.kind == "f"}
+        return variables, contacts
 
     return run
 
 
 def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
-    """Return derivative and error of a variable, and warn if they are not reliable."""
-    shape, contacts = run(value)[0][variable].shape, run(value)[1]
+    """Return (derivative, its error) of a variable, and warn if they are not reliable.
+
+    `run` is a result of `_run_function`, `value` that of the parameter, `scale` its natural size;
+    `title` names the derivative in warnings.
+    """
+    variables_at_value, contacts = run(value)
+    shape = variables_at_value[variable].shape
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
-        """Return the variable at a value of the parameter, None if it is not comparable."""
+        """Return the variable at a value of the parameter, None if its contacts are others."""
         variables, new_contacts = run(parameter)
         array = variables[variable].values
-        comparable = not same_contacts or new_contacts == contacts or [] in (new_contacts, contacts)
-        return array if comparable and array.shape == shape else None
+        if same_contacts and contacts and new_contacts and new_contacts != contacts:
+            return None
+        return array if array.shape == shape else None
 
     derivative, error = richardson(array_at, value, scale)
+    # Differences across a change of contacts are better than none.
     if np.isnan(error).any():
         warnings.warn(f"contact events appear or vanish at all widths: {title}", stacklevel=3)
         derivative, error = richardson(lambda x: array_at(x, False), value, scale)

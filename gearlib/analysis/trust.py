@@ -43,7 +43,7 @@ LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 #: Digits in which the extrema of all runs must agree if the motion is periodic.
 MIN_DIGITS = 4
 
-#: Digits that a scan reports at most: more depend on the rounding of the runs.
+#: Largest number of digits in a scan: more would depend on the rounding of the runs.
 _MAX_DIGITS = 10.0
 
 #: Logarithm of the growth of deviations, over the counted periods, below which they decay.
@@ -59,7 +59,7 @@ class Trust:
     period: int  #: in mesh periods; 0 unless periodic
     digits: float  #: decimal digits to which the extrema of all runs agree; NaN unless periodic
     exponent: float  #: largest Lyapunov exponent per mesh period; NaN if unbounded
-    uncertainty: float  #: of the exponent, one standard error
+    uncertainty: float  #: standard error of the exponent
     runs: xr.Dataset  #: displacement_max, displacement_min, period, status over run
 
 
@@ -79,6 +79,7 @@ def trust(
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
+        Mesh frequency over mean eigenfrequency, nu.
     periods, record_periods : int
         Mesh periods of a run, and of its recorded end; the longer run takes four times the periods.
         With run-out at least one repeat of it is recorded, and `periods` must be longer than two
@@ -153,15 +154,15 @@ def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
     It has label (index in `LABELS`, CF flags), period, digits (at most 10), exponent, uncertainty.
     """
 
-    def variables(nu):
-        """Return the label of the motion at a tuning, with its numbers."""
-        trusted = trust(model, nu, **options)
+    def variables(tuning: float) -> dict:
+        """Return the variables of the dataset at a tuning."""
+        point = trust(model, tuning, **options)
         return {
-            "label": np.int8(LABELS.index(trusted.label)),
-            "period": np.int32(trusted.period),
-            "digits": min(trusted.digits, _MAX_DIGITS),
-            "exponent": trusted.exponent,
-            "uncertainty": trusted.uncertainty,
+            "label": np.int8(LABELS.index(point.label)),
+            "period": np.int32(point.period),
+            "digits": min(point.digits, _MAX_DIGITS),
+            "exponent": point.exponent,
+            "uncertainty": point.uncertainty,
         }
 
     title = "Labels of the motion of a gear mesh"
@@ -173,7 +174,10 @@ def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
 
 def _other_methods(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments) of runs by other methods, tolerances, harmonics."""
+    """Yield (name, model, changed arguments of `run`) of the runs that check a model.
+
+    They use another method, a finer tolerance and, for a truncated stiffness, more harmonics.
+    """
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(model)]
     if len(methods) > 1:
         yield f"method {methods[1]}", model, {"method": methods[1]}
@@ -191,13 +195,20 @@ def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> T
     `runs` has displacement_max, displacement_min, period, status over run; `repeats` is the number
     of mesh periods after which the excitation repeats.
     """
-    verdict = (*_verdict(runs, exponent, repeats), 0, math.nan)
-    label, message, period, digits = verdict[:4]
+    label, message = _label_and_message(runs, exponent, repeats)
+    period, digits = 0, math.nan
+    if label == "periodic":
+        period, digits = int(runs.period.max()), _common_digits(runs)
     return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
 
-def _verdict(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) by the first rule that fits; if periodic, also period and digits."""
+def _label_and_message(
+    runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int
+) -> tuple[str, str]:
+    """Return (label, message) of `Trust` by the first rule that fits.
+
+    `repeats` is the number of mesh periods after which the excitation repeats.
+    """
     names, codes = runs.run.values, runs.status.values
     overflowed, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
     periods = set(runs.period.values.tolist())
@@ -214,17 +225,21 @@ def _verdict(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tup
         length = f"{1.0 / exponent.value:.3g} mesh periods"
         return "chaotic", f"deviations grow by a factor e every {length}"
     if exponent.growth < _MAX_DECAYING_GROWTH:
-        return _verdict_of_decay(runs, periods, repeats)
+        return _label_of_decay(runs, periods, repeats)
     neither = "deviations neither grow nor decay"
     if periods == {0}:
         return "quasi-periodic", f"no run repeats; {neither} exponentially"
     return "undecided", f"{neither}, yet some run repeats: run more periods"
 
 
-def _verdict_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple:
-    """Return the result of `_verdict` for runs with decaying deviations and these periods."""
+def _label_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
+    """Return (label, message) of `Trust` for runs in which small deviations decay.
+
+    `periods` are the different periods of the runs, 0 for one that does not repeat; the excitation
+    repeats after `repeats` mesh periods.
+    """
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
-        # Runs that have not settled yet must agree with it in their extrema, below.
+        # Runs that have not settled yet need only agree with the longer run in their extrema.
         periods = periods - {0}
     if periods == {0} or len(periods) > 1:
         message = "deviations decay, but not all runs repeat: run more periods to settle"
@@ -238,11 +253,14 @@ def _verdict_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple:
             f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits only: "
             "more than one orbit attracts, or its period is more than record_periods; see the runs",
         )
-    return "periodic", f"all runs agree in {digits:.1f} digits", *periods, digits
+    return "periodic", f"all runs agree in {digits:.1f} digits"
 
 
 def _common_digits(runs: xr.Dataset) -> float:
-    """Return the decimal digits to which the extrema of runs agree, over the orbit's height."""
+    """Return the number of decimal digits in which the displacement extrema of all runs agree.
+
+    Differences are relative to the height of the first orbit.
+    """
     highest, lowest = runs.displacement_max.values, runs.displacement_min.values
     height = np.maximum(highest[0] - lowest[0], np.finfo(float).tiny)
     spread = np.maximum(np.ptp(highest, axis=0), np.ptp(lowest, axis=0)) / height
