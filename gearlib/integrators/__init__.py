@@ -100,14 +100,16 @@ def choose(model, name: str | None, options: dict | None) -> tuple[str, Any, dic
     if name in REMOVED:
         raise ValueError(sentence(name))
     checks.one_of("method", name, tuple(METHODS))
-    names = _methods_for(model)
-    if name not in names:
-        raise ValueError(f"{refusal(model, name)}; it must be one of {', '.join(map(repr, names))}")
+    # Only now the other methods are looked at: their modules take time to load.
+    reason = refusal(model, name)
+    if reason:
+        names = ", ".join(map(repr, _methods_for(model)))
+        raise ValueError(f"{reason}; it must be one of {names}")
     if not about(name).available:
-        available_names = ", ".join(repr(n) for n in names if about(n).available)
+        names = ", ".join(repr(n) for n in _methods_for(model) if about(n).available)
         raise MissingPackage(
             f"method = {name!r} needs a package that is not installed: {about(name).note}, or take "
-            f"one of {available_names}"
+            f"one of {names}"
         )
     return name, METHODS[name], _checked_options(name, options)
 
