@@ -54,7 +54,7 @@ configfile: CONFIG_FILE
 
 given = workflow.config_settings.overwrite_config
 if given:
-    chosen = configuration.chosen(config, given)
+    chosen = configuration.overlay_gears(config, given)
     config.clear()
     config.update(chosen)
 

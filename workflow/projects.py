@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from gearlib import config as configuration
-from gearlib.config import gear_names, laid_over
+from gearlib.config import gear_names, overlay
 from workflow.refusal import refuse
 
 #: Sections that describe a machine.
@@ -41,7 +41,7 @@ def machines(folder, config):
     common = {key: value for key, value in config.items() if key != "cases"}
     try:
         return {
-            folder / case: _machine(laid_over(common, changes))
+            folder / case: _machine(overlay(common, changes))
             for case, changes in config["cases"].items()
         }
     except (AttributeError, TypeError):

@@ -8,10 +8,10 @@ import click
 from gearlib import config
 from gearlib.checks import refusal
 from gearlib.cli import options
-from gearlib.config import gear_names, laid_over, units, yaml_keys
+from gearlib.config import gear_names, overlay, units, yaml_keys
 from gearlib.config.gear_pair_section import BEARINGS, DAMPINGS
 from gearlib.config.targets import NO_TRAIN, undamped
-from gearlib.config.train_section import OF_PAIRS
+from gearlib.config.train_section import PAIR_TRAINS
 
 DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
@@ -47,7 +47,7 @@ class Gears(NamedTuple):
             if settings.six_degrees.bearing_stiffness is None:
                 raise click.UsageError(f"{BEARINGS}; --bearing-stiffness sets all four")
             return SixDegreePair(pair=pair, **settings.six_degree_parameters())
-        if not (tooth_pairs and gears and gears.relief()):
+        if not (tooth_pairs and gears and gears.modification_key()):
             return pair
         from gearlib.models.load_sharing_pair import tooth_pairs_of
 
@@ -87,9 +87,9 @@ def described(values: dict, moves: bool = True, draws: bool = False) -> Gears:
     if drawing and "gears" not in mapping:
         # Dampings and bearings suit the gears for which they were made.
         mapping = _only(mapping, "train", *(["dampings"] if damping else []))
-    mapping = laid_over(mapping, {"gears": drawing} if drawing else {})
+    mapping = overlay(mapping, {"gears": drawing} if drawing else {})
     train = mapping.get("train")
-    of_pairs = not isinstance(train, dict) or train.get("kind", OF_PAIRS[0]) in OF_PAIRS
+    of_pairs = not isinstance(train, dict) or train.get("kind", PAIR_TRAINS[0]) in PAIR_TRAINS
     if "gears" in mapping:
         if "dampings" not in mapping and not coefficients:
             if moves:
@@ -108,7 +108,7 @@ def described(values: dict, moves: bool = True, draws: bool = False) -> Gears:
     dampings = {damping: coefficients} if coefficients or not mapping else {}
     changes = {"gear_pair": numbers, "dampings": dampings, "six_degrees": bearings}
     changes = {key: section for key, section in changes.items() if section or not mapping}
-    whole = laid_over(mapping, changes)
+    whole = overlay(mapping, changes)
     settings = config.load(_only(whole, *_NEEDED) if drawing or changes else whole)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")

@@ -1,7 +1,8 @@
 """The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
 
-Sections lie in files named by their subject; `types` says what a number, a name, a list may be,
-`configuration` joins the sections, `validation` writes refusals, `defaults` depend on the gears.
+Each section has a module named after its subject. `types` defines numbers, names and lists,
+`configuration` joins the sections, `validation` writes error messages, `defaults` derives defaults
+from the gears.
 
 Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
 editors is made from the model: ``gearlib schema`` prints it, the documentation holds it.
@@ -12,17 +13,18 @@ This package stays free of the numerical stack, because every start of the workf
 import json
 import re
 from functools import cache
+from typing import Any
 
 from gearlib.config.validation import as_typed, sentences, show, unknown_key
 
-#: Cases are part of the names of rules.
+#: Pattern of the names of cases, which become part of the names of workflow rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
-#: Key of a damping -> keys that may stand in its place.
+#: Damping coefficient -> keys that may replace it.
 IN_PLACE_OF = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
     "backlash_damping": ("backlash_damping_ratio",),
 }
-#: Keys of one section of which there is one.
+#: Sets of keys that exclude each other within a section.
 _ALTERNATIVES = (
     {"gears", "gear_pair"},
     *({key, *others} for key, others in IN_PLACE_OF.items()),
@@ -33,12 +35,20 @@ class ConfigError(ValueError):
     """The configuration is refused; the message has one sentence per problem."""
 
 
-def load(mapping):
-    """Return the checked configuration; ConfigError has a sentence for each problem.
+def load(mapping: dict) -> Any:
+    """Return the validated configuration read from YAML.
 
-    `mapping`, what was read from YAML, must have ``gear_pair`` or ``gears``, and ``dampings``.
+    Parameters
+    ----------
+    mapping : dict
+        Content of the YAML file, with the keys ``gear_pair`` or ``gears``, and ``dampings``.
+
+    Raises
+    ------
+    ConfigError
+        With one sentence for each problem.
     """
-    # Here and below: a command that needs options only does not wait for the whole.
+    # pydantic is imported here so that `gearlib --help` starts quickly.
     from pydantic import ValidationError
 
     from gearlib.config import defaults
@@ -50,103 +60,111 @@ def load(mapping):
             "gears or the numbers of their mesh"
         )
     try:
-        whole, context = defaults.filled(mapping)
-        return Config.model_validate(whole, context=context)
+        completed, context = defaults.add_defaults(mapping)
+        return Config.model_validate(completed, context=context)
     except ValidationError as error:
-        problems = sentences(error.errors(), schema())
-        raise ConfigError("\n".join(as_typed(text, mapping) for text in problems)) from None
+        messages = sentences(error.errors(), schema())
+        raise ConfigError("\n".join(as_typed(text, mapping) for text in messages)) from None
 
 
-def unknown_sections(mapping):
-    """Return a sentence for each section of a mapping that no configuration has."""
+def unknown_sections(mapping: dict) -> list[str]:
+    """Return an error message for each top-level key of `mapping` that is not in the schema."""
     known = {"cases", *schema()["properties"]}
     return [unknown_key([key], mapping[key], schema()) for key in mapping if key not in known]
 
 
-def laid_over(base, change):
-    """Return a copy of `base` with the keys of `change`; mappings are laid over each other.
+def overlay(base: dict, changes: dict) -> dict:
+    """Return a copy of the configuration `base` updated with `changes`, section by section.
 
-    A key of the change takes the place of those that say the same in another way.
+    A key of `changes` also removes alternative keys of `base` that set the same quantity, such as
+    `gear_pair` where `changes` has `gears`.
     """
-    replaced = {key for group in _ALTERNATIVES if group & change.keys() for key in group}
-    both = {key: value for key, value in base.items() if key not in replaced - change.keys()}
-    for key, value in change.items():
-        inner = isinstance(value, dict) and isinstance(base.get(key), dict)
-        both[key] = laid_over(base[key], value) if inner else value
-    return both
+    alternatives = {key for group in _ALTERNATIVES if group & changes.keys() for key in group}
+    merged = {
+        key: value for key, value in base.items() if key in changes or key not in alternatives
+    }
+    for key, value in changes.items():
+        is_section = isinstance(value, dict) and isinstance(base.get(key), dict)
+        merged[key] = overlay(base[key], value) if is_section else value
+    return merged
 
 
-def cases(mapping):
-    """Return name -> configuration of all cases, each accepted by `load`.
+def cases(mapping: dict) -> dict[str, dict]:
+    """Return the configuration of each case by the name of the case, each accepted by `load`.
 
-    Each lays the keys that it has under ``cases`` over those beside it.
+    The keys of a case under ``cases`` replace those of the rest of the configuration `mapping`.
     """
-    changes = mapping["cases"]
-    if not isinstance(changes, dict) or not changes:
+    case_changes = mapping["cases"]
+    if not isinstance(case_changes, dict) or not case_changes:
         raise ConfigError(
-            f"cases = {show(changes)} is not allowed: it must be a mapping of at least one name to "
-            "the keys that differ"
+            f"cases = {show(case_changes)} is not allowed: it must be a mapping of at least one "
+            "name to the keys that differ"
         )
     common = {key: value for key, value in mapping.items() if key != "cases"}
-    settings, problems = {}, []
-    for name, change in changes.items():
+    configurations, problems = {}, []
+    for name, changes in case_changes.items():
         if not isinstance(name, str) or not re.fullmatch(CASE_NAME, name):
             problems.append(
                 f"cases.{name} is not allowed as a name: it must be letters, digits and _, a "
                 "letter first"
             )
-        elif not isinstance(change, dict):
+        elif not isinstance(changes, dict):
             problems.append(
-                f"cases.{name} = {show(change)} is not allowed: it must be a mapping of the keys "
+                f"cases.{name} = {show(changes)} is not allowed: it must be a mapping of the keys "
                 "that differ"
             )
         else:
-            settings[name] = laid_over(common, change)
+            configurations[name] = overlay(common, changes)
             try:
-                load(settings[name])
+                load(configurations[name])
             except ConfigError as error:
                 problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
     if problems:
         raise ConfigError("\n".join(problems))
-    return settings
+    return configurations
 
 
-def chosen(merged, change):
-    """Return the keys that count of a configuration over which a change was laid.
+def overlay_gears(merged: dict, changes: dict) -> dict:
+    """Return the configuration `merged` updated with `changes`, without keys that no longer fit.
 
-    Where the configuration has a `gear_pair` and the change `gears`, only the change counts:
-    dampings, bearings and choices of scenes suit the pair for which they were made. A train comes
-    without the choice of targets, which suits that of the other one; where nothing is changed but
-    the train, they are those of trains. `merged` is all that was read.
+    Where `merged` has a `gear_pair` and `changes` has drawn `gears`, only `changes` counts, because
+    the dampings, bearings and scenes of `merged` belong to another pair. Where `changes` has
+    another train, the list of targets of `merged` is dropped; where only the train differs, the
+    targets are the targets of trains.
     """
-    from gearlib.config.targets import OF_ANY_TRAIN
+    from gearlib.config.targets import TRAIN_TARGETS
 
-    named = change.get("cases")
-    parts = [change, *(named.values() if isinstance(named, dict) else ())]
-    changed = {key for part in parts if isinstance(part, dict) for key in part}
-    if "gears" in changed and "gear_pair" in merged and "gear_pair" not in change:
-        return change
+    case_changes = changes.get("cases")
+    sections = [changes]
+    if isinstance(case_changes, dict):
+        sections += case_changes.values()
+    changed = {key for section in sections if isinstance(section, dict) for key in section}
+    if "gears" in changed and "gear_pair" in merged and "gear_pair" not in changes:
+        return changes
     if "train" in changed and "targets" not in changed:
         merged = {key: value for key, value in merged.items() if key != "targets"}
         if not changed & {"gears", "gear_pair"}:
-            merged["targets"] = list(OF_ANY_TRAIN)
-    return laid_over(merged, change)
+            merged["targets"] = list(TRAIN_TARGETS)
+    return overlay(merged, changes)
 
 
 @cache
-def schema():
-    """Return the JSON schema of the configuration as a dict."""
+def schema() -> dict:
+    """Return the JSON schema of the configuration."""
     from gearlib.config.configuration import Config
 
-    whole = Config.model_json_schema()
-    _drop_null_defaults(whole)
-    whole["required"].remove("gear_pair")
-    whole["oneOf"] = [{"required": ["gear_pair"]}, {"required": ["gears"]}]
-    return whole
+    config_schema = Config.model_json_schema()
+    _drop_null_defaults(config_schema)
+    config_schema["required"].remove("gear_pair")
+    config_schema["oneOf"] = [{"required": ["gear_pair"]}, {"required": ["gears"]}]
+    return config_schema
 
 
-def _drop_null_defaults(node):
-    """Drop defaults of keys that may be left out: null is refused."""
+def _drop_null_defaults(node: object) -> None:
+    """Remove the default `null` from `node` of the JSON schema and from all nodes within it.
+
+    Such keys may be left out, but the value null is refused.
+    """
     if isinstance(node, dict):
         if "default" in node and node["default"] is None:
             del node["default"]
@@ -154,17 +172,17 @@ def _drop_null_defaults(node):
             _drop_null_defaults(value)
 
 
-def schema_text():
-    """Return the JSON schema as the text of its file; it knows the key `cases` too."""
-    whole = {**schema(), "properties": dict(schema()["properties"])}
-    whole["properties"]["cases"] = {
-        "description": "Several cases side by side: name -> keys that differ; results/<case>/.",
+def schema_text() -> str:
+    """Return the JSON schema of configuration files as text; it includes the key `cases`."""
+    file_schema = {**schema(), "properties": dict(schema()["properties"])}
+    file_schema["properties"]["cases"] = {
+        "description": "Cases side by side: name -> keys that differ; results in results/<case>/.",
         "patternProperties": {f"^{CASE_NAME}$": {"type": "object"}},
         "additionalProperties": False,
         "minProperties": 1,
         "type": "object",
     }
-    # Cases may have all of it.
-    pair = {"oneOf": whole.pop("oneOf"), "required": whole.pop("required")}
-    whole["anyOf"] = [pair, {"required": ["cases"]}]
-    return json.dumps(whole, indent=2) + "\n"
+    # A file with cases may have the required keys in its cases only.
+    without_cases = {"oneOf": file_schema.pop("oneOf"), "required": file_schema.pop("required")}
+    file_schema["anyOf"] = [without_cases, {"required": ["cases"]}]
+    return json.dumps(file_schema, indent=2) + "\n"

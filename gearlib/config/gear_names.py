@@ -1,36 +1,44 @@
-"""Whose gears: the name that every figure, page and command gives to what it is about."""
+"""Names of the gears of a configuration, as figures, pages and commands print them."""
 
 import math
+from collections.abc import Iterable, Sequence
+from typing import Any
 
-from gearlib.config.gears_section import FZG_C
+from gearlib.config.gears_section import FZG_C, GearSection
 
-#: The mesh of Hortel and Skuderova (2007), by which its pair is known; load and backlash are ours.
+#: The mesh of Hortel and Skuderova (2007); a pair with these values has its name.
 PAPER = {
     "max_stiffness": 4e8,
     "stiffness_ratio": 0.5879,
     "contact_ratio": 1.569,
     "reduced_mass": 3.123,
 }
-_KINDS = {"idler": "idler train", "two_stage": "two-stage train"}
+_TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def of_drawing(section):
-    """Return the name of a `DrawnPair`, "gear pair z 23/61, m 2.5 mm, tip relief"."""
-    pinion, wheel = section.pinion, section.wheel
-    known = all(getattr(section, x).model_dump() == FZG_C[x] for x in ("pinion", "wheel"))
+def of_drawing(pair: Any) -> str:
+    """Return the name of drawn gears, such as "gear pair z 23/61, m 2.5 mm, tip relief"."""
+    pinion, wheel = pair.pinion, pair.wheel
+    is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
-    name = f"{'FZG type C' if known else 'gear pair'} {teeth}, {_rack(pinion)}"
-    key = section.relief()
-    return name + (key and f", {key.split('.')[1].replace('_', ' ')}")
+    name = f"{'FZG type C' if is_fzg else 'gear pair'} {teeth}, {_module_and_helix(pinion)}"
+    modification_key = pair.modification_key()
+    if modification_key:
+        name += f", {modification_key.split('.')[1].replace('_', ' ')}"
+    return name
 
 
-def _rack(gear):
+def _module_and_helix(gear: GearSection) -> str:
+    """Return normal module and helix angle of a drawn gear as text."""
     helix = f", β {math.degrees(gear.helix_angle):.4g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.4g} mm{helix}"
 
 
-def of_numbers(pair):
-    """Return the name of the parameters of a gear pair, an object or a dict."""
+def of_numbers(pair: Any) -> str:
+    """Return the name of a gear pair that is given by its numbers.
+
+    `pair` is a dict, a `GearPair` or a `GearPairSection` with the four quantities of `PAPER`.
+    """
     values = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
     if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
         return "paper's pair"
@@ -40,44 +48,49 @@ def of_numbers(pair):
     ).format(**values)
 
 
-def of_pair(c):
+def of_pair(config: Any) -> str:
     """Return the name of the gear pair of a configuration."""
-    return of_drawing(c.gears) if c.gears else of_numbers(c.gear_pair)
+    return of_drawing(config.gears) if config.gears else of_numbers(config.gear_pair)
 
 
-def of_reducer(c):
+def of_reducer(config: Any) -> str:
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _of_reducer(c, c.reducer.teeth, of_pair(c))
+    return _reducer_name(config, config.reducer.teeth, of_pair(config))
 
 
-def _of_reducer(c, teeth, pair):
-    is_paper = not teeth or list(teeth) == type(c.reducer).model_fields["teeth"].default
-    name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {_of_teeth(teeth)}"
-    return f"{name}, every mesh: {pair}"
+def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> str:
+    """Return the name of a reducer with these numbers of teeth; None: the paper's numbers."""
+    is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
+    name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {_join_teeth(teeth)}"
+    return f"{name}, every mesh: {pair_name}"
 
 
-def _of_teeth(teeth):
+def _join_teeth(teeth: Iterable[int]) -> str:
+    """Return numbers of teeth as text, such as "24/36"."""
     return "/".join(map(str, teeth))
 
 
-def of_train(c, pair=""):
-    """Return the name of the train of a configuration, and of its pairs where they are others."""
-    kind, section = c.train.kind, getattr(c.train, c.train.kind)
+def of_train(config: Any, pair_name: str = "") -> str:
+    """Return the name of the gear train of a configuration.
+
+    `pair_name` is the name of its meshes if they are not the gear pair of the configuration.
+    """
+    kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":
-        changed = section.model_dump()
-        return "planetary set of own numbers" if changed else "Lin and Parker's planetary set"
+        has_values = section.model_dump()
+        return "user-defined planetary set" if has_values else "Lin and Parker's planetary set"
     if kind == "planetary_set":
         teeth = section.sun.teeth, section.planet.teeth, section.ring.teeth
-        return f"planetary set z {_of_teeth(teeth)}, {_rack(section.sun)}"
+        return f"planetary set z {_join_teeth(teeth)}, {_module_and_helix(section.sun)}"
     if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
-    pair = pair or of_pair(c)
+    pair_name = pair_name or of_pair(config)
     if kind == "split_power_reducer":
-        return _of_reducer(c, section.teeth, pair)
-    teeth = f" z {_of_teeth(section.teeth)}" if section.teeth else ""
-    return f"{_KINDS[kind]}{teeth}, both meshes: {pair}"
+        return _reducer_name(config, section.teeth, pair_name)
+    teeth = f" z {_join_teeth(section.teeth)}" if section.teeth else ""
+    return f"{_TRAIN_NAMES[kind]}{teeth}, both meshes: {pair_name}"
 
 
-def is_paper(c):
-    """Return whether a configuration is about the paper's pair."""
-    return of_pair(c) == "paper's pair"
+def is_paper(config: Any) -> bool:
+    """Return whether the gear pair of a configuration is the paper's."""
+    return of_pair(config) == "paper's pair"

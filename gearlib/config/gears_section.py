@@ -1,6 +1,7 @@
-"""Gears by their drawing: the section `gears`, in place of `gear_pair`, and pairs of studies."""
+"""Sections of drawn gears: `gears`, which replaces `gear_pair`, and the pairs of studies."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -8,11 +9,12 @@ from gearlib import parameters
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, entry, like
-from gearlib.models.geometry.drawings import gear, renaming
+from gearlib.models.geometry.drawings import gear as drawn_gear
+from gearlib.models.geometry.drawings import renaming
 from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh, bodies, torque_of
 
-#: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality: choices.
+#: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality are assumed.
 FZG_C = {
     "pinion": {
         **{"teeth": 16, "module": 4.5e-3, "width": 0.014, "shift": 0.1817},
@@ -23,7 +25,7 @@ FZG_C = {
     "backlash": 50e-6,
     "torque": 302.0,
 }
-#: z 20/20 of the literature on backlash; backlash and torque: choices.
+#: Gears with 20 teeth each of the literature on backlash; backlash and torque are assumed.
 TWENTY = {
     "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
     "wheel": {"teeth": 20},
@@ -33,38 +35,33 @@ TWENTY = {
 _OF_RING = ("internal", "outer_diameter")
 
 
-def in_keys(key="", options=None, **places):
-    """Return a context that names keys in full where the geometry refuses.
+def in_keys(section_key: str = "", options: Iterable[str] | None = None, **gear_keys: str):
+    """Return a context in which errors of the geometry name the config keys of the arguments.
 
-    `key` is that of the section, `options` are names of stiffness options, `places` the keys of
-    gears by their names.
+    `section_key` is the key of the section with the gears, `options` are the names of its stiffness
+    options, and `gear_keys` the config keys of the gears by their names, such as pinion=".pinion".
     """
-    ring = places.get("ring", places.get("wheel", key))
-    places |= {"ring gear": ring}
+    ring_key = gear_keys.get("ring", gear_keys.get("wheel", section_key))
+    gear_keys |= {"ring gear": ring_key}
 
-    def rename(name, part):
-        name, relief, _ = name.partition(" of the tip relief")
-        if relief or part == "tip relief":
-            name = f"tip_relief.{name}"
-        elif part == "rack":
-            name = name.replace("tip_radius", "fillet_radius")
-        elif part in ("web", "material"):
-            name = f"{part}.{name}"
-        if part in places:
-            return f"{places[part]}.{name}"
-        if part in ("sun mesh", "ring mesh", "shifts"):
-            return f"{key and f'{key}: '}{name} of the {part}"
-        if name in (options or ()):
-            name = f"stiffness_options.{name}"
-        return f"{ring if name == 'outer_diameter' else key}.{name}"
+    def config_key(argument: str, owner: str) -> str:
+        """Return the config key of an argument of the gear or object that `owner` names."""
+        argument, of_relief, _ = argument.partition(" of the tip relief")
+        if of_relief or owner == "tip relief":
+            argument = f"tip_relief.{argument}"
+        elif owner == "rack":
+            argument = argument.replace("tip_radius", "fillet_radius")
+        elif owner in ("web", "material"):
+            argument = f"{owner}.{argument}"
+        if owner in gear_keys:
+            return f"{gear_keys[owner]}.{argument}"
+        if owner in ("sun mesh", "ring mesh", "shifts"):
+            return f"{section_key and f'{section_key}: '}{argument} of the {owner}"
+        if argument in (options or ()):
+            argument = f"stiffness_options.{argument}"
+        return f"{ring_key if argument == 'outer_diameter' else section_key}.{argument}"
 
-    return renaming(rename)
-
-
-def gear_of(key, section, pinion=None, **more):
-    """Return the `SpurGear` of a section; `pinion` is the section with what it leaves out."""
-    with in_keys(key):
-        return gear(section.model_dump(), pinion and pinion.model_dump(), **more)
+    return renaming(config_key)
 
 
 _ADDENDUM, _DEDENDUM, _RADIUS = (t.type_of(x.kind) for x in parameters.declared(Rack).values())
@@ -84,13 +81,25 @@ GearSection = like(
     material=(MaterialSection, entry("Elastic material. Default: steel.", None)),
     tip_relief=(TipReliefSection, entry("Tip relief. Default: none.", None)),
 )
-_WORDS = "The driving gear by its drawing; its revolutions are counted."
-PinionSection = like("PinionSection", _WORDS, SpurGear, "module", "width", base=GearSection)
-_WORDS = "The other gear; left out, its module, width, angles, rack and material are the pinion's."
-WheelSection = like("WheelSection", _WORDS, SpurGear, *_OF_RING, base=GearSection)
-_WORDS = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
-BodyGear = like("BodyGear", _WORDS, SpurGear, *_OF_RING, base=PinionSection)
+_DESCRIPTION = "The driving gear by its drawing; its revolutions are counted."
+PinionSection = like("PinionSection", _DESCRIPTION, SpurGear, "module", "width", base=GearSection)
+_DESCRIPTION = (
+    "The other gear; left out, its module, width, angles, rack and material are the pinion's."
+)
+WheelSection = like("WheelSection", _DESCRIPTION, SpurGear, *_OF_RING, base=GearSection)
+_DESCRIPTION = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
+BodyGear = like("BodyGear", _DESCRIPTION, SpurGear, *_OF_RING, base=PinionSection)
 _Placed = like("_Placed", "Two drawn gears in their places.", Mesh)
+
+
+def gear_of(section_key: str, gear: Any, pinion: Any = None, **arguments: Any) -> SpurGear:
+    """Return the `SpurGear` that the section `gear` describes.
+
+    `pinion` is the section that supplies values which `gear` leaves out. `arguments` are further
+    ones of `SpurGear`. Errors name `section_key`.
+    """
+    with in_keys(section_key):
+        return drawn_gear(gear.model_dump(), pinion and pinion.model_dump(), **arguments)
 
 
 class MethodSection(Section):
@@ -103,14 +112,15 @@ class MethodSection(Section):
         "Options of that method: iso has application_factor; energy samples, coupling, hertz.", None
     )
 
-    def stiffness_arguments(self, key=""):
-        """Return the arguments of the stiffness as the library has them; `key` for refusals."""
+    def stiffness_arguments(self, section_key: str = "") -> dict:
+        """Return `stiffness` and `options` for `Mesh.pair_parameters`; errors name a section."""
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
             if "torque" in arguments["options"]:
                 raise ValueError(
-                    f"{key}.stiffness_options.torque is not allowed: it must be {key}.torque"
+                    f"{section_key}.stiffness_options.torque is not allowed: it must be "
+                    f"{section_key}.torque"
                 )
         return arguments
 
@@ -122,31 +132,38 @@ class DrawnPair(_Placed):
     wheel: WheelSection
     torque: t.Torque = entry("Torque of the pinion, N m.")
 
-    def mesh(self, key=""):
-        """Return the `gearlib.geometry.Mesh`; gears that cannot be are refused by their keys."""
-        places = {name: f"{key}.{name}" for name in ("pinion", "wheel")}
-        pinion = gear_of(places["pinion"], self.pinion)
-        wheel = gear_of(places["wheel"], self.wheel, self.pinion)
-        with in_keys(key, **places):
+    def mesh(self, section_key: str = "") -> Mesh:
+        """Return the `gearlib.geometry.Mesh` of the pair; errors name keys under `section_key`."""
+        gear_keys = {name: f"{section_key}.{name}" for name in ("pinion", "wheel")}
+        pinion = gear_of(gear_keys["pinion"], self.pinion)
+        wheel = gear_of(gear_keys["wheel"], self.wheel, self.pinion)
+        with in_keys(section_key, **gear_keys):
             return Mesh(pinion, wheel, self.centre_distance, self.backlash)
 
-    def check(self, key, *methods):
-        """Refuse gears that cannot be or have no stiffness by some methods, by their keys."""
+    def check(self, section_key: str, *methods: str) -> None:
+        """Refuse impossible gears, and gears without a stiffness by the named stiffness methods.
+
+        Errors name keys under `section_key`.
+        """
         drawing = self.model_dump(include={"pinion", "wheel", "centre_distance"})
-        # No start of the workflow loads the energy method for these.
+        # The default gears are known to be valid. Computing them would slow the workflow's start.
         if any(drawing.items() <= pair.items() for pair in (FZG_C, TWENTY)):
             return
-        mesh = self.mesh(key)
-        with in_keys(key, pinion=f"{key}.pinion", wheel=f"{key}.wheel"):
+        mesh = self.mesh(section_key)
+        with in_keys(section_key, pinion=f"{section_key}.pinion", wheel=f"{section_key}.wheel"):
             for method in methods:
                 mesh.pair_parameters(torque=self.torque, stiffness=method)
 
-    def relief(self):
-        """Return the first key by which flanks are no involutes, "" where they are."""
-        keys = ("tip_relief", "pitch_errors")
-        gears = {"pinion": self.pinion, "wheel": self.wheel}
-        named = (f"{name}.{key}" for name, x in gears.items() for key in keys if getattr(x, key))
-        return next(named, "")
+    def modification_key(self) -> str:
+        """Return the first key that modifies the involute flanks, such as "pinion.tip_relief".
+
+        Return "" if all flanks are pure involutes.
+        """
+        for name, gear in (("pinion", self.pinion), ("wheel", self.wheel)):
+            for key in ("tip_relief", "pitch_errors"):
+                if getattr(gear, key):
+                    return f"{name}.{key}"
+        return ""
 
 
 class Gears(MethodSection, DrawnPair):
@@ -157,31 +174,35 @@ class Gears(MethodSection, DrawnPair):
     speed: t.Speed = entry("Speed of the pinion, rpm; with a torque, of its duty point.", None)
 
     @model_validator(mode="after")
-    def _check(self):
+    def _check(self) -> "Gears":
+        """Refuse gears from which no `gear_pair` can be derived."""
         self.pair()
         return self
 
-    def load(self):
-        """Return torque, or power and speed, as a dict."""
+    def load(self) -> dict[str, float]:
+        """Return the given ones of torque (N m), power (W) and speed (rpm) of the pinion."""
         return self.model_dump(include={"torque", "power", "speed"})
 
-    def driving_torque(self):
-        """Return the torque of the pinion, N m, to 12 digits."""
+    def driving_torque(self) -> float:
+        """Return the torque of the pinion, N m, rounded to 12 digits."""
         return rounded(torque_of(self.torque, self.power, self.speed))
 
-    def described(self):
-        """Return the drawing, its stiffness and torque as the library takes them, as a dict."""
+    def described(self) -> dict:
+        """Return the drawing, stiffness method and torque as plain values for the library."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
-    def pair(self):
-        """Return the keys of `gear_pair` as a dict, to 12 digits; refuses as `mesh` does."""
+    def pair(self) -> dict:
+        """Return the values of the section `gear_pair` made of the drawing, to 12 digits."""
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
         with in_keys("", self.stiffness_options, pinion=".pinion", wheel=".wheel"):
             values = mesh.pair_parameters(**arguments)
-        return {name: rounded(x) for name, x in values.items() if "damping" not in name}
+        return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
-    def six_degrees(self):
-        """Return the keys of `six_degrees` that a drawing gives; no friction, no run-out."""
+    def six_degrees(self) -> dict:
+        """Return the values of the section `six_degrees` that follow from the drawing.
+
+        Friction, run-out and bearing damping are 0; the bearing stiffness is left out.
+        """
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
         values = {key: rounded(value) for key, value in bodies(self.mesh()).items()}
         del values["teeth"]
@@ -189,28 +210,29 @@ class Gears(MethodSection, DrawnPair):
 
 
 class PublishedPair(DrawnPair):
-    """A pair of gears by their drawing, with what others find for it."""
+    """A pair of gears by their drawing, with published values of its stiffness."""
 
-    published: dict[t.Name, t.Stiffness] = entry("Mean stiffness by its source, N/m.", {})
+    published: dict[t.Name, t.Stiffness] = entry("Published mean stiffness by source, N/m.", {})
 
     @model_validator(mode="after")
-    def _check(self):
+    def _check(self) -> "PublishedPair":
+        """Refuse gears without a stiffness by either method."""
         self.check("", "iso", "energy")
         return self
 
 
 class MeshStiffness(Section):
-    """The mesh stiffness of drawn pairs by every method, with its uncertainty."""
+    """The mesh stiffness of drawn pairs by all methods, with its uncertainty."""
 
     pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = entry(
         "Drawn pairs by name.",
         {"z20-20": TWENTY | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
-    samples: t.whole(8, 4096) = entry("Phases of a course over the mesh period.", 64)
+    samples: t.whole(8, 4096) = entry("Number of phases in the mesh period.", 64)
 
 
 class HarrisMap(Section):
-    """The static transmission error of spur gears at several loads, with reliefs that are found."""
+    """The static transmission error of spur gears at several loads, with designed tip reliefs."""
 
     gears: DrawnPair = entry(
         "The pair at its design load, without tip relief; by default FZG type C.",
@@ -220,54 +242,67 @@ class HarrisMap(Section):
     loads: t.Distinct[t.NonNegative] = entry(
         "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
-    phases: t.whole(8, 10_000) = entry("Phases of a mesh period.", 256)
+    phases: t.whole(8, 10_000) = entry("Number of phases in the mesh period.", 256)
 
     @model_validator(mode="after")
-    def _check(self):
+    def _check(self) -> "HarrisMap":
+        """Refuse gears for which no Harris map can be computed."""
         self.check_gears(".gears", self.gears)
         return self
 
-    def check_gears(self, place, gears):
-        """Refuse a `DrawnPair`, named by `place`, that has no Harris map."""
+    def check_gears(self, pair_key: str, pair: DrawnPair) -> None:
+        """Refuse helical or modified gears, which have no Harris map; errors name `pair_key`."""
         for name in ("pinion", "wheel"):
             for key in ("helix_angle", "tip_relief", "pitch_errors"):
-                if getattr(getattr(gears, name), key):
+                if getattr(getattr(pair, name), key):
                     raise ValueError(
-                        f"{place}.{name}.{key} is not allowed: it must be left out, the "
-                        "map is that of spur gears without errors, which get their reliefs by it"
+                        f"{pair_key}.{name}.{key} is not allowed: it must be left out, because the "
+                        "Harris map is of spur gears without errors, and designs their reliefs"
                     )
-        gears.check(place, self.stiffness)
+        pair.check(pair_key, self.stiffness)
 
 
-#: Section -> its key of drawn gears.
-_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
+#: Name of a section -> its key with drawn gears.
+_GEAR_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
 
 
-def takes_configured_gears(c, section):
-    """Return whether a section names no gears, so that it is about those of the configuration."""
-    return c.gears is not None and _KEYS[section] not in getattr(c, section).model_fields_set
+def takes_configured_gears(config: Any, section_name: str) -> bool:
+    """Return whether the drawn gears of the configuration apply to a section without gears.
+
+    The section is "mesh_stiffness" or "harris_map".
+    """
+    section = getattr(config, section_name)
+    return config.gears is not None and _GEAR_KEYS[section_name] not in section.model_fields_set
 
 
-def drawn_pairs(c, section):
-    """Return name -> drawn pair of a section: its gears, else those of the configuration."""
-    if not takes_configured_gears(c, section):
-        pairs = getattr(getattr(c, section), _KEYS[section])
-        return pairs if section == "mesh_stiffness" else {section: pairs}
-    pair = PublishedPair.model_construct(**dict(c.gears) | {"torque": c.gears.driving_torque()})
-    if section == "harris_map":
-        # The map is that of the reliefs it finds.
-        gears = {"pinion": pair.pinion, "wheel": pair.wheel}
-        bare = {key: gear.model_copy(update={"tip_relief": None}) for key, gear in gears.items()}
-        pair = pair.model_copy(update=bare)
+def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
+    """Return the drawn pairs of the section "mesh_stiffness" or "harris_map", by their names.
+
+    If the section has no gears, they are the drawn gears of the configuration.
+    """
+    if not takes_configured_gears(config, section_name):
+        pairs = getattr(getattr(config, section_name), _GEAR_KEYS[section_name])
+        return pairs if section_name == "mesh_stiffness" else {section_name: pairs}
+    torque = config.gears.driving_torque()
+    pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
+    if section_name == "harris_map":
+        # The Harris map designs tip reliefs of its own.
+        unrelieved = {
+            name: getattr(pair, name).model_copy(update={"tip_relief": None})
+            for name in ("pinion", "wheel")
+        }
+        pair = pair.model_copy(update=unrelieved)
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
-def refusal(c, section):
-    """Return why a section cannot take the gears of the configuration, or ""."""
+def refusal(config: Any, section_name: str) -> str:
+    """Return why "mesh_stiffness" or "harris_map" cannot take the configured gears, else ""."""
+    if not takes_configured_gears(config, section_name):
+        return ""
     try:
-        for pair in drawn_pairs(c, section).values() if takes_configured_gears(c, section) else ():
-            if section == "harris_map":
-                c.harris_map.check_gears("gears", pair)
+        for pair in drawn_pairs(config, section_name).values():
+            if section_name == "harris_map":
+                config.harris_map.check_gears("gears", pair)
             else:
                 pair.check("gears", "iso", "energy")
     except ValueError as error:

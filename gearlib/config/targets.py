@@ -11,10 +11,10 @@ from typing import get_args
 from gearlib.config import gears_section
 from gearlib.config.experiments import PEERS
 from gearlib.config.gear_pair_section import BEARINGS
-from gearlib.config.train_section import OF_PAIRS, Kind
+from gearlib.config.train_section import PAIR_TRAINS, Kind
 
 #: Targets about the section `train`, whichever train it describes.
-OF_ANY_TRAIN = ("train_sweep", "campbell")
+TRAIN_TARGETS = ("train_sweep", "campbell")
 #: Targets that no configuration computes unless it names them.
 ONLY_IF_NAMED = ("train_sweep", "measured")
 #: Figs. 2 to 8 and the table of statements.
@@ -100,7 +100,7 @@ def _reducer(c) -> str:
 
 def _train_teeth(c) -> str:
     """Ask for the teeth of a train whose meshes are drawn gears."""
-    of_pairs = c.train.kind in OF_PAIRS
+    of_pairs = c.train.kind in PAIR_TRAINS
     if c.gears and of_pairs and getattr(c.train, c.train.kind).teeth is None:
         return f"train.{c.train.kind}.teeth is missing: it must be given where the gears are drawn"
     return ""
@@ -129,8 +129,8 @@ _REFUSALS = {
     "reducer": _reducer,
     "campbell": lambda c: _train_teeth(c) if has_own_train(c) else _reducer(c),
     "train_sweep": lambda c: _train_teeth(c) or NO_TRAIN * ("train" not in c.model_fields_set),
-    "mesh_stiffness": partial(gears_section.refusal, section="mesh_stiffness"),
-    "harris_map": partial(gears_section.refusal, section="harris_map"),
+    "mesh_stiffness": partial(gears_section.refusal, section_name="mesh_stiffness"),
+    "harris_map": partial(gears_section.refusal, section_name="harris_map"),
     "measured": lambda c: (
         "measured = [] is not allowed: it must be a list of YAML files" * (not c.measured)
     ),

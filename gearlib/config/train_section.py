@@ -169,7 +169,7 @@ def _check_numbers(key, mesh):
 
 
 #: Kinds whose meshes are all a gear_pair with a damping.
-OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
+PAIR_TRAINS = ("split_power_reducer", "idler", "two_stage")
 Kind = Literal["split_power_reducer", "planetary", "idler", "two_stage", "own", "planetary_set"]
 
 

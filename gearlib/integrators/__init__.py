@@ -83,7 +83,7 @@ def refusal(model, name: str) -> str:
     return f"method = {name!r} is not allowed for this {model_class}: it takes {method.MODELS}"
 
 
-def choose(model, name: str | None, options: dict | None) -> tuple[str, Any, dict]:
+def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
     """Return the name, the `Integrator` and all options of the method that runs a model.
 
     Without a name "exact" is chosen if it can run the model, else "taylor". Options that are not

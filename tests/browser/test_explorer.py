@@ -34,7 +34,7 @@ DRAWN = {
     "dampings": {"d": {"damping_ratio": 0.03, "backlash_damping_ratio": 0.01}},
 }
 RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
-RELIEVED = config.laid_over(DRAWN, {"gears": {"pinion": {"tip_relief": RELIEF}}})
+RELIEVED = config.overlay(DRAWN, {"gears": {"pinion": {"tip_relief": RELIEF}}})
 
 
 def moved(mapping, damping, **values):

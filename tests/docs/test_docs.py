@@ -85,11 +85,11 @@ def test_numbers_in_the_worked_example_are_printed_ones():
 @pytest.mark.parametrize("page", with_blocks("yaml"))
 def test_yaml_laid_over_the_configuration_is_accepted(page):
     from gearlib import config
-    from gearlib.config import laid_over
+    from gearlib.config import overlay
 
     for block in blocks(page, "yaml"):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-        settings = laid_over(settings, yaml.safe_load(block))
+        settings = overlay(settings, yaml.safe_load(block))
         if "gears" in settings:
             # It stands by itself.
             assert config.load(yaml.safe_load(block))

@@ -25,7 +25,7 @@ DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
 #: The largest motion of the first lies at its fold, that of the second on the way to it.
 WIDE = DAMPED.replace(material_damping=7e3, backlash=200e-6)
 FIELDS = [one.name for one in dataclasses.fields(PAPER) if one.name != "teeth"]
-OF_PAIRS = tuple(name for name in QUANTITIES if "load_sharing" not in name)
+PAIR_TRAINS = tuple(name for name in QUANTITIES if "load_sharing" not in name)
 
 
 def drawn(model, share, seed):
@@ -39,13 +39,13 @@ def drawn(model, share, seed):
 @pytest.fixture(scope="module")
 def searches():
     speed = float(DAMPED.speed(0.9))
-    return {model: DesignQuantities(model, OF_PAIRS, speed=speed) for model in (DAMPED, WIDE)}
+    return {model: DesignQuantities(model, PAIR_TRAINS, speed=speed) for model in (DAMPED, WIDE)}
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_jumps_and_onset_are_those_of_a_whole_branch(searches, seed):
     model = drawn(DAMPED, 0.03, seed)
-    values = dict(zip(OF_PAIRS, searches[DAMPED](model)[0], strict=True))
+    values = dict(zip(PAIR_TRAINS, searches[DAMPED](model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)
     assert orbit.pattern == (1,)
@@ -130,19 +130,19 @@ def test_the_onset_knows_nothing_of_backlash_and_scales(searches):
     search = searches[DAMPED]
     scale = {"load": 3.0, "backlash": 3.0}
     twin = DAMPED.replace(**{name: getattr(DAMPED, name) * x for name, x in scale.items()})
-    ratios = dict(zip(OF_PAIRS, search(twin)[0] / search.nominal, strict=True))
+    ratios = dict(zip(PAIR_TRAINS, search(twin)[0] / search.nominal, strict=True))
     for name in ("jump_up", "jump_down", "onset_of_contact_loss", "dynamic_factor"):
         assert ratios[name] == pytest.approx(1.0, abs=1e-9), name
     for name in ("peak", "force", "transmission_error", "contact_margin"):
         assert ratios[name] == pytest.approx(3.0, rel=1e-9), name
-    onset = OF_PAIRS.index("onset_of_contact_loss")
+    onset = PAIR_TRAINS.index("onset_of_contact_loss")
     wider = search(DAMPED.replace(backlash=1.1 * DAMPED.backlash))[0]
     assert wider[onset] == search.nominal[onset]
 
 
 def test_what_has_no_jumps_says_so(searches):
     values, codes = searches[DAMPED](DAMPED.replace(material_damping=1.1e4))
-    found = dict(zip(OF_PAIRS, zip(values, codes, strict=True), strict=True))
+    found = dict(zip(PAIR_TRAINS, zip(values, codes, strict=True), strict=True))
     for name in ("jump_up", "jump_down", "onset_of_contact_loss"):
         assert np.isnan(found[name][0]) and found[name][1] == NONE
     # The linear resonance has a top of its own.
@@ -156,7 +156,7 @@ def test_what_has_no_jumps_says_so(searches):
 
 
 def test_the_duty_point_is_that_of_a_settled_run(searches):
-    values = dict(zip(OF_PAIRS, searches[DAMPED].nominal, strict=True))
+    values = dict(zip(PAIR_TRAINS, searches[DAMPED].nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["dynamic_factor"] == pytest.approx(float(point.dynamic_factor), rel=1e-9)
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
@@ -230,7 +230,7 @@ def test_taylor_steps_find_the_same(searches):
     twin = gearlib.OneDegreePair(pair=DAMPED, cubic_damping=1e-9)
     names = ("jump_up", "jump_down", "onset_of_contact_loss", "peak", "dynamic_factor")
     search = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9)))
-    own = [OF_PAIRS.index(name) for name in names]
+    own = [PAIR_TRAINS.index(name) for name in names]
     assert search.nominal == pytest.approx(searches[DAMPED].nominal[own], rel=1e-8)
 
 

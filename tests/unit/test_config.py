@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import gearlib
 from gearlib import GearPair, tunings
 from gearlib.cli import main
-from gearlib.config import ConfigError, cases, laid_over, load, schema, units
+from gearlib.config import ConfigError, cases, load, overlay, schema, units
 from gearlib.config.experiments import PEERS
 from gearlib.integrators import METHODS
 from gearlib.removed import REMOVED
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def changed(**sections):
     """Return the checked configuration of the project with other keys."""
-    return load(laid_over(CONFIG, sections))
+    return load(overlay(CONFIG, sections))
 
 
 def test_the_paper_is_configured():
@@ -152,7 +152,7 @@ def refusals(settings, read=load):
 
 def test_refused_gears_alone_are_complained_about():
     grid = {"start": "2000 rpm", "stop": "5000 rpm", "step": "20 rpm"}
-    found = refusals(laid_over(CONFIG, {"gear_pair": {"load": -1}, "labels": grid}))
+    found = refusals(overlay(CONFIG, {"gear_pair": {"load": -1}, "labels": grid}))
     assert found[0].startswith("gear_pair.load = -1") and "labels" not in str(found)
 
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from gearlib import GearPair
-from gearlib.config import cases, chosen, laid_over, load
+from gearlib.config import cases, load, overlay, overlay_gears
 from gearlib.config import gears_section as sections
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
 from tests.geometry.drawings import fzg_c, iso_example, ring
@@ -195,22 +195,22 @@ def test_speeds_count_with_the_drawn_pair():
 
 def test_a_configuration_laid_over_another_one():
     mine = {"gears": {"torque": 100.0}}
-    whole = laid_over(FZG, mine)
+    whole = overlay(FZG, mine)
     assert load(whole).gear_pair.load < load(FZG).gear_pair.load
     # What says the same in another way gives way.
-    assert "gear_pair" not in laid_over(CONFIG, FZG) and "gears" not in laid_over(FZG, CONFIG)
-    k = laid_over(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
+    assert "gear_pair" not in overlay(CONFIG, FZG) and "gears" not in overlay(FZG, CONFIG)
+    k = overlay(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
     assert k == {"material_damping": 1.0, "backlash_damping": 0.0}
     found = cases(FZG | {"cases": {"a": {}, "b": {"gear_pair": CONFIG["gear_pair"]}}})
     assert load(found["b"]).gear_pair == load(CONFIG).gear_pair
     # Drawn gears do not get what config.yaml says of the paper's.
     merged = {**CONFIG, **FZG}
-    assert chosen(merged, FZG) == FZG
+    assert overlay_gears(merged, FZG) == FZG
     in_cases = {"cases": {"a": FZG, "b": FZG}}
-    assert chosen(CONFIG | in_cases, in_cases) == in_cases
+    assert overlay_gears(CONFIG | in_cases, in_cases) == in_cases
     lighter = {"gear_pair": {"load": 1.0}}
-    assert chosen(laid_over(CONFIG, lighter), lighter) == laid_over(CONFIG, lighter)
-    assert chosen(laid_over(FZG, mine), mine) == whole
+    assert overlay_gears(overlay(CONFIG, lighter), lighter) == overlay(CONFIG, lighter)
+    assert overlay_gears(overlay(FZG, mine), mine) == whole
 
 
 @pytest.mark.parametrize("helix", ["0 deg", "12 deg"])

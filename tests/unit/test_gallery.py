@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from gearlib import GearPair, sweep
-from gearlib.config import cases, chosen, load
+from gearlib.config import cases, load, overlay_gears
 from gearlib.geometry import Material, Mesh
 from gearlib.models.from_values import described
 from gearlib.studies.trains import over_speed
@@ -30,7 +30,7 @@ def test_there_are_four_light_cases(gallery):
         "resonance",
         "train_sweep",
     }
-    assert chosen(CONFIG | GALLERY, GALLERY) == GALLERY
+    assert overlay_gears(CONFIG | GALLERY, GALLERY) == GALLERY
     for case in gallery.values():
         pair = GearPair(**case.pair_parameters("damped"))
         assert pair.damping_ratio == pytest.approx(0.06, rel=1e-10)

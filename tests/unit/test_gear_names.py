@@ -7,8 +7,8 @@ import yaml
 from click.testing import CliRunner
 
 from gearlib.cli import main
-from gearlib.config import ConfigError, chosen, gear_names, laid_over, load
-from gearlib.config.targets import OF_ANY_TRAIN
+from gearlib.config import ConfigError, gear_names, load, overlay, overlay_gears
+from gearlib.config.targets import TRAIN_TARGETS
 from tests.workflow.project import ROOT
 
 OWN = yaml.safe_load("""
@@ -33,7 +33,7 @@ train:
 
 
 def test_a_helical_pair_is_no_spur_pair_of_the_same_teeth():
-    helical = load(laid_over(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}}))
+    helical = load(overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}}))
     assert gear_names.of_pair(load(OWN)) == NAME
     assert gear_names.of_pair(helical) == f"{NAME}, β 15°"
 
@@ -62,14 +62,14 @@ def test_targets_that_cannot_take_them_are_refused(target, change, words):
 
 def test_trains_take_own_teeth_or_are_left_out():
     paper = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-    assert load(chosen(laid_over(paper, PLANETS), PLANETS)).wanted() == [*OF_ANY_TRAIN]
+    assert load(overlay_gears(overlay(paper, PLANETS), PLANETS)).wanted() == [*TRAIN_TARGETS]
     both = PLANETS | {"gear_pair": {"load": 1e3}}
-    c = load(chosen(laid_over(paper, both), both))
-    assert {*OF_ANY_TRAIN, "resonance"} <= {*c.wanted()}
+    c = load(overlay_gears(overlay(paper, both), both))
+    assert {*TRAIN_TARGETS, "resonance"} <= {*c.wanted()}
     assert "reducer" not in c.wanted()
     assert gear_names.of_train(c) == "planetary set z 27/36/99, m 2 mm"
     # Chosen by name it is refused.
-    (words,) = load(paper | PLANETS | {"targets": ["reducer", "campbell"]}).refused()
+    (words,) = load(paper | PLANETS | {"targets": ["reducer", "campbell"]}).refusals()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
 
@@ -80,7 +80,7 @@ def test_trains_take_own_teeth_or_are_left_out():
     planetary = {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}
     for train, words in [
         (idler, f"idler train z 23/61/40, both meshes: {NAME}"),
-        (planetary, "planetary set of own numbers"),
+        (planetary, "user-defined planetary set"),
     ]:
         c = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
         assert gear_names.of_train(c) == words

@@ -6,9 +6,9 @@ from pkgutil import resolve_name
 import pytest
 import yaml
 
-from gearlib.config import laid_over
+from gearlib.config import overlay
 from gearlib.config.configuration import FOLDERS, TARGETS
-from gearlib.config.targets import OF_ANY_TRAIN
+from gearlib.config.targets import TRAIN_TARGETS
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
 from tests.workflow.project import project_copy
@@ -100,8 +100,8 @@ def test_gears_of_the_user_reach_the_studies_of_drawings(project, paper, name):
 
 
 def test_a_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
-    mine = with_gears(project, laid_over(PLANETS, DAMPED))
-    for name in OF_ANY_TRAIN:
+    mine = with_gears(project, overlay(PLANETS, DAMPED))
+    for name in TRAIN_TARGETS:
         assert mine.rules[f"draw_{name}"]["params"]["gears"] == "planetary set z 27/36/99, m 2 mm"
         job = repr(mine.rules[f"compute_{name}"]["params"])
         assert "'teeth': 99" in job and "[24, 36, 24, 36]" not in job

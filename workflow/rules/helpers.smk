@@ -76,7 +76,7 @@ def checked_configuration():
     try:
         raise_any([sentence for path in files for sentence in yaml_keys.read(path)[1]])
         checked = configuration.load(config)
-        raise_any([*checked.refused(), *checked.without_damping()])
+        raise_any([*checked.refusals(), *checked.without_damping()])
         if workflow.is_main_process:
             check_numbers(checked)
         return checked
@@ -201,7 +201,7 @@ def table_page(name, label, part):
 def target_files(target, *files):
     """Return the files of a target, or an input function that refuses it for these gears."""
     reason = targets.refusal(target, CONFIG)
-    if target in targets.OF_ANY_TRAIN:
+    if target in targets.TRAIN_TARGETS:
         reason = reason or targets.undamped(CONFIG)
     if not reason:
         return list(files)
@@ -306,7 +306,7 @@ config["captions"] = {
     "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(
-        CONFIG.gears and CONFIG.gears.relief() and takes_configured_gears(CONFIG, "mesh_stiffness")
+        CONFIG.gears and CONFIG.gears.modification_key() and takes_configured_gears(CONFIG, "mesh_stiffness")
     ),
     "design_torque": next(iter(drawn_pairs(CONFIG, "harris_map").values())).torque,
 }
