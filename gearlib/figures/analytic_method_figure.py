@@ -1,14 +1,17 @@
 """The analytic method: iterations and range of convergence; errors and resonance curve."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure, SubFigure
 
 from gearlib.figures import panels, style
 
 _GREY = "#4D4D4D"
-#: Iterations whose courses are drawn, and their colours.
+#: Iterations that are drawn, and their colours.
 _COURSES = {0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
-#: Method -> (words, colour, marker, face of the marker).
+#: Method -> (name, colour, marker, face colour of the marker).
 _METHODS = {
     "balance": ("harmonic balance", "#0072B2", "o", "#0072B2"),
     "schmidt": ("E. Schmidt", "#D55E00", "s", "white"),
@@ -18,35 +21,40 @@ _MESHES = ("mesh that never loses contact", "gear pair with backlash")
 _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 
 
-def draw(data):
-    """Draw both figures of `gearlib.studies.analytic_method`; return them by their names."""
+def draw(data: xr.Dataset) -> dict[str, Figure]:
+    """Return a dict of both figures, by name, of the data of `gearlib.studies.analytic_method`."""
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 
 @style.styled()
-def draw_convergence(data):
-    """Draw iterates, errors, range of convergence of `gearlib.studies.analytic_method.compute`."""
+def draw_convergence(data: xr.Dataset) -> Figure:
+    """Return a figure of iterates, their errors, and the tunings at which the method converges.
+
+    `data` is that of `gearlib.studies.analytic_method.compute`.
+    """
     figure = style.page(7.6)
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
     _draw_courses(above, data)
     grid = panels.draw_panels(data, "iteration", "iterate_error", panel="shown", figure=middle)
     for i, axes in enumerate(grid[0]):
         error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
-        words = "a step of the degenerate part follows"
-        style.dots(axes, data.iteration, error, "o", "#D55E00", 3.5, label=words)
+        label = "a step of the degenerate part follows"
+        style.dots(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
     style.legend(middle, grid[0, 0], 1)
     _draw_range(below, data)
     return figure
 
 
-def _draw_courses(figure, data):
-    """Draw iterates over the exact orbit, a panel for each tuning."""
-    numbers = [number for number in _COURSES if number in data.iteration]
-    styles = {n: {"color": _COURSES[n], "label": f"iteration {n}"} for n in numbers}
-    told = {"panel": "shown", "colour": "iteration", "styles": styles}
+def _draw_courses(figure: SubFigure, data: xr.Dataset):
+    """Draw iterates over the exact orbit, a panel for each tuning shown."""
+    iterations = [number for number in _COURSES if number in data.iteration]
+    styles = {n: {"color": _COURSES[n], "label": f"iteration {n}"} for n in iterations}
+    curve_options = {"panel": "shown", "colour": "iteration", "styles": styles}
     courses = panels.in_mesh_periods(data)
-    grid = panels.draw_panels(courses, "phase", "iterate_displacement", figure=figure, **told)
+    grid = panels.draw_panels(
+        courses, "phase", "iterate_displacement", figure=figure, **curve_options
+    )
     for i, axes in enumerate(grid[0]):
         exact = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
         axes.plot(courses.phase, data.exact_displacement[i], **exact)
@@ -55,17 +63,17 @@ def _draw_courses(figure, data):
         axes.set_ylabel(panels.axis_label(data.exact_displacement, 24) if i == 0 else "")
 
 
-def _draw_range(figure, data):
-    """Draw contraction factors over tuning and degenerate harmonics."""
+def _draw_range(figure: SubFigure, data: xr.Dataset):
+    """Draw contraction factors over the tuning and the number of degenerate harmonics."""
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
     for k, (axes, title) in enumerate(zip(grid, _MESHES, strict=True)):
         mesh = data.isel(contact_loss=k)
-        look = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
-        shades = axes.pcolormesh(data.tuning, counts, mesh.contraction, **look)
+        options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
+        shades = axes.pcolormesh(data.tuning, counts, mesh.contraction, **options)
         rows, columns = np.nonzero((mesh.converged == 0) & mesh.contraction.notnull())
-        points = data.tuning.values[columns], counts[rows]
-        style.dots(axes, *points, "x", "black", 3, markeredgewidth=0.7, label="diverged")
+        diverged = data.tuning.values[columns], counts[rows]
+        style.dots(axes, *diverged, "x", "black", 3, markeredgewidth=0.7, label="diverged")
         steps = {"color": "black", "drawstyle": "steps-mid", "label": "automatic choice"}
         panels.draw_curves(axes, mesh, "tuning", "automatic", **steps)
         axes.set(yticks=counts, ylim=(-0.5, counts[-1] + 0.5), title=title)
@@ -77,8 +85,8 @@ def _draw_range(figure, data):
 
 
 @style.styled()
-def draw_harmonics(data):
-    """Draw errors over the number of harmonics, and the curve of harmonic balance.
+def draw_harmonics(data: xr.Dataset) -> Figure:
+    """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
 
     `data` is that of `gearlib.studies.analytic_method.compute`.
     """
@@ -98,13 +106,13 @@ def draw_harmonics(data):
     return figure
 
 
-def _draw_errors(axes, data):
-    """Draw the errors of both methods at one tuning over their harmonics, with slopes."""
+def _draw_errors(axes: Axes, data: xr.Dataset):
+    """Draw the errors of both methods at one tuning over their harmonics, with slope lines."""
     for method, (_, colour, marker, face) in _METHODS.items():
-        look = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
+        options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
         for kind, dashes in _DASHES.items():
             names = f"{method}_harmonics", f"{method}_{kind}_error"
-            panels.draw_curves(axes, data, *names, linestyle=dashes, **look)
+            panels.draw_curves(axes, data, *names, linestyle=dashes, **options)
     harmonics = np.array([10.0, 1000.0])
     for power, low, high in ((-2.0, 0.4, 0.6), (-1.0, 1.5, 2.0)):
         axes.plot(harmonics, low * harmonics**power, color=_GREY, linewidth=0.7, linestyle=":")
@@ -113,8 +121,8 @@ def _draw_errors(axes, data):
     axes.set(xlabel="harmonics $h$", ylabel="largest error over the period")
 
 
-def _draw_resonance(figure, data):
-    """Draw extrema of harmonic balance over exact sweeps."""
+def _draw_resonance(figure: SubFigure, data: xr.Dataset):
+    """Draw the displacement extrema of harmonic balance over those of exact sweeps."""
     axes = figure.subplots()
     for direction, (colour, marker) in _DIRECTIONS.items():
         sweep = data.sel(direction=direction)
@@ -122,8 +130,8 @@ def _draw_resonance(figure, data):
             axes.plot(data.tuning, sweep[f"displacement_{end}"], color=colour, linewidth=0.9)
             for stable, face in ((1, colour), (0, "white")):
                 extrema = sweep[f"balance_{end}"].where(sweep.stable == stable)
-                look = {"markerfacecolor": face, "markeredgewidth": 0.6}
-                style.dots(axes, data.tuning, extrema, marker, colour, 3, **look)
+                options = {"markerfacecolor": face, "markeredgewidth": 0.6}
+                style.dots(axes, data.tuning, extrema, marker, colour, 3, **options)
     style.shade_areas(axes, float(data.backlash_ratio), "y")
     axes.set_xlabel(panels.axis_label(data.tuning))
     axes.set_ylabel("extrema of the displacement\n(static deflections)")

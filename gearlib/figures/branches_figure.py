@@ -1,11 +1,16 @@
 """Branches of periodic orbits with their special points, and how damping moves these."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
 
 from gearlib.figures import panels, style
 
 _HEIGHT = 6.6
-#: Points on both sides of a fold that tell on which side it lies.
+#: Number of points on both sides of a fold from which its open side is found.
 POINTS_BESIDE_FOLD = 6
 #: Shares of the ranges of tuning and height within which special points share a line of text.
 SAME_TEXT_WIDTH, SAME_TEXT_HEIGHT = 0.05, 0.06
@@ -20,11 +25,11 @@ SPECIAL_POINTS = {
 
 
 @style.styled()
-def draw(branches, loci):
-    """Return a figure of branches, their special points marked, above the loci of these points.
+def draw(branches: xr.Dataset, loci: xr.Dataset) -> Figure:
+    """Return a figure of branches of orbits with special points, above the loci of these points.
 
-    They are those of `branches` and `loci` of `gearlib.studies.resonance`. The
-    dotted line is the damping of the branches.
+    The datasets are those of `branches` and `loci` of `gearlib.studies.resonance`. The dotted line
+    is the damping of the branches.
     """
     figure = style.page(_HEIGHT)
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
@@ -45,22 +50,22 @@ def draw(branches, loci):
     return figure
 
 
-def draw_curve(axes, branches, variable, colour, width=1.0, zorder=2.0):
-    """Draw a variable of branches over the tuning: solid where stable, dashed where unstable."""
+def draw_curve(axes: Axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
+    """Draw the variable named `variable` of branches over the tuning, dashed where unstable."""
     tuning, values = branches.tuning.values, branches[variable].values
     stable = branches.stable.values.astype(bool)
     for number in np.unique(branches.branch):
         points = np.flatnonzero(branches.branch == number)
         changes = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
-        for piece in np.split(points, changes):
-            # It begins where the piece before it ends.
-            piece = np.arange(max(piece[0] - 1, points[0]), piece[-1] + 1)
-            look = {"linestyle": "-" if stable[piece[-1]] else style.DASHED, "linewidth": width}
-            axes.plot(tuning[piece], values[piece], color=colour, zorder=zorder, **look)
+        for same in np.split(points, changes):
+            # The line starts at the last point before stability changes, so that no gap appears.
+            same = np.arange(max(same[0] - 1, points[0]), same[-1] + 1)
+            options = {"linestyle": "-" if stable[same[-1]] else style.DASHED, "linewidth": width}
+            axes.plot(tuning[same], values[same], color=colour, zorder=zorder, **options)
 
 
-def draw_special_points(axes, x, y, labels, size=4.5):
-    """Mark the special points of branches."""
+def draw_special_points(axes: Axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
+    """Mark the special points of branches at (x, y); `labels` has the code of each point."""
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
         points = labels == code
@@ -68,8 +73,11 @@ def draw_special_points(axes, x, y, labels, size=4.5):
             style.dots(axes, x[points], y[points], marker, colour, size, zorder=3)
 
 
-def entries(labels, line="none"):
-    """Return the entries of the legend for branches and those special points that there are."""
+def entries(labels: ArrayLike, line="none") -> list[Line2D]:
+    """Return legend handles for branches and for the special points with codes in `labels`.
+
+    `line` is the line style of the special points' handles.
+    """
     special = [SPECIAL_POINTS[code] for code in SPECIAL_POINTS if code in np.asarray(labels)]
     return [
         style.entry("stable orbit"),
@@ -81,8 +89,8 @@ def entries(labels, line="none"):
     ]
 
 
-def _draw_locus(axes, locus):
-    """Draw the two halves of a locus, from its special point on."""
+def _draw_locus(axes: Axes, locus: xr.Dataset):
+    """Draw damping over tuning of one locus, as two halves that start at its special point."""
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping = locus.damping_ratio.values
     starts = np.flatnonzero(np.isclose(damping, float(locus.own_damping), rtol=1e-12, atol=0.0))
@@ -90,29 +98,24 @@ def _draw_locus(axes, locus):
         axes.plot(locus.tuning.values[half], damping[half], color=colour, linewidth=1.0)
 
 
-def _write_tunings(axes, branches):
-    """Write the tuning beside each special point; close ones share a line of text."""
+def _write_tunings(axes: Axes, branches: xr.Dataset):
+    """Write the tuning beside each special point of branches; close points share a text."""
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
-    places = np.stack(
-        [
-            tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH,
-            height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT,
-        ]
-    )
+    x = tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH
+    positions = np.stack([x, height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT])
     points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
     while points.size:
-        # Of points close to each other the text stands beside the one of the lowest code.
-        close = (np.abs(places[:, points] - places[:, points[:1]]) < 1.0).all(axis=0)
+        # The text of close points stands beside the point with the lowest code.
+        close = (np.abs(positions[:, points] - positions[:, points[:1]]) < 1.0).all(axis=0)
         group, points = points[close], points[~close]
         first = group[labels[group].argmin()]
         text = ", ".join(f"{value:.4f}" for value in np.sort(tuning[group]))
-        # Beside a fold it stands on the side to which no branch goes, else above.
-        around = tuning[
-            [max(first - POINTS_BESIDE_FOLD, 0), min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
-        ]
-        side = int(np.sign(tuning[first] - around).sum())
+        # Beside a fold the text stands on the side without a branch, elsewhere above the point.
+        before = tuning[max(first - POINTS_BESIDE_FOLD, 0)]
+        after = tuning[min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
+        side = int(np.sign(tuning[first] - before) + np.sign(tuning[first] - after))
         offset, anchor = {-2: ((-6, 0), "right center"), 2: ((6, 0), "left center")}.get(
             side, ((0, 6), "center bottom")
         )
-        place = tuning[first], height[first]
-        style.note(axes, text, place, offset, anchor, white=(0.15, 0.85), zorder=2.5)
+        point = tuning[first], height[first]
+        style.note(axes, text, point, offset, anchor, white=(0.15, 0.85), zorder=2.5)

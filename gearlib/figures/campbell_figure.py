@@ -1,18 +1,22 @@
 """Campbell diagram: natural frequencies, orders of the mesh frequencies, speeds of lost contact."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from gearlib.data.motions import contact_loss_fraction
 from gearlib.figures import schematic, style
 
 _MODE_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER_MODES, _LOST_CONTACT = "0.5", "#F0E442"
-#: Whether the meshes excite an intersection -> its name, face and size.
+#: Whether the meshes excite an intersection -> its name, face colour and marker size.
 _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white", 2.5)}
 
 
 @style.styled()
-def draw(diagram):
+def draw(diagram: xr.Dataset) -> Figure:
     """Return a figure of frequencies over the speed of the reference pinion, beside the train.
 
     `diagram` is that of `gearlib.studies.trains.campbell`. Behind the line of a mesh frequency, the
@@ -39,16 +43,17 @@ def draw(diagram):
     return figure
 
 
-def mesh_frequency(diagram):
-    """Return the frequency of the reference mesh over its speed, kHz per rpm."""
+def mesh_frequency(diagram: xr.Dataset) -> float:
+    """Return the frequency of the reference mesh per speed of its pinion, kHz per rpm."""
     order = float(diagram.stiffness_order[0])
     return 1e-3 * float(diagram.natural_frequency[0] / diagram.critical_speed[0, 0]) / order
 
 
-def draw_orders(axes, diagram, stop):
-    """Draw modes, mesh frequencies and intersections up to a speed; return the legend's entries.
+def draw_orders(axes: Axes, diagram: xr.Dataset, stop: float) -> list[Line2D]:
+    """Draw natural frequencies, mesh orders and intersections up to the speed `stop` (rpm).
 
-    Lines of multiples of all mesh frequencies are dashed.
+    Return the legend handles. `diagram` is that of `gearlib.studies.trains.campbell`; multiples of
+    mesh frequencies are dashed.
     """
     per_speed, frequency = mesh_frequency(diagram), 1e-3 * diagram.natural_frequency.values
     kinds = {str(kind): _OTHER_MODES for kind in diagram.mode_kind.values} | _MODE_COLOURS
@@ -64,8 +69,8 @@ def draw_orders(axes, diagram, stop):
     for excited, (_, face, size) in _INTERSECTIONS.items():
         shown = diagram.excites.values == excited
         x, y = diagram.critical_speed.values[shown], np.broadcast_to(frequency, shown.shape)[shown]
-        look = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
-        style.dots(axes, x, y, "o", "black", size, **look)
+        options = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
+        style.dots(axes, x, y, "o", "black", size, **options)
     axes.set(xlim=(0.0, stop), ylim=(0.0, top))
     axes.set(xlabel="speed of the reference pinion (rpm)", ylabel="frequency (kHz)")
     drawn = dict.fromkeys(map(str, diagram.mode_kind.values))

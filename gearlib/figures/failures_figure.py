@@ -3,6 +3,8 @@
 import re
 
 import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
@@ -22,7 +24,7 @@ _VERDICTS = {
 
 
 @style.styled()
-def draw(matrix):
+def draw(matrix: xr.Dataset) -> Figure:
     """Draw the verdicts, a row for each problem and a column for each trial.
 
     `matrix` is gathered from `gearlib.studies.trials.failures.compute`. A star marks a run of

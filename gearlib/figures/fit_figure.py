@@ -1,6 +1,8 @@
 """Draw what a fit compared, measured and fitted."""
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -11,7 +13,7 @@ _INTERVAL = 1.96
 
 
 @style.styled()
-def fit(found, *, figure=None):
+def fit(found, *, figure: Figure | None = None) -> Figure:
     """Draw what a fit compared, measured and fitted.
 
     Parameters
@@ -49,7 +51,7 @@ def fit(found, *, figure=None):
     return figure
 
 
-def _draw_curve(axes, curve):
+def _draw_curve(axes: Axes, curve):
     """Draw a measured curve as dots and the fitted one as a line, dotted where the speed falls."""
     measured, fitted = curve.heights
     scale, unit = 1.0, curve.units
@@ -64,7 +66,7 @@ def _draw_curve(axes, curve):
     axes.set_ylabel(curve.name + (f" ({unit})" if unit not in ("", "1") else ""))
 
 
-def _draw_speeds(axes, speeds):
+def _draw_speeds(axes: Axes, speeds: list):
     """Draw how far fitted speeds of jumps lie from the measured ones, with their intervals."""
     places = np.arange(len(speeds))
     bars = {"fmt": ".", "color": _MEASURED, "capsize": 3, "label": "measured"}

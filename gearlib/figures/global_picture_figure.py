@@ -1,6 +1,9 @@
 """Basins of attraction, Poincaré sections and bifurcation diagrams."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -26,14 +29,14 @@ _DOTS = {"markeredgewidth": 0.0, "rasterized": True}
 _BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
-def attractor_colours(kinds):
+def attractor_colours(kinds: np.ndarray) -> list[str]:
     """Return the colour of each attractor from the codes of their kinds."""
     periodic = iter(np.resize(_PERIODIC_COLOURS, len(kinds)))
     return [_KIND_COLOURS[kind] or str(next(periodic)) for kind in kinds]
 
 
 @style.styled()
-def draw_basins(data):
+def draw_basins(data: xr.Dataset) -> Figure:
     """Draw the basins of all cases of `gearlib.studies.global_picture.basin_cases`.
 
     Every initial state has the colour of its attractor, whose stroboscopic states are marked
@@ -49,12 +52,12 @@ def draw_basins(data):
         for j, (colour, marker) in enumerate(zip(colours, _MARKERS * 9, strict=False)):
             _mark_attractor(axes, case.isel(attractor=j), colour, marker)
         _label_plane(axes, "initial ")
-        look = {"fontsize": 6.5, "handletextpad": 0.2, "bbox_to_anchor": (0.5, -0.16)}
-        axes.legend(ncols=2, **_BELOW, **look)
+        options = {"fontsize": 6.5, "handletextpad": 0.2, "bbox_to_anchor": (0.5, -0.16)}
+        axes.legend(ncols=2, **_BELOW, **options)
     return figure
 
 
-def _mark_attractor(axes, attractor, colour, marker):
+def _mark_attractor(axes: Axes, attractor: xr.Dataset, colour: str, marker: str):
     """Mark the states of a periodic attractor, and name any attractor for the legend."""
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     name = f"period {int(attractor.period)}" if kind == 0 else _KINDS[kind]
@@ -64,14 +67,14 @@ def _mark_attractor(axes, attractor, colour, marker):
     style.dots(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=words)
 
 
-def _label_plane(axes, word=""):
+def _label_plane(axes: Axes, word=""):
     """Label a phase plane, the velocity only in the first column."""
     axes.set_xlabel(f"{word}displacement (static defl.)")
     axes.set_ylabel(word + style.RATE if axes.get_subplotspec().is_first_col() else "")
 
 
 @style.styled()
-def draw_sections(data):
+def draw_sections(data: xr.Dataset) -> Figure:
     """Draw the sections of all cases of `gearlib.studies.global_picture.sections`.
 
     Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in one
@@ -95,7 +98,7 @@ def draw_sections(data):
 
 
 @style.styled()
-def draw_bifurcation(diagram, shares, branches=None):
+def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None) -> Figure:
     """Draw diagram, exponents and shares of `gearlib.studies.global_picture.bifurcation`.
 
     `branches`, if given, are laid over the diagram, dashed where unstable: tuning, state
@@ -123,7 +126,7 @@ def draw_bifurcation(diagram, shares, branches=None):
     return figure
 
 
-def _draw_exponents(axes, motion, colour, carried):
+def _draw_exponents(axes: Axes, motion: xr.Dataset, colour: str, carried: bool):
     """Draw exponents as dots; of carried motions with a band, and a line where they settle."""
     exponent, error = motion.exponent, BAND_WIDTH * motion.uncertainty
     joined = motion.settled.astype(bool) & carried
@@ -134,7 +137,7 @@ def _draw_exponents(axes, motion, colour, carried):
         axes.fill_between(motion.tuning, exponent - error, exponent + error, **band)
 
 
-def _lay_over(axes, branches):
+def _lay_over(axes: Axes, branches: xr.Dataset):
     """Draw continued branches, dashed where they are unstable."""
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
@@ -148,7 +151,7 @@ def _lay_over(axes, branches):
             axes.plot(branch.tuning, states, color="black", ls=dashes, lw=0.7, label=words)
 
 
-def _draw_family_shares(axes, shares):
+def _draw_family_shares(axes: Axes, shares: xr.Dataset):
     """Draw the shares of the families of attractors, one above the other."""
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
     largest = share.argmax("tuning")
@@ -160,9 +163,9 @@ def _draw_family_shares(axes, shares):
     ]
     shown = (share.max("tuning") >= MIN_NAMED_SHARE).values
     labels = [name if named else None for name, named in zip(names, shown, strict=True)]
-    look = {"edgecolor": "grey", "linewidth": 0.3, "step": "mid", "labels": labels}
-    axes.stackplot(shares.tuning, share, colors=attractor_colours(kinds), **look)
+    options = {"edgecolor": "grey", "linewidth": 0.3, "step": "mid", "labels": labels}
+    axes.stackplot(shares.tuning, share, colors=attractor_colours(kinds), **options)
     title = "orbits: period in mesh periods, height in static deflections"
-    look = {"bbox_to_anchor": (0.5, -0.28), "title": title, "title_fontsize": 7.5}
-    axes.legend(ncols=4, **_BELOW, **look)
+    options = {"bbox_to_anchor": (0.5, -0.28), "title": title, "title_fontsize": 7.5}
+    axes.legend(ncols=4, **_BELOW, **options)
     axes.set(ylim=(0.0, 1.0), ylabel="share of the\ninitial states")

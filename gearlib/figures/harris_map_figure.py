@@ -3,7 +3,10 @@
 import math
 
 import numpy as np
+import xarray as xr
 from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -11,7 +14,7 @@ ERROR = "static transmission error (µm)"
 
 
 @style.styled()
-def draw(data):
+def draw(data: xr.Dataset) -> Figure:
     """Draw the error at all loads for each relief, and below its range and the contact ratio.
 
     `data` is that of `gearlib.studies.drawn_gears.harris_map`. Thick: the design load.
@@ -34,14 +37,14 @@ def draw(data):
     ranges["effective_contact_ratio"] = ranges.effective_contact_ratio.where(ranges.torque > 0.0)
     names = "peak_to_peak_error", "effective_contact_ratio"
     for axes, name in zip(below.subplots(1, 2), names, strict=True):
-        look = {"colour": "relief", "marker": "o", "markersize": 3.0}
-        entries = panels.draw_curves(axes, ranges, "torque", name, **look)
+        options = {"colour": "relief", "marker": "o", "markersize": 3.0}
+        entries = panels.draw_curves(axes, ranges, "torque", name, **options)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
     style.legend(figure, entries, 3)
     return figure
 
 
-def draw_courses(axes, data, loads, design=1.0):
+def draw_courses(axes: Axes, data: xr.Dataset, loads: np.ndarray, design=1.0):
     """Draw the error over two mesh periods at loads, those of `data`; thick: the design load."""
     periods = data.phase.values / (2.0 * math.pi)
     shades = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))

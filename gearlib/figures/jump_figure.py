@@ -1,6 +1,11 @@
 """Beside Fig. 6: where the motion from rest jumps, and how far each choice moves the jump."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -20,7 +25,7 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
 @style.styled()
-def draw(jumps, marked=()):
+def draw(jumps: xr.Dataset, marked: Sequence[float] = ()) -> Figure:
     """Draw the orbit's height over the tuning and the jump over everything that may move it.
 
     `jumps` are those of `gearlib.studies.jump.compute`, `marked` are tunings to compare with,
@@ -44,11 +49,11 @@ def draw(jumps, marked=()):
     return figure
 
 
-def _draw_scan(axes, jumps, marked):
+def _draw_scan(axes: Axes, jumps: xr.Dataset, marked: Sequence[float]):
     """Draw the orbit's height over the tuning."""
     tuning, base = jumps.tuning.values, float(jumps.jump[0])
-    look = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
-    panels.draw_curves(axes, jumps, "tuning", "height", **look)
+    options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
+    panels.draw_curves(axes, jumps, "tuning", "height", **options)
     title = "from rest the orbit does not jump in this scan: there is no shift to draw"
     if np.isfinite(base):
         title = f"from rest the orbit jumps at $\\nu_s$ = {base:.7f}"
@@ -60,7 +65,7 @@ def _draw_scan(axes, jumps, marked):
     axes.set(title=title, xlim=(tuning[0], tuning[-1]))
 
 
-def _draw_kind(axes, jumps, marked_shifts, label, scale):
+def _draw_kind(axes: Axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
     """Draw the shift of the jump over the values of one kind of variation."""
     value, shift = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():

@@ -1,6 +1,12 @@
 """Measured curves, time courses and mesh orders beside those of the model."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from gearlib.figures import panels, style
 
@@ -12,7 +18,7 @@ _POINT_COLOUR = "#8C8C8C"
 _MEASURED = style.entry("measured", _POINT_COLOUR, "none", ".")
 
 
-def draw_curves(axes, curves, names):
+def draw_curves(axes: Axes, curves: Sequence[xr.Dataset], names: tuple) -> list[Line2D]:
     """Draw measured points of some observables over the tuning; return the legend's entries.
 
     curves: datasets of `gearlib.studies.measured`. Jumps are dotted lines. What lies
@@ -25,11 +31,11 @@ def draw_curves(axes, curves, names):
             attrs = curve[name].attrs
             face = "none" if attrs["unknown_gain"] or attrs["unknown_offset"] else colour
             values = (curve[name] - attrs["fitted_offset"]) / attrs["fitted_gain"]
-            look = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
+            options = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
             for sign, marker in _DIRECTION_MARKERS.items():
                 chosen = curve.direction.values == sign
                 points = curve.tuning.values[chosen], values.values[chosen]
-                style.dots(axes, *points, marker, colour, 3.0, **look)
+                style.dots(axes, *points, marker, colour, 3.0, **options)
         jumps = [name for name in _JUMPS if name in curve]
         for name in jumps:
             tuning = curve.attrs["tuning_rate"] * float(curve[name])
@@ -42,7 +48,7 @@ def draw_curves(axes, curves, names):
 
 
 @style.styled()
-def draw_courses(courses, *, colours=None):
+def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None) -> Figure:
     """Draw datasets of `gearlib.studies.measured.courses`, a panel for each course.
 
     courses: one or several; colours: those of the dampings by name.
@@ -69,7 +75,7 @@ def draw_courses(courses, *, colours=None):
 
 
 @style.styled()
-def draw_orders(orders, *, colours=None):
+def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None) -> Figure:
     """Draw datasets of `gearlib.studies.measured.orders`.
 
     orders: one or several; colours: those of the dampings by name. A row for each observable, a
@@ -101,6 +107,6 @@ def draw_orders(orders, *, colours=None):
     return figure
 
 
-def _level(amplitude, largest):
+def _level(amplitude: xr.DataArray, largest: xr.DataArray) -> xr.DataArray:
     """Return levels in dB of the largest amplitude."""
     return 20.0 * np.log10((amplitude / largest).where(amplitude > 0.0))

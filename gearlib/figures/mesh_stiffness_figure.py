@@ -2,6 +2,11 @@
 
 import math
 
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
 from gearlib.figures import panels, style
 
 #: Methods with an uncertainty of their own; the others are what makes that of the energy method.
@@ -9,7 +14,7 @@ _UNCERTAIN = ("iso", "energy")
 
 
 @style.styled()
-def draw(stiffness):
+def draw(stiffness: xr.Dataset) -> Figure:
     """Draw for each pair the courses over the mesh period, and the means beside them.
 
     `stiffness` is that of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands: the stated
@@ -37,21 +42,21 @@ def draw(stiffness):
     return figure
 
 
-def _draw_courses(axes, pair, styles):
+def _draw_courses(axes: Axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2D]:
     """Draw the stiffness over the mesh period with its bands; return the legend's entries."""
     for method in _UNCERTAIN:
         curve = pair.sel(stiffness_method=method)
         low, high = (curve.mesh_stiffness * (1 + s * curve.method_uncertainty) for s in (-1, 1))
-        look = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
-        axes.fill_between(curve.stiffness_phase, low, high, **look)
-    told = {"colour": "stiffness_method", "styles": styles}
-    handles = panels.draw_curves(axes, pair, "stiffness_phase", "mesh_stiffness", **told)
+        options = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
+        axes.fill_between(curve.stiffness_phase, low, high, **options)
+    curve_options = {"colour": "stiffness_method", "styles": styles}
+    handles = panels.draw_curves(axes, pair, "stiffness_phase", "mesh_stiffness", **curve_options)
     axes.set_xlim(-math.pi, math.pi)
     axes.set_xticks([-math.pi, 0.0, math.pi], ["$-\\pi$", "0", "$\\pi$"])
     return handles
 
 
-def _draw_means(axes, pair, styles):
+def _draw_means(axes: Axes, pair: xr.Dataset, styles: dict[str, dict]):
     """Draw the mean stiffness by each method, and the published ones."""
     for place, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
         chosen = pair.sel(stiffness_method=method)

@@ -1,6 +1,9 @@
 """Scenes and models: what a larger model would change, beside the tolerance and the cost."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -20,7 +23,7 @@ cost: components of the state advanced per mesh period"""
 
 
 @style.styled()
-def draw(comparisons, scenes):
+def draw(comparisons: list[xr.Dataset], scenes: list[str]) -> Figure:
     """Draw the change of every model as a bar, a row of bars per scene.
 
     `comparisons` are datasets of `gearlib.studies.scenes.compare`, of the scenes of
@@ -45,7 +48,7 @@ def draw(comparisons, scenes):
     return figure
 
 
-def _draw_bar(axes, model, place):
+def _draw_bar(axes: Axes, model: xr.Dataset, place: int):
     """Draw the change of one model, its range where rounding decides, and words at the edge."""
     change, chosen = float(model.change), model.model.item() == model.chosen.item()
     certain = bool(model.change_free_of_rounding)

@@ -1,6 +1,8 @@
 """Linear, quadratic and cubic damping: characteristics, phase planes, and what moves."""
 
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -8,7 +10,7 @@ _EXTREMA = ["displacement_max", "displacement_min"]
 
 
 @style.styled()
-def draw(studies):
+def draw(studies: list[xr.Dataset]) -> Figure:
     """Draw characteristics above (up and down), phase planes below, a column per place.
 
     `studies` are datasets of `gearlib.studies.nonlinear_damping.compute`.
@@ -37,7 +39,7 @@ def draw(studies):
     return figure
 
 
-def _draw_characteristics(axes, powers, styles):
+def _draw_characteristics(axes: Axes, powers: xr.Dataset, styles: dict[str, dict]):
     """Draw the sweeps up (thin) and down (thick, pale) of the powers of one place."""
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, look in (("down", pale), ("up", {"linewidth": 0.8})):
@@ -49,9 +51,9 @@ def _draw_characteristics(axes, powers, styles):
     style.second_scale(axes, float(powers.speed[0, -1] / powers.tuning[-1]), "speed (rpm)")
 
 
-def _draw_phase_planes(axes, powers, styles):
+def _draw_phase_planes(axes: Axes, powers: xr.Dataset, styles: dict[str, dict]):
     """Draw the phase planes of the powers of one place at one tuning."""
-    told = {"colour": "power", "styles": styles, "linewidth": 0.8}
-    panels.draw_curves(axes, powers, "displacement", "velocity", **told)
+    curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
+    panels.draw_curves(axes, powers, "displacement", "velocity", **curve_options)
     style.shade_areas(axes, float(powers.backlash_ratio[0]), "x")
     axes.set(title=f"{panels.value_label(powers.shown)}, from rest", ylabel="")

@@ -2,6 +2,8 @@
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib import checks
 from gearlib.figures import style
@@ -16,7 +18,9 @@ MAX_CIRCLES = 30
 
 
 @style.styled()
-def order_map(found, *, figure=None, vertical="order", levels=None, measured=None):
+def order_map(
+    found: xr.Dataset, *, figure=None, vertical="order", levels=None, measured=None
+) -> Figure:
     """Draw an order map as it is read at the rig: runs up and down side by side.
 
     Mesh orders z, 2z, ... are lines with their names, thinner ones their sidebands z - 1, z + 1 and
@@ -68,16 +72,16 @@ def order_map(found, *, figure=None, vertical="order", levels=None, measured=Non
     for (above, below), direction in zip(grid.T, directions, strict=True):
         part = _one_direction(found, direction)
         speed, level = np.broadcast_arrays(part.rpm.values[:, None], part.level.clip(low, high))
-        look = colours | {"shading": "nearest", "rasterized": True}
-        mesh = above.pcolormesh(speed, part.height, level, **look)
+        options = colours | {"shading": "nearest", "rasterized": True}
+        mesh = above.pcolormesh(speed, part.height, level, **options)
         _draw_mesh_orders(above, part)
         above.set_title(f"speed goes {direction}")
         below.plot(part.rpm, part.overall, color="C0")
         if measured is not None:
             rig = _one_direction(_in_decibels(measured, vertical)[0], direction)
             _draw_circles(above, rig, colours)
-            look = {"zorder": 1, "label": "measured"}
-            style.dots(below, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **look)
+            options = {"zorder": 1, "label": "measured"}
+            style.dots(below, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
         below.set_xlabel("speed (rpm)")
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
@@ -86,7 +90,7 @@ def order_map(found, *, figure=None, vertical="order", levels=None, measured=Non
     return figure
 
 
-def _in_decibels(data, vertical):
+def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     """Return an order map with levels in dB, their heights in the picture and directions; the unit.
 
     The mean, order 0, is left out.
@@ -106,33 +110,33 @@ def _in_decibels(data, vertical):
     return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
 
 
-def _one_direction(data, direction):
+def _one_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
     """Return the blocks of an order map in which the speed goes "up" or "down", by their speed."""
     return data.isel(time=np.flatnonzero(data.direction == direction)).sortby("rpm")
 
 
-def _draw_circles(axes, measured, colours):
+def _draw_circles(axes: Axes, measured: xr.Dataset, colours: dict):
     """Draw circles in the colours of their levels on the mesh orders of a measured map."""
     blocks = measured.isel(time=slice(None, None, -(-measured.sizes["time"] // MAX_CIRCLES) or 1))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
         if np.abs(measured.order - order).min() < 1e-6:
             one = blocks.sel(order=order, method="nearest")
-            look = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
+            options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
             level = one.level.clip(colours["vmin"], colours["vmax"])
-            axes.scatter(one.rpm, order * one.scale, 12.0, level, **look)
+            axes.scatter(one.rpm, order * one.scale, 12.0, level, **options)
 
 
-def _draw_mesh_orders(axes, data):
+def _draw_mesh_orders(axes: Axes, data: xr.Dataset):
     """Draw and name the mesh orders, their sidebands, and the subharmonic."""
     teeth, ends = float(data.teeth), data.isel(time=[0, -1])
     named = {"z/2": 0.5 * teeth, "z": teeth}
     named |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
-    look = {"color": "white", "alpha": 0.6}
+    options = {"color": "white", "alpha": 0.6}
     for name, order in named.items():
         if order <= data.order[-1]:
-            axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **look)
+            axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
             style.note(axes, name, (ends.rpm[-1], order * ends.scale[-1]), (2, 0), "left baseline")
         for side in (-1.0, 1.0) if name != "z/2" else ():
             if order + side <= data.order[-1]:
                 label, heights = f"{name} {side:+.0f}", (order + side) * ends.scale
-                axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **look)
+                axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **options)

@@ -1,6 +1,8 @@
 """Order spectra: amplitudes over the orders of a shaft, tooth-passing harmonics named."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
 
 from gearlib import checks
 from gearlib.figures import plot_curves, style
@@ -12,7 +14,7 @@ _NAMED = 10
 
 
 @style.styled()
-def orders(*spectra, axes=None, labels=None, variable="force_amplitude"):
+def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitude") -> Axes:
     """Draw order spectra: amplitudes over the orders, tooth-passing harmonics named.
 
     The mean, order 0, is left out, and what is below a millionth of the largest amplitude.
@@ -46,8 +48,8 @@ def orders(*spectra, axes=None, labels=None, variable="force_amplitude"):
         heights = spectrum[variable].values / size
         drawn = heights > _FLOOR * heights.max()
         orders, heights = spectrum.order.values[drawn], heights[drawn]
-        look = {"color": curve.look.colour, "label": curve.label}
-        axes.vlines(orders, _FLOOR * heights.max(), heights, lw=1.4, **look)
+        options = {"color": curve.look.colour, "label": curve.label}
+        axes.vlines(orders, _FLOOR * heights.max(), heights, lw=1.4, **options)
         style.dots(axes, orders, heights, "o", curve.look.colour, 2.5)
     axes.set_yscale("log")
     _name_harmonics(axes, max(spectra, key=lambda spectrum: spectrum.order[-1]))
@@ -57,7 +59,7 @@ def orders(*spectra, axes=None, labels=None, variable="force_amplitude"):
     return plot_curves.add_legend(axes)
 
 
-def _name_harmonics(axes, data):
+def _name_harmonics(axes: Axes, data: xr.Dataset):
     """Name the tooth-passing harmonics above their orders."""
     at = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
     orders = data.order.values[at]

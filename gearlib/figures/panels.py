@@ -1,13 +1,14 @@
-"""Panels of curves of a dataset, told by the names of its variables and dimensions.
-
-Labels, units and legends are those of the attributes of the dataset.
-"""
+"""Panels of curves of a dataset; labels, units and legends come from its attributes."""
 
 import re
 import textwrap
 from itertools import cycle
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
@@ -37,23 +38,24 @@ _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 
-def name_and_unit(variable):
-    """Return the long name of a variable, up to a comma or colon, and its unit as printed."""
+def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
+    """Return a variable's long name up to a comma or colon, in Greek letters, and its unit."""
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
-    name = re.sub(rf"\b(d?)({'|'.join(_GREEK)})\b", lambda m: m[1] + _GREEK[m[2]], name)
+    greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
+    name = re.sub(greek_words, lambda match: match[1] + _GREEK[match[2]], name)
     unit = variable.attrs.get("units", "1")
     return re.split("[,:]", name)[0], _UNITS.get(unit, re.sub(r" (\w+)-1$", r"/\1", unit))
 
 
-def axis_label(variable, width=None):
-    """Return the label "name (unit)" of an axis, broken into lines of `width` characters."""
+def axis_label(variable: xr.DataArray, width: int | None = None) -> str:
+    """Return the axis label "name (unit)" of a variable, in lines of at most `width` characters."""
     name, unit = name_and_unit(variable)
     text = f"{name} ({unit})" if unit else name
     return textwrap.fill(text, width) if width else text
 
 
-def value_label(coordinate):
-    """Return the words for the one value of a coordinate: a name, or a number with its unit."""
+def value_label(coordinate: xr.DataArray) -> str:
+    """Return the label of a scalar coordinate: its name as printed, or "name = number unit"."""
     value = coordinate.item()
     if isinstance(value, str):
         return _WORDS.get(value, style.damping_label(value))
@@ -61,15 +63,15 @@ def value_label(coordinate):
     return f"{name} = {value:g} {unit}".strip()
 
 
-def curve_styles(coordinate, colours=None):
-    """Return value -> options of `Axes.plot` that tell the curves of these values apart.
+def curve_styles(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
+    """Return a dict of `Axes.plot` options (colour, dashes, label) for each coordinate value.
 
-    `colours`, by value, replace those of the palette.
+    `colours` maps some coordinate values to colours; the others take those of the palette.
     """
-    chosen = colours or {}
+    given_colours = colours or {}
     return {
         value.item(): {
-            "color": chosen.get(value.item(), colour),
+            "color": given_colours.get(value.item(), colour),
             "linestyle": dashes,
             "label": value_label(value),
         }
@@ -79,34 +81,37 @@ def curve_styles(coordinate, colours=None):
     }
 
 
-def plain_ticks(axis):
-    """Write plain numbers at the ticks of a logarithmic axis over few decades."""
+def plain_ticks(axis: Axis):
+    """Label the ticks of a logarithmic axis, of a few decades, with plain numbers such as 1.5."""
     axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 
-def legend_entries(styles):
-    """Return the entries of a legend for options of `Axes.plot`."""
-    return [Line2D([], [], **look) for look in styles.values()]
+def legend_entries(styles: dict[str, dict]) -> list[Line2D]:
+    """Return a legend handle for each curve; `styles` maps curves to options of `Axes.plot`."""
+    return [Line2D([], [], **options) for options in styles.values()]
 
 
-def in_mesh_periods(dataset, name="phase"):
-    """Return a dataset whose mesh phase is counted in mesh periods."""
+def in_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
+    """Return a dataset with its phase coordinate `name` converted from rad to mesh periods."""
     periods = dataset[name] / (2.0 * np.pi)
     return dataset.assign_coords({name: periods.assign_attrs(long_name="mesh periods", units="1")})
 
 
-def in_unit(variable, size, unit):
-    """Return a variable in a unit of this size, named in its attributes."""
+def in_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
+    """Return a variable divided by `size`, with `unit` as the name of its new unit."""
     return (variable / size).assign_attrs(variable.attrs | {"units": unit})
 
 
-def draw_curves(axes, data, x, y, *, colour=None, line=None, styles=None, **options):
-    """Draw one variable of a dataset over another; return the entries of the legend.
+def draw_curves(
+    axes: Axes, data: xr.Dataset, x: str, y: str, *, colour=None, line=None, styles=None, **options
+) -> list[Line2D]:
+    """Draw the variable named `y` of a dataset over the one named `x`; return legend handles.
 
-    Each value of the dimension `colour` has its colour, each of the dimension `line` its dashes.
-    `styles` are options of `Axes.plot` by value of `colour`; `options` are those of all curves.
+    There is a curve for each value of the dimensions named `colour` and `line`, which differ in
+    colour and in dashes. `styles` maps values of `colour` to options of `Axes.plot`; `options`
+    hold for all curves.
     """
     by_colour = {None: {"color": style.PALETTE[0]}}
     by_line = {None: {}}
@@ -114,13 +119,15 @@ def draw_curves(axes, data, x, y, *, colour=None, line=None, styles=None, **opti
         by_colour = styles or curve_styles(data[colour])
     if line is not None:
         dashes = zip(data[line], cycle(_DASHES), strict=False)
-        by_line = {v.item(): {"linestyle": d, "label": value_label(v)} for v, d in dashes}
+        by_line = {
+            value.item(): {"linestyle": dash, "label": value_label(value)} for value, dash in dashes
+        }
     for colour_value, colour_style in by_colour.items():
         for line_value, line_style in by_line.items():
-            chosen = {colour: colour_value, line: line_value}
-            curve = data.sel({name: value for name, value in chosen.items() if name is not None})
-            look = colour_style | line_style | {"label": None}
-            axes.plot(curve[x].values, curve[y].values, **look | options)
+            indexers = {colour: colour_value, line: line_value}
+            curve = data.sel({name: value for name, value in indexers.items() if name is not None})
+            curve_style = colour_style | line_style | {"label": None} | options
+            axes.plot(curve[x].values, curve[y].values, **curve_style)
     height = axes.get_window_extent().height / axes.figure.dpi
     axes.set_xlabel(axis_label(data[x]))
     axes.set_ylabel(axis_label(data[y], max(12, round(CHARACTERS_PER_INCH * height))))
@@ -131,8 +138,10 @@ def draw_curves(axes, data, x, y, *, colour=None, line=None, styles=None, **opti
     return [Line2D([], [], **entry) for entry in entries]
 
 
-def draw_panels(data, x, y, *, panel=None, colour=None, line=None, styles=None, figure=None):
-    """Draw variables of a dataset over another in panels above a common legend; return the axes.
+def draw_panels(
+    data, x, y, *, panel=None, colour=None, line=None, styles=None, figure=None
+) -> np.ndarray:
+    """Draw variables of a dataset over another in panels, a legend below; return the axes.
 
     Parameters
     ----------
@@ -154,16 +163,17 @@ def draw_panels(data, x, y, *, panel=None, colour=None, line=None, styles=None, 
         Shape (number of y, number of panels).
     """
     rows = [y] if isinstance(y, str) else list(y)
-    columns = [data] if panel is None else [data.sel({panel: v}) for v in data[panel].values]
+    selections = [data] if panel is None else [data.sel({panel: v}) for v in data[panel].values]
     figure = figure or style.page(ROW_HEIGHT * len(rows) + LEGEND_HEIGHT)
-    grid = figure.subplots(len(rows), len(columns), squeeze=False, sharex=True, sharey="row")
-    for column, part in zip(grid.T, columns, strict=True):
+    grid = figure.subplots(len(rows), len(selections), squeeze=False, sharex=True, sharey="row")
+    for column, selected in zip(grid.T, selections, strict=True):
         for axes, name in zip(column, rows, strict=True):
-            entries = draw_curves(axes, part, x, name, colour=colour, line=line, styles=styles)
+            entries = draw_curves(axes, selected, x, name, colour=colour, line=line, styles=styles)
             axes.label_outer()
         if panel is not None:
-            column[0].set_title(value_label(part[panel]))
-    entries = [entry for entry in entries if not entry.get_label().startswith("_")]
+            column[0].set_title(value_label(selected[panel]))
+    # Matplotlib gives lines without a label one that starts with an underscore.
+    entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
     if entries:
         style.legend(figure, entries, min(len(entries), 4))
     return grid

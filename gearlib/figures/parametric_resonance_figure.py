@@ -1,6 +1,10 @@
 """Parametric resonance: stability of the motion without loss of contact, after Ince and Strutt."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -14,7 +18,7 @@ _PAIR = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "label": 
 
 
 @style.styled()
-def draw(chart, facts):
+def draw(chart: xr.Dataset, facts: xr.Dataset) -> Figure:
     """Draw growth and tongues over the tuning and each of the other parameters.
 
     `chart` is that of `gearlib.studies.stability.chart`, `facts` that of
@@ -29,8 +33,8 @@ def draw(chart, facts):
         plane = chart.sel(plane=name)
         shade = _draw_tongues(axes, plane, float(chart.growth.max()) or 1.0)
         points = chart.isel(point=chart.point_plane.values == name)
-        look = {"markerfacecolor": "white", "label": "width zero"}
-        style.dots(axes, points.point_tuning, points.point_value, "o", "black", 3.5, **look)
+        options = {"markerfacecolor": "white", "label": "width zero"}
+        style.dots(axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options)
         value = 0.0 if name == "damping" else float(plane.own_value)
         axes.plot([float(facts.asked)], [value], "k+", markersize=7, clip_on=False)
         if name == "damping":
@@ -44,23 +48,23 @@ def draw(chart, facts):
     return figure
 
 
-def _draw_tongues(axes, plane, largest):
+def _draw_tongues(axes: Axes, plane: xr.Dataset, largest: float) -> QuadMesh:
     """Draw growth and edges in one plane over the tuning on a logarithm, where widths compare."""
     growth = plane.growth.where(plane.growth > 0.0)
-    look = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": largest, "shading": "nearest"}
-    shade = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **look)
+    options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": largest, "shading": "nearest"}
+    shade = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
     for damping, colour in zip(plane.damping, _COLOURS * plane.damping.size, strict=False):
         tongues = plane.sel(damping=damping).transpose("row", ...)
-        look = {"color": colour, "linewidth": 0.8}
-        axes.plot([], [], label=f"edges, $\\beta$ = {float(damping):.3g}", **look)
-        axes.plot(tongues.tuning_from, plane.value, **look)
-        axes.plot(tongues.tuning_to, plane.value, **look)
+        options = {"color": colour, "linewidth": 0.8}
+        axes.plot([], [], label=f"edges, $\\beta$ = {float(damping):.3g}", **options)
+        axes.plot(tongues.tuning_from, plane.value, **options)
+        axes.plot(tongues.tuning_to, plane.value, **options)
     axes.set(xscale="log", xlim=plane.tuning.values[[0, -1]], ylim=plane.value.values[[0, -1]])
     panels.plain_ticks(axes.xaxis)
     return shade
 
 
-def _draw_dampings(axes, plane, facts):
+def _draw_dampings(axes: Axes, plane: xr.Dataset, facts: xr.Dataset):
     """Name the tongues in the plane of damping, and mark the dampings of the pair."""
     tips = plane.isel(damping=0, row=0)
     for order in plane.order.values:

@@ -3,6 +3,9 @@
 import textwrap
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.data import motions
 from gearlib.figures import style
@@ -13,7 +16,7 @@ SAME_ORBIT_TOLERANCE = 5e-3
 
 
 @style.styled()
-def draw(phase_planes, *, colours=None):
+def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None) -> Figure:
     """Return a figure of phase planes {y'; y}, each with its own scales and its steadiness above.
 
     `phase_planes` are gathered over (damping, tuning, phase); `colours` are by damping.
@@ -35,7 +38,7 @@ def draw(phase_planes, *, colours=None):
     return figure
 
 
-def draw_plane(axes, run, **look):
+def draw_plane(axes: Axes, run: xr.Dataset, **look):
     """Draw the phase plane of a run, its backlash shaded."""
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
@@ -45,7 +48,7 @@ def draw_plane(axes, run, **look):
     axes.plot(displacement, velocity, **look)
 
 
-def closed_orbit(run):
+def closed_orbit(run: xr.Dataset) -> np.ndarray:
     """Return displacement and velocity of a run, closed where they repeat to the eye.
 
     Then they are whole orbits, or the last one where the record ends within another.
@@ -61,6 +64,6 @@ def closed_orbit(run):
     return np.append(orbit[:, start:], orbit[:, start : start + 1], axis=1)
 
 
-def _steadiness(run):
+def _steadiness(run: xr.Dataset) -> str:
     """Return a description of the steadiness of a run, "no result" of one that broke off."""
     return motions.steadiness(run) if np.isfinite(run.displacement).all() else "no result"

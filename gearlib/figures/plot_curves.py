@@ -1,6 +1,7 @@
 """Curves of datasets for `gearlib.plot`: their names, their looks, and their scales in SI units."""
 
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -26,8 +27,11 @@ class Curve:
     look: style.Look
 
 
-def require(caller, dataset, names, maker, dimension=None):
-    """Raise ValueError unless a dataset has these variables, over the dimension if it is given."""
+def require(caller: str, dataset: xr.Dataset | None, names: tuple, maker: str, dimension=None):
+    """Raise ValueError unless a dataset has the variables `names`, over `dimension` if given.
+
+    The message names `gearlib.plot.<caller>`, which draws, and `gearlib.<maker>`, which computes.
+    """
     known = getattr(dataset, "variables", {})
     missing = [
         name for name in names if name not in known or dimension not in (None, *known[name].dims)
@@ -40,8 +44,13 @@ def require(caller, dataset, names, maker, dimension=None):
         )
 
 
-def curves(caller, datasets, labels, names, maker, dimension):
-    """Return the `Curve` list of datasets that hold these variables over a dimension."""
+def curves(caller, datasets: Sequence, labels, names, maker, dimension) -> list[Curve]:
+    """Return a `Curve` (data, label, look) for each curve in datasets.
+
+    The variables `names` must have `dimension`; a damping, direction, mesh or case is a curve.
+    `labels`, one per dataset, or None, start the legend labels. `caller` and `maker` are the
+    functions of `gearlib.plot` and `gearlib` that error messages name.
+    """
     for dataset in datasets or [None]:
         require(caller, dataset, names, maker, dimension)
     if labels is not None and len(labels) != len(datasets):
@@ -56,17 +65,18 @@ def curves(caller, datasets, labels, names, maker, dimension):
         for values in product(*(dataset[dim].values for dim in dims)):
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
             properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
+    # A property that all curves share does not tell them apart.
     differing = {
         name
-        for name in dict.fromkeys(name for one in properties for name in one)
-        if name == "label" or len({one.get(name) for one in properties}) > 1
+        for name in {name for curve in properties for name in curve}
+        if name == "label" or len({curve.get(name) for curve in properties}) > 1
     }
-    distinct = [{n: v for n, v in one.items() if n in differing} for one in properties]
+    distinct = [{n: v for n, v in curve.items() if n in differing} for curve in properties]
     return [*map(Curve, data, map(_label, distinct), _looks(distinct))]
 
 
-def _origin(dataset):
-    """Return what tells a dataset from others without labels: its damping and its direction."""
+def _origin(dataset: xr.Dataset) -> dict[str, str]:
+    """Return the direction and the damping of a dataset, for its legend label, where known."""
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
     origin = {name: parameters[name] for name in ("direction",) if name in parameters}
     if "damping" in dataset.coords and not dataset.damping.ndim:
@@ -74,8 +84,8 @@ def _origin(dataset):
     return origin
 
 
-def _label(properties):
-    """Return the name of a curve in the legend, by the properties that tell it from others."""
+def _label(properties: dict[str, str]) -> str:
+    """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
     names = [
         DIRECTIONS.get(value, value) if name == "direction" else style.damping_label(value)
         for name, value in properties.items()
@@ -83,19 +93,23 @@ def _label(properties):
     return ", ".join(names)
 
 
-def _looks(properties):
-    """Return a `style.Look` for each curve: directions have their dashes, all else has colours."""
-    keys = [tuple(v for n, v in one.items() if n != "direction") for one in properties]
-    if len({*keys}) == 1:
-        keys = [tuple(one.values()) for one in properties]
-    looks = style.looks(list(dict.fromkeys(keys)))
-    for key, one in zip(keys, properties, strict=True):
-        carried = CARRIED.get(one.get("direction"), (looks[key].line, looks[key].marker))
-        yield style.Look(looks[key].colour, *carried)
+def _looks(properties: list[dict[str, str]]) -> Iterator[style.Look]:
+    """Yield the `style.Look` of each curve from its properties, a dict per curve.
+
+    Sweep directions differ in dashes and markers; other properties differ in colour.
+    """
+    colour_keys = [tuple(v for n, v in curve.items() if n != "direction") for curve in properties]
+    if len({*colour_keys}) == 1:
+        colour_keys = [tuple(curve.values()) for curve in properties]
+    looks = style.looks(list(dict.fromkeys(colour_keys)))
+    for colour_key, curve in zip(colour_keys, properties, strict=True):
+        look = looks[colour_key]
+        line, marker = CARRIED.get(curve.get("direction"), (look.line, look.marker))
+        yield style.Look(look.colour, line, marker)
 
 
-def axes_or_new(axes):
-    """Return axes, or those of a new figure of pyplot if there are none."""
+def axes_or_new(axes: Axes | None) -> Axes:
+    """Return `axes`, or the axes of a new pyplot figure if it is None."""
     from matplotlib import pyplot
 
     if axes is None:
@@ -108,19 +122,22 @@ def axes_or_new(axes):
     return axes
 
 
-def common_scalar(curves, name):
-    """Return the value of a scalar that all curves share, else None."""
+def common_scalar(curves: list[Curve], name: str) -> float | None:
+    """Return the scalar variable `name` if all curves have the same value of it, else None."""
     values = {curve.data[name].item() if name in curve.data else None for curve in curves}
     return values.pop() if len(values) == 1 else None
 
 
-def in_si(curves):
-    """Return whether all curves have one scale to SI units; pairs given by ratios have none."""
+def in_si(curves: list[Curve]) -> bool:
+    """Return whether all curves share a static deflection in m; models given by ratios have 1."""
     return common_scalar(curves, "static_deflection") not in (None, 1.0)
 
 
-def add_si_scale(axes, curves, variable, side):
-    """Add a second scale in SI units on the "top" or "right" side, if the curves share one."""
+def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
+    """Add a second scale in SI units for `variable`, if all curves share its scale factor.
+
+    `side` is "top" (for the x axis) or "right" (for the y axis).
+    """
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
     if factor is None or not in_si(curves):
@@ -132,8 +149,8 @@ def add_si_scale(axes, curves, variable, side):
     style.second_scale(axes, factor, f"{variable.replace('_', ' ')} ({unit})", side)
 
 
-def shade_backlash(axes, curves, direction):
-    """Shade the backlash along the axis of the displacement, "x" or "y", if all curves share it."""
+def shade_backlash(axes: Axes, curves: list[Curve], direction: str):
+    """Shade the backlash area if all curves share one; `direction` is the displacement's axis."""
     backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:
         limits = axes.axis()
@@ -141,8 +158,8 @@ def shade_backlash(axes, curves, direction):
         axes.axis(limits)
 
 
-def add_legend(axes):
-    """Add a legend if curves have names; return the axes."""
+def add_legend(axes: Axes) -> Axes:
+    """Add a legend to axes if any curve has a label; return the axes."""
     if any(axes.get_legend_handles_labels()[1]):
         axes.legend()
     return axes

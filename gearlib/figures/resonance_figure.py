@@ -1,11 +1,15 @@
 """Fig. 3: resonance characteristics, the largest and smallest displacement over the tuning.
 
 Above, the paper's picture, with its three scales of tuning and the speed. Below, a panel for each
-damping: the sweeps up and down over the one from rest, so that the hysteresis shows, and what else
-is known of the motions.
+damping: the sweeps up and down over the one from rest, so that the hysteresis shows.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import measured_figure, panels, style
@@ -14,7 +18,7 @@ from gearlib.figures.plot_curves import CARRIED, DIRECTIONS
 
 EXTREMA, FORCE = ("displacement_max", "displacement_min"), ("dynamic_force_max",)
 EXTREMA_LABEL = "displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static deflections)"
-#: Share of the motions that a picture without settled ones holds.
+#: Share of the motions within the limits of a picture where no motion has settled.
 SHOWN_SHARE = 0.95
 #: Symbols along a line: enough to recognise it, few enough to see through.
 SYMBOLS = 14
@@ -33,14 +37,13 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.8, 1.6, 0.4, 2
 @style.styled()
 def draw(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
-):
-    """Return a figure of resonance characteristics over (damping, direction, tuning), as gathered.
+) -> Figure:
+    """Return a figure of resonance characteristics: a dataset over (damping, direction, tuning).
 
-    `labels` of `gearlib.analysis.trust.scan` are a strip on the lower rim of the panel of their
-    damping, `branches` of `gearlib.studies.resonance` thin lines, `tongues` shades;
-    `measured` curves are points over the characteristics. With `forces` these follow in a panel,
-    and the far flank is not taken into the picture. Lines are motions that have settled, symbols
-    the others; a caret on the rim stands for what lies beyond it.
+    `colours` maps dampings to colours. `labels`, datasets of `gearlib.analysis.trust.scan`, are
+    drawn as a strip, `branches`, of `gearlib.studies.resonance`, as thin lines, `tongues` as
+    shades, `measured` curves as points. `forces` adds a panel of mesh forces and leaves the far
+    flank out. Lines are settled motions, symbols others; a caret marks values beyond the limits.
     """
     resonance = resonance.sortby("tuning")
     main = sweeps_from_rest(resonance)
@@ -63,8 +66,8 @@ def draw(
             axes = below.add_subplot(rows, columns, 1 + number, ylim=limits)
             if tongues is not None and name in tongues.damping:
                 _shade_tongues(axes, tongues.sel(damping=name))
-            known = [_of_damping(datasets, name) for datasets in (labels, branches)]
-            _draw_panel(axes, resonance.sel(damping=name), look, *known)
+            own_labels, own_branches = _of_damping(labels, name), _of_damping(branches, name)
+            _draw_panel(axes, resonance.sel(damping=name), look, own_labels, own_branches)
             if number >= len(looks) - columns:
                 axes.set_xlabel(style.TUNING)
             if number % columns == 0:
@@ -74,31 +77,34 @@ def draw(
     return figure
 
 
-def sweeps_from_rest(resonance):
-    """Return the sweeps from rest, those of the first direction if there are none."""
+def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
+    """Return the sweeps from rest ("cold"), or of the first direction if there are none."""
     directions = resonance.direction.values
     return resonance.sel(direction="cold" if "cold" in directions else directions[0])
 
 
-def shown_range(sweeps, names, beyond=1.0):
-    """Return the lowest and highest value that a picture of sweeps holds, 0 among them.
+def shown_range(sweeps: xr.Dataset, names: tuple, beyond=1.0) -> tuple[float, float]:
+    """Return the (lower, upper) end of the variables `names` of sweeps to be shown, 0 included.
 
-    It holds all motions that have settled, and others as far beyond them as this share of their
-    range: motions of an undamped mesh that never settle would flatten it.
+    All settled motions are shown, and others up to `beyond` times their range outside it: motions
+    of an undamped mesh that never settle would flatten the picture.
     """
     values = np.concatenate([sweeps[name].values.ravel() for name in names])
     settled = np.tile(sweeps.period.values.ravel() > 0, len(names))[np.isfinite(values)]
     values = values[np.isfinite(values)]
-    held = values[settled]
-    if values.size and not held.size:
-        held = np.quantile(values, [(1.0 - SHOWN_SHARE) / 2.0, (1.0 + SHOWN_SHARE) / 2.0])
-    low, high = min([0.0, *held]), max([0.0, *held])
+    shown = values[settled]
+    if values.size and not shown.size:
+        shown = np.quantile(values, [(1.0 - SHOWN_SHARE) / 2.0, (1.0 + SHOWN_SHARE) / 2.0])
+    low, high = min([0.0, *shown]), max([0.0, *shown])
     near = values[np.abs(values - (low + high) / 2.0) < (0.5 + beyond) * (high - low)]
     return min([low, *near]), max([high, *near])
 
 
-def _limits(sweeps, far_flank, beyond=1.0):
-    """Return the limits of displacement, the far flank among them if it lies near."""
+def _limits(sweeps: xr.Dataset, far_flank: bool, beyond=1.0) -> tuple[float, float]:
+    """Return axis limits of displacement for sweeps; `beyond` is as in `shown_range`.
+
+    With `far_flank` they include the back-side contact at minus the backlash, if it lies near.
+    """
     low, high = shown_range(sweeps, EXTREMA, beyond)
     backlash = float(sweeps.backlash_ratio)
     if far_flank and backlash < 2.0 * (high - low):
@@ -106,14 +112,19 @@ def _limits(sweeps, far_flank, beyond=1.0):
     return style.limits((low, high))
 
 
-def _draw_characteristics(axes, sweeps, looks, measured, far_flank):
-    """Draw the sweeps of all dampings with all scales, and measured points over them."""
+def _draw_characteristics(
+    axes: Axes, sweeps: xr.Dataset, looks: dict, measured: Sequence, far_flank: bool
+):
+    """Draw the displacements of all dampings with all scales, and measured curves over them.
+
+    `looks` maps dampings to `style.Look`; `far_flank` includes back-side contact in the limits.
+    """
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_limits(sweeps, far_flank))
     for name, (low, high) in style.shade_areas(axes, float(sweeps.backlash_ratio), "y").items():
-        place, of = (0.99, 0.5 * (low + high)), ("axes fraction", "data")
-        look = {"style": "italic", "fontsize": None, "zorder": 5}
-        style.note(axes, name, place, side="right center", of=of, white=(0.2, 0.8), **look)
+        point, of = (0.99, 0.5 * (low + high)), ("axes fraction", "data")
+        options = {"style": "italic", "fontsize": None, "zorder": 5}
+        style.note(axes, name, point, side="right center", of=of, white=(0.2, 0.8), **options)
     _draw_dampings(axes, sweeps, looks, EXTREMA, width=1.6)
     handles = axes.get_legend_handles_labels()[0] + measured_figure.draw_curves(
         axes, measured, EXTREMA
@@ -130,8 +141,11 @@ def _draw_characteristics(axes, sweeps, looks, measured, far_flank):
     style.length_scale(axes, float(sweeps.static_deflection), "displacement")
 
 
-def _draw_forces(axes, sweeps, looks, measured):
-    """Draw the largest mesh forces of all dampings, over the load and in newtons."""
+def _draw_forces(axes: Axes, sweeps: xr.Dataset, looks: dict, measured: Sequence):
+    """Draw the largest mesh forces of all dampings, in static loads and kN, and measured ones.
+
+    `looks` maps dampings to `style.Look`.
+    """
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, looks, FORCE)
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
@@ -142,20 +156,23 @@ def _draw_forces(axes, sweeps, looks, measured):
     measured_figure.draw_curves(axes, measured, FORCE)
 
 
-def _draw_dampings(axes, sweeps, looks, names, width=1.0):
-    """Draw variables of the sweeps of all dampings."""
+def _draw_dampings(axes: Axes, sweeps: xr.Dataset, looks: dict, names: tuple, width=1.0):
+    """Draw the variables `names` of sweeps over the tuning for all dampings, keys of `looks`."""
     for number, (name, look) in enumerate(looks.items()):
         label, shift = style.damping_label(name), number / len(looks)
         draw_sweep(axes, sweeps.sel(damping=name), look, shift, names, width, label)
 
 
-def _of_damping(datasets, name):
-    """Return the dataset of a damping, None if there is none."""
+def _of_damping(datasets: Sequence[xr.Dataset], name: str) -> xr.Dataset | None:
+    """Return the dataset of the damping `name` among datasets, None if there is none."""
     return next((data for data in datasets if data.damping == name), None)
 
 
-def _draw_panel(axes, sweeps, look, labels, branches):
-    """Draw all directions of one damping, with its branches and a strip of labels if known."""
+def _draw_panel(axes: Axes, sweeps: xr.Dataset, look: style.Look, labels, branches):
+    """Draw the sweeps of one damping in all directions, in the colour of `look`.
+
+    `branches` of orbits and `labels` of motions, drawn as a strip, are datasets or None.
+    """
     axes.set_title(style.damping_label(str(sweeps.damping.item())))
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     style.shade_areas(axes, float(sweeps.backlash_ratio), "y")
@@ -174,15 +191,19 @@ def _draw_panel(axes, sweeps, look, labels, branches):
         axes.bar(tuning, 0.04 * (high - low), step, low, color=colours, linewidth=0, zorder=4)
 
 
-def _shade_tongues(axes, tongues):
-    """Shade the tunings of parametric resonance."""
+def _shade_tongues(axes: Axes, tongues: xr.Dataset):
+    """Shade the tongues of parametric resonance, from `tuning_from` to `tuning_to`."""
     for low, high in zip(tongues.tuning_from.values, tongues.tuning_to.values, strict=True):
         if low < high:
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _entries(main, others, labels, branches, tongues):
-    """Return the entries of the legend of the panels."""
+def _entries(main: xr.Dataset, others: list[str], labels, branches, tongues) -> list:
+    """Return legend handles for the panels of dampings.
+
+    `main` are the sweeps drawn broad, `others` the other directions; `labels`, `branches` and
+    `tongues` are those of `draw`.
+    """
     handles = [style.entry(DIRECTIONS[main.direction.item()], COLD_COLOUR, linewidth=3.0)]
     handles += [style.entry(DIRECTIONS[name], "black", *CARRIED[name]) for name in others]
     if branches:
@@ -199,17 +220,26 @@ def _entries(main, others, labels, branches, tongues):
     return handles
 
 
-def draw_sweep(axes, sweep, look, shift=0.0, names=EXTREMA, width=1.0, label=None):
-    """Draw variables of one sweep over its tunings, within the limits of the axes.
+def draw_sweep(
+    axes: Axes,
+    sweep: xr.Dataset,
+    look: style.Look,
+    shift=0.0,
+    names=EXTREMA,
+    width=1.0,
+    label: str | None = None,
+):
+    """Draw the variables `names` of one sweep over its tunings, within the limits of the axes.
 
-    `shift`, from 0 to 1, moves the symbols, so that those of curves on top of each other alternate.
+    `shift`, from 0 to 1, moves the symbols along the line, so that they do not cover those of other
+    curves; `width` is the line's, in points, `label` the legend's.
     """
     tuning, (low, high) = sweep.tuning.values, axes.get_ylim()
     step = max(1, tuning.size // SYMBOLS)
     for name in names:
         values = sweep[name].values
         inside = (values >= low) & (values <= high)
-        # A line needs two neighbours that have settled.
+        # A line joins two neighbours that have both settled.
         settled = np.pad(inside & (sweep.period.values > 0), 1)
         linked = settled[1:-1] & (settled[:-2] | settled[2:])
         axes.plot(
@@ -223,20 +253,20 @@ def draw_sweep(axes, sweep, look, shift=0.0, names=EXTREMA, width=1.0, label=Non
             markevery=(int(shift * step), step),
             label=label if name == names[0] else None,
         )
-        # Behind the settled motions, which a cloud of these would hide.
+        # Many motions that have not settled would hide the settled ones: they lie behind them.
         single, thin = inside & ~linked, {"markeredgewidth": 0.4, "zorder": 1.8}
         style.dots(axes, tuning[single], values[single], look.marker, look.colour, 1.8, **thin)
-        for rim, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
-            rims = np.full(beyond.sum(), rim)
-            style.dots(axes, tuning[beyond], rims, caret, look.colour, 2.5, markeredgewidth=0)
+        for limit, beyond, caret in ((low, values < low, "v"), (high, values > high, "^")):
+            edge = np.full(beyond.sum(), limit)
+            style.dots(axes, tuning[beyond], edge, caret, look.colour, 2.5, markeredgewidth=0)
 
 
 @style.styled()
-def draw_cases(curves, labels):
-    """Return a figure of the characteristics of several gears over each other.
+def draw_cases(curves: list[xr.Dataset], labels: list[str]) -> Figure:
+    """Return a figure of the resonance characteristics of several gears, one dataset each.
 
-    Displacements are in micrometres, mesh forces over the loads. A case has a colour and a label, a
-    damping of it a line.
+    Displacements are in micrometres, mesh forces in static loads. Gears differ in colour and have
+    `labels`; their dampings differ in dashes.
     """
     figure = style.page(6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
@@ -258,7 +288,7 @@ def draw_cases(curves, labels):
     return figure
 
 
-def _in_micrometres(sweeps):
-    """Return sweeps with displacements in micrometres: static deflections differ between cases."""
-    unit = 1e6 * sweeps.static_deflection
-    return sweeps.assign({name: unit * sweeps[name] for name in EXTREMA})
+def _in_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
+    """Return sweeps with displacements in micrometres instead of static deflections."""
+    micrometres = 1e6 * sweeps.static_deflection
+    return sweeps.assign({name: micrometres * sweeps[name] for name in EXTREMA})

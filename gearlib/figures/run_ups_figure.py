@@ -1,6 +1,9 @@
 """Run-ups beside the sweeps and folds of Fig. 3, above the order map of the slowest."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 from gearlib.figures.order_map_figure import order_map
@@ -14,7 +17,7 @@ _FOLD_CODE = 1
 
 
 @style.styled()
-def draw(run_ups, *, resonance=None, branches=None):
+def draw(run_ups: xr.Dataset, *, resonance=None, branches=None) -> Figure:
     """Draw `gearlib.studies.run_ups.compute`.
 
     resonance: as gathered, its sweeps up and down stand behind; branches: those of the damping, as
@@ -24,8 +27,8 @@ def draw(run_ups, *, resonance=None, branches=None):
     above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
     axes = above.subplots()
     for name in _EXTREMA:
-        told = {"colour": "revolutions", "line": "direction"}
-        handles = panels.draw_curves(axes, run_ups, "tuning", name, **told)
+        curve_options = {"colour": "revolutions", "line": "direction"}
+        handles = panels.draw_curves(axes, run_ups, "tuning", name, **curve_options)
     if resonance is not None:
         _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
         handles.append(style.entry("sweeps", _SWEEP["color"], linewidth=_SWEEP["linewidth"]))
@@ -42,7 +45,7 @@ def draw(run_ups, *, resonance=None, branches=None):
     return figure
 
 
-def _draw_sweeps(axes, resonance, damping):
+def _draw_sweeps(axes: Axes, resonance: xr.Dataset, damping: str):
     """Draw the sweeps that carry their state, of one damping."""
     if damping in resonance.damping.values:
         sweeps = resonance.sel(damping=damping)

@@ -3,6 +3,9 @@
 import math
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.data.variables import QUANTITIES
@@ -21,7 +24,7 @@ _GREY = "#CFCFCF"
 
 
 @style.styled()
-def draw(scattered, *, indices=None):
+def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
     """Return figures, by name, of a dataset of `gearlib.scatter` and of its Sobol' indices."""
     return {
         "tolerance_bands": bands(scattered),
@@ -30,7 +33,7 @@ def draw(scattered, *, indices=None):
 
 
 @style.styled()
-def bands(scattered):
+def bands(scattered: xr.Dataset) -> Figure:
     """Return a figure of bands of displacement over speed or tuning, above probabilities."""
     figure = style.page(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -63,7 +66,7 @@ def bands(scattered):
 
 
 @style.styled()
-def quantities(scattered, *, indices=None):
+def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> Figure:
     """Return a figure of histograms of the quantities, with their Sobol' indices beside them."""
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page(_ROW * len(names))
@@ -77,7 +80,7 @@ def quantities(scattered, *, indices=None):
     return figure
 
 
-def _draw_histogram(axes, scattered, name):
+def _draw_histogram(axes: Axes, scattered: xr.Dataset, name: str):
     """Draw the designs over the values of a quantity, and its nominal value."""
     values = scattered[name].values[scattered[f"{name}_status"].values == 0]
     unit = QUANTITIES[name][0]
@@ -95,7 +98,7 @@ def _draw_histogram(axes, scattered, name):
     axes.set_xlim(low, high)
 
 
-def _draw_indices(axes, indices):
+def _draw_indices(axes: Axes, indices: xr.Dataset):
     """Draw the total and first indices of a quantity by parameter, with their intervals."""
     places = np.arange(indices.sizes["parameter"])
     for name, look in (

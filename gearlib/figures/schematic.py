@@ -4,6 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 
 from gearlib import checks
@@ -15,7 +18,7 @@ CONTACTS = {
     0: ("o", False, "open: out of contact"),
     -1: ("D", True, "diamond: far flanks touch"),
 }
-#: Kind of a circle -> its line in the figures: width, dashes.
+#: Kind of a circle -> width and dashes of its line in the figures.
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
 GREY, CARRIER, NO_CURVE = "#707070", "#D0D0D0", "#4D4D4D"
 #: Shares of the size of the picture: room beside it, and the radius of a shaft.
@@ -38,12 +41,15 @@ class Instant(NamedTuple):
     meshes: np.ndarray  #: pitch points, (m, 2)
 
 
-def instant(layout, phase=0.0):
-    """Return the `Instant` of a `GearTrain.layout` at a phase of the reference mesh, rad."""
+def instant(layout: xr.Dataset, phase=0.0) -> Instant:
+    """Return the circles, lines and points of a train at a phase of the reference mesh, rad.
+
+    `layout` is that of `GearTrain.layout`: positions of bodies and meshes, and turns per phase.
+    """
     angle = float(layout.frame_turns) * phase
-    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    axes = np.stack([layout.body_x, layout.body_y], axis=-1) @ turn
-    meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ turn
+    rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    axes = np.stack([layout.body_x, layout.body_y], axis=-1) @ rotation
+    meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
     axis_of = dict(zip(map(str, layout.body.values), axes, strict=True))
     circles, marks = [], []
     for (name, radii), turns in zip(
@@ -52,19 +58,23 @@ def instant(layout, phase=0.0):
         circles += [(*map(float, axis_of[name]), radius, kind) for radius, kind in radii]
         if radii:
             radius, kind = max(radii)
-            reach = radius * np.array([1.0, RING_MARK] if kind == "ring" else [0.0, 1.0])
-            way = np.array([math.cos(turns * phase), math.sin(turns * phase)])
-            marks.append(axis_of[name] + np.outer(reach, way))
+            end_radii = radius * np.array([1.0, RING_MARK] if kind == "ring" else [0.0, 1.0])
+            mark_direction = np.array([math.cos(turns * phase), math.sin(turns * phase)])
+            marks.append(axis_of[name] + np.outer(end_radii, mark_direction))
     carriers = zip(axis_of, map(str, layout.carried_by.values), strict=True)
     arms = [(axis_of[carrier], axis_of[name]) for name, carrier in carriers if carrier]
-    lines = dict(zip(layout.shaft_line.values.tolist(), axes, strict=True))
-    shafts = [axis for number, axis in lines.items() if number]
+    axis_of_shaft = dict(zip(layout.shaft_line.values.tolist(), axes, strict=True))
+    # Shaft number 0 belongs to the bodies without a shaft.
+    shafts = [axis for shaft_number, axis in axis_of_shaft.items() if shaft_number]
     marks, arms = (np.reshape(segments, (-1, 2, 2)) for segments in (marks, arms))
     return Instant(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 
 
-def circles_of(layout):
-    """Return name of a body -> its circles, (radius, kind), none of a carrier."""
+def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
+    """Return for each body's name its circles as (radius in m, kind: "gear", "ring" or "rotor").
+
+    A carrier has none. `layout` is that of `GearTrain.layout`.
+    """
     circles = {str(name): {} for name in layout.body.values}
     for names, radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
         for name, radius in zip(map(str, names), map(float, radii), strict=True):
@@ -77,12 +87,11 @@ def circles_of(layout):
     return {name: [*radii.items()] for name, radii in circles.items()}
 
 
-def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
-    """Draw a train in axes; their title says what the marks of its meshes mean.
+def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
+    """Draw a train in axes at a phase (rad) of the reference mesh.
 
-    `layout` is that of `GearTrain.layout` or a dataset that holds it; `colours` are those of the
-    curves of meshes, by name; `phase` is that of the reference mesh, rad; `contact` has the code of
-    each mesh, if it is known.
+    `layout` is that of `GearTrain.layout`, `colours` maps mesh names to colours, `contact` holds
+    the contact code (1, 0, -1) of each mesh; `title` are the first lines of the title.
     """
     now = instant(layout, phase)
     for ends in now.arms:
@@ -112,22 +121,25 @@ def draw(axes, layout, colours=None, phase=0.0, contact=None, title=()):
     axes.set_title("\n".join([*title, *description(layout, codes)]), fontsize=6 if title else None)
 
 
-def _draw_names(axes, names, points, colours):
-    """Write the names of meshes left and right of a train, with lines to their points."""
+def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
+    """Write mesh names left and right of a train, with lines to the pitch points, (meshes, 2)."""
     (left, right), limits = axes.get_xlim(), axes.get_ylim()
     axes.autoscale(enable=False)
     on_left = points[:, 0] < (left + right) / 2.0 - SAME_LENGTH * (right - left)
     columns = (left, (-2, 0), "right center", on_left), (right, (2, 0), "left center", ~on_left)
-    for x, away, side, mask in columns:
+    for x, offset, anchor, mask in columns:
         meshes = [i for i in np.argsort(points[:, 1], kind="stable") if mask[i]]
         for i, y in zip(meshes, np.linspace(*limits, 2 * len(meshes) + 1)[1::2], strict=True):
             line, colour = np.array([points[i], (x, y)]), colours[i]
             axes.plot(*line.T, color=colour, linewidth=0.4, zorder=4)
-            style.note(axes, names[i], (x, y), away, side, color=colour, fontsize=5.5)
+            style.note(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
-def description(layout, codes):
-    """Return lines of text on the contacts that are drawn, and on positions that do not agree."""
+def description(layout: xr.Dataset, codes: list[int]) -> list[str]:
+    """Return lines of text that explain the contact codes drawn and warn of misfitting positions.
+
+    `layout` is that of `GearTrain.layout`; `codes` has the contact code of each mesh.
+    """
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
     if misfit > SAME_LENGTH * float(layout.body_radius.max()):
@@ -136,11 +148,11 @@ def description(layout, codes):
     return lines
 
 
-def instant_of_run(layout, run=None, phase=None):
-    """Return (phase, contacts of all meshes or None) of a run, or of a static equilibrium.
+def instant_of_run(layout: xr.Dataset, run=None, phase=None) -> tuple:
+    """Return the phase (rad) to draw and the contact codes of all meshes at it, None without a run.
 
-    The phase is by default that at which the record of the run begins, 0 without one. Raise
-    ValueError if it lies beside the record, or if the run has other meshes or no motion.
+    `run` is a recorded run, a static equilibrium or None; `phase` is by default the start of the
+    record, or 0. ValueError if it lies outside the record or the run has other meshes or no motion.
     """
     if run is None:
         return checks.number("phase", phase or 0.0, "finite", math.isfinite), None
@@ -158,8 +170,12 @@ def instant_of_run(layout, run=None, phase=None):
 
 
 @style.styled()
-def beside(axes, train, run=None, colours=None):
-    """Draw a train, at the beginning of a run, beside axes that fill a figure; return these."""
+def beside(axes: Axes, train, run=None, colours=None) -> Axes:
+    """Draw a `GearTrain` beside axes that fill a figure; return these axes.
+
+    The meshes have the contact of the first instant of `run`, if given; `colours` maps mesh names
+    to colours.
+    """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
     axes.set_subplotspec(grid[0])
     width, height = axes.figure.get_size_inches()
@@ -172,18 +188,19 @@ def beside(axes, train, run=None, colours=None):
     return axes
 
 
-def with_train(figure, data, colours=None, below=False):
-    """Draw the train of a dataset beside, or below, what else a figure has.
+def with_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
+    """Draw the train of a dataset on the right of a figure, or below; return the remaining area.
 
-    Return the rest of the figure: all of it if the dataset has no `GearTrain.layout`.
+    It is the whole figure if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh
+    names to colours.
     """
     if "pitch_radius" not in data:
         return figure
     if below:
         width, height = figure.get_size_inches()
         figure.set_size_inches(width, height + _BELOW)
-        part, added = figure.subfigures(2, 1, height_ratios=(height, _BELOW))
+        remaining, added = figure.subfigures(2, 1, height_ratios=(height, _BELOW))
     else:
-        part, added = figure.subfigures(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
+        remaining, added = figure.subfigures(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
     draw(added.subplots(), data, colours, title=["meshes of the train"])
-    return part
+    return remaining

@@ -1,6 +1,8 @@
 """Numerical stability: spectral radius of one mesh period, methods beside the truth."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
@@ -20,7 +22,7 @@ VERDICTS = (
 )
 
 
-def verdicts(radius, true):
+def verdicts(radius: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Return the index in `VERDICTS` of every radius; shapes (s, t), (t,)."""
     stable, above = true <= 1.0 + 1e-9, radius > true + CLOSE
     conditions = [
@@ -33,7 +35,7 @@ def verdicts(radius, true):
 
 
 @style.styled()
-def draw(chart):
+def draw(chart: xr.Dataset) -> Figure:
     """Draw a map of verdicts for each method, and the true radius below.
 
     `chart` is that of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is the

@@ -5,35 +5,38 @@ colour alone: every curve also has its marker and line style, for print in grey.
 """
 
 import re
+from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
 
 from gearlib.data.files import replacing
 
 #: Width of a figure, inches: the type area of a page.
 PAGE_WIDTH = 7.2
 
-#: What stands at axes of several figures.
+#: Axis labels that several figures use.
 TUNING, OWN_TUNING = "tuning $\\nu_s$", "tuning $\\nu$"
 RATE = "$dy/d\\tau$ (static defl./rad)"
 SHORT_DISPLACEMENT = "$y$ (static defl.)"
 
-#: Dashes of limits, of unstable orbits and of what is beside a solid line.
+#: Dashes of limits and of unstable orbits, and of a curve beside a solid one.
 DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
 #: Greys of the areas; the normal mesh stays white.
 AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
 
-#: For curves that are no dampings, and dampings that are drawn without a configuration.
+#: Colours of curves, and of dampings that have none in a configuration.
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
 
 # Square, dot, cross and open circle are the paper's, in its order of the damping combinations.
@@ -58,7 +61,7 @@ _RC = {
     "ytick.major.width": 0.6,
 }
 
-# Whatever would differ between two runs, or two versions of matplotlib, for no reason of the data.
+# Metadata that differ between two runs or versions of matplotlib are left out of files.
 _METADATA = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -71,8 +74,7 @@ _LINE = 0.14
 #: Digits of a place in shares of the figure: a thousandth of a pixel.
 _DIGITS = 6
 
-#: Least span of an axis, a share of the largest value on it: less is not read off a plot,
-#: and of equal values would be rounding.
+#: Smallest span of an axis, a share of its largest value: a smaller one shows only rounding.
 LEAST_SPAN = 0.01
 
 _PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
@@ -89,73 +91,76 @@ class Look:
 
 @contextmanager
 def styled():
-    """Return the context, or decorator, in which figures are made: independent of user settings."""
+    """Apply the library's matplotlib settings inside a `with` block or a decorated function."""
     with matplotlib.style.context(["default", _RC]):
         yield
         interactive = matplotlib.is_interactive()
-    # Within, the first figure of a notebook turns on that figures show: that is no matter of style.
+    # The context also restores interactive mode, which the first figure of a notebook turns on.
     matplotlib.interactive(interactive)
 
 
-def looks(names, colours=None):
-    """Return name -> `Look` of the dampings, named in the order of the data.
+def looks(names: Iterable, colours: dict | None = None) -> dict[Any, Look]:
+    """Return a dict of a `Look` (colour, line style, marker) for each curve name, in this order.
 
-    A name without one among `colours` takes the next of the palette.
+    `colours` maps names to colours; the other curves take the colours of the palette in turn.
     """
-    chosen = colours or {}
+    given_colours = colours or {}
     return {
-        name: Look(chosen.get(name, colour), line, marker)
+        name: Look(given_colours.get(name, colour), line, marker)
         for name, colour, line, marker in zip(
             names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
         )
     }
 
 
-def damping_label(name):
-    """Return the name of a damping as it is printed: k1 and k1m as symbols with an index."""
-    return re.sub(r"\bk1(m?)\b", lambda found: f"$k_{{1{found[1]}}}$", name).replace("+", " + ")
+def damping_label(name: str) -> str:
+    """Return the label of a damping model, such as "k1+kz", with k1 and k1m as math symbols."""
+    return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
-def length_unit(length):
-    """Return (metres, name) of the unit in which a length (m) is best read."""
-    return next(((unit, name) for unit, name in _PREFIXES if length >= unit), _PREFIXES[-1])
+def length_unit(length: float) -> tuple[float, str]:
+    """Return the most readable unit of a length in m: its size in m and its name (m to nm)."""
+    return next(((size, name) for size, name in _PREFIXES if length >= size), _PREFIXES[-1])
 
 
-def readable_unit(unit, *values):
-    """Return (size, name) of the unit in which values are best read, µm for lengths in m."""
+def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
+    """Return the most readable unit of arrays in `unit`: its size in `unit`, and its name.
+
+    Only metres are scaled, to mm, µm or nm; other units are returned as they are.
+    """
     if unit != "m":
         return 1.0, unit
     return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))
 
 
-def draw_rise_and_fall(axes, x, y, falls, **look):
-    """Draw a curve over the speed, dotted where a mask says that the speed falls."""
+def draw_rise_and_fall(axes: Axes, x: ArrayLike, y: ArrayLike, falls: np.ndarray, **look):
+    """Draw y over x, solid, and dotted where the mask `falls` is true; options of `Axes.plot`."""
     for mask, dashes in ((~falls, "-"), (falls, ":")):
         if mask.any():
             axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **look)
             look["label"] = None
 
 
-def shade_areas(axes, backlash, direction):
-    """Shade backlash and inverse mesh along the axis of the displacement, "x" or "y".
+def shade_areas(axes: Axes, backlash: float, direction: str) -> dict[str, tuple[float, float]]:
+    """Shade backlash and inverse mesh; return the visible (lower, upper) range of each area.
 
-    The limits of the axes are set; the backlash, in static deflections, may be infinite. Return the
-    visible range (low, high) of every area in the picture by its name.
+    `direction` is the axis of displacement, "x" or "y", with its limits set before; `backlash` is
+    in static deflections and may be infinite.
     """
-    low, high = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
-    ends = np.clip([high, 0.0, -backlash, low], low, high)
-    areas = zip(("normal mesh", "backlash", "inverse mesh"), ends[1:], ends, strict=False)
-    visible = {name: (first, last) for name, first, last in areas if first < last}
-    span = axes.axhspan if direction == "y" else axes.axvspan
+    lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
+    edges = np.clip([upper, 0.0, -backlash, lower], lower, upper)
+    areas = zip(("normal mesh", "backlash", "inverse mesh"), edges[1:], edges, strict=False)
+    visible = {name: (start, end) for name, start, end in areas if start < end}
+    shade = axes.axhspan if direction == "y" else axes.axvspan
     for name in [name for name in AREA_COLOURS if name in visible]:
-        span(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
+        shade(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
     return visible
 
 
-def second_scale(axes, factor, label, side="top", position=None):
-    """Add a scale, on the "top" or "right" side, whose values are those of the axis times `factor`.
+def second_scale(axes: Axes, factor: float, label: str, side="top", position: float | None = None):
+    """Add a labelled scale on the "top" or "right" side: the axis values times `factor`.
 
-    position: how far out it lies, a share of the axes; by default on the frame.
+    `position` is its distance from the opposite side in axes sizes, 1 (on the frame) by default.
     """
     scaled = (lambda value: value * factor), (lambda value: value / factor)
     if side == "top":
@@ -164,57 +169,58 @@ def second_scale(axes, factor, label, side="top", position=None):
         axes.secondary_yaxis(position or side, functions=scaled).set_ylabel(label)
 
 
-def length_scale(axes, deflection, label, side="right"):
-    """Add a scale in a unit of length to an axis in static deflections, of this length (m)."""
+def length_scale(axes: Axes, deflection: float, label: str, side="right"):
+    """Add a scale in m, mm, µm or nm to an axis in static deflections; `deflection` is one in m."""
     size, unit = length_unit(deflection)
     second_scale(axes, deflection / size, f"{label} ({unit})", side)
 
 
-def page(height, share=1.0):
-    """Return an empty figure of this height (inches) and share of the width of a page."""
+def page(height: float, share=1.0) -> Figure:
+    """Return an empty figure, `height` inches high and `share` of the page width wide."""
     return Figure((PAGE_WIDTH * share, height), layout="constrained")
 
 
-def panels(count, height, most=2):
-    """Return a figure, and `count` axes of this height (inches) in rows of `most`."""
+def panels(count: int, height: float, most=2) -> tuple[Figure, list[Axes]]:
+    """Return a figure and a list of its `count` axes, `height` inches high, `most` in a row."""
     columns = min(count, most)
     rows = -(-count // columns)
     figure = page(height * rows, columns / most)
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
 
-def entry(label, colour="black", line="-", marker=None, **options):
-    """Return what a legend says of a line, or with the line "none" of a marker."""
+def entry(label: str, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
+    """Return a legend handle for a line style; with line="none" for a marker alone."""
     return Line2D([], [], color=colour, linestyle=line, marker=marker, label=label, **options)
 
 
-def legend(figure, handles, columns, side="lower", **options):
-    """Put a legend outside of all panels, on the lower or upper side of a figure.
+def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
+    """Add a legend outside all panels, on the "lower" or "upper" side of a figure.
 
-    handles: those that `entry` and patches are, or an axes whose labels are explained.
+    `handles` are lines and patches with labels, or the axes to take them from; `columns` is the
+    number of legend columns.
     """
     if isinstance(handles, Axes):
         handles = handles.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc=f"outside {side} center", ncols=columns, **options)
 
 
-def map_of_codes(axes, x, y, codes, colours):
-    """Draw a map of codes 0, 1, ..., shape (y, x), each in its colour."""
-    look = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
+def map_of_codes(axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]):
+    """Draw integer codes 0, 1, ..., shape (y, x), as a coloured map; `colours` has one per code."""
+    options = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
     norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
-    axes.pcolormesh(x, y, codes, norm=norm, **look)
+    axes.pcolormesh(x, y, codes, norm=norm, **options)
 
 
-def dots(axes, x, y, marker, colour, size, **options):
-    """Draw markers without a line."""
+def dots(axes: Axes, x: ArrayLike, y: ArrayLike, marker: str, colour: str, size: float, **options):
+    """Draw markers without a line; `size` is in points, `options` are those of `Axes.plot`."""
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
 def note(axes, words, at, away=None, side="left center", of="data", white=None, **options):
-    """Write small words at a place of an axes, or points away from it.
+    """Write a small text at the point `at`, or `away` from it by (x, y) in printer's points.
 
-    side: which of theirs lies there; of: coordinates of the place; white: (room around the words,
-    opacity) of a white box behind them.
+    `side` is the text's anchor, "horizontal vertical"; `of` are the coordinates of `at` as in
+    `Axes.annotate`; `white` is the (padding, opacity) of a white box behind the text.
     """
     ha, va = side.split()
     if white:
@@ -225,11 +231,11 @@ def note(axes, words, at, away=None, side="left center", of="data", white=None, 
     axes.annotate(words, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
-def limits(*values, margin=0.05):
-    """Return limits (low, high) around the finite ones of arrays, of a span that means something.
+def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
+    """Return axis limits (lower, upper) around the finite values of arrays.
 
-    margin: room on either side, a share of the span, which is `LEAST_SPAN` of the largest magnitude
-    or more; without finite values, and of zeros, -1 and 1.
+    `margin` is the room on either side, a share of the span. The span is at least `LEAST_SPAN` of
+    the largest magnitude; the limits are (-1, 1) if there are only zeros or no finite values.
     """
     finite = np.concatenate([np.ravel(array) for array in values])
     finite = finite[np.isfinite(finite)]
@@ -240,53 +246,51 @@ def limits(*values, margin=0.05):
     return (low + high) / 2.0 - half, (low + high) / 2.0 + half
 
 
-def _widen(axes):
-    """Give the linear scales of an axes, where the data alone set them, their least span."""
+def _widen(axes: Axes):
+    """Widen automatic linear axis limits to at least `LEAST_SPAN` of their largest magnitude."""
     for name in "xy":
         low, high = getattr(axes, f"get_{name}lim")()
-        free = getattr(axes, f"get_autoscale{name}_on")()
+        automatic = getattr(axes, f"get_autoscale{name}_on")()
         linear = getattr(axes, f"get_{name}scale")() == "linear"
-        if free and linear and high - low < LEAST_SPAN * max(abs(low), abs(high)):
+        if automatic and linear and high - low < LEAST_SPAN * max(abs(low), abs(high)):
             getattr(axes, f"set_{name}lim")(*limits((low, high)))
 
 
-def note_absent(figure, methods):
-    """Note above a figure which methods are left out because their packages are not installed."""
+def note_absent(figure: Figure, methods: list[str]):
+    """Write above a figure the names of methods left out because their packages are missing."""
     if methods:
-        words = f"not installed, left out: {', '.join(methods)} (make peers)"
-        # Above: legends lie below.
-        figure.suptitle(words, fontsize=6, x=0.99, ha="right")
+        text = f"not installed, left out: {', '.join(methods)} (make peers)"
+        # Legends lie below the panels.
+        figure.suptitle(text, fontsize=6, x=0.99, ha="right")
 
 
-def name_gears(figure, name):
-    """Write below a figure, in a line that is added to its height, the gears that it is about."""
+def name_gears(figure: Figure, name: str):
+    """Write the name of the gears in a line below a figure; the figure becomes higher by it."""
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + _LINE)
-    low = _LINE / (height + _LINE)
+    bottom = _LINE / (height + _LINE)
     if figure.get_layout_engine() is None:
         figure.set_layout_engine("constrained")
-    figure.get_layout_engine().set(rect=(0.0, low, 1.0, 1.0 - low))
-    look = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
-    figure.text(0.01, 0.2 * low, name, in_layout=False, **look)
+    figure.get_layout_engine().set(rect=(0.0, bottom, 1.0, 1.0 - bottom))  # type: ignore[call-arg]
+    options = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
+    figure.text(0.01, 0.2 * bottom, name, in_layout=False, **options)
 
 
-def _freeze(figure):
-    """Lay a figure out once, and round the places that the layout found.
+def _freeze(figure: Figure):
+    """Lay a figure out once, then fix all positions, rounded, so that its files are reproducible.
 
-    The solver of the layout goes through its constraints in an order that differs between
-    processes, and so does the last digit of its result, which here and there shifts the shade of a
-    pixel.
+    The constraint solver's last digit differs between processes and would change some pixels.
     """
     for axes in figure.axes:
         _widen(axes)
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
-    # The layout leaves room for legends outside of the panels, and they stay on the rim.
-    room = figure.get_layout_engine().get()["rect"]
-    for shown in figure.legends if room[1] else ():
-        shown.set_bbox_to_anchor(room, transform=figure.transSubfigure)
-    # None and not "none", with which every file would be drawn twice, once for its layout.
+    # Below the layout's rectangle may lie a line of `name_gears`: legends must stay above it.
+    rectangle = figure.get_layout_engine().get()["rect"]
+    for legend_box in figure.legends if rectangle[1] else ():
+        legend_box.set_bbox_to_anchor(rectangle, transform=figure.transSubfigure)
+    # With "none" instead of None, matplotlib would draw every file twice.
     figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = axes.get_position(original=True).bounds
@@ -295,15 +299,13 @@ def _freeze(figure):
         text.set_position([round(x, _DIGITS) for x in text.get_position()])
 
 
-def save(figure, path):
-    """Write a figure as PNG, PDF or SVG, by the suffix of `path`, replacing it in one step.
-
-    ValueError if the suffix is none of .png, .pdf, .svg.
-    """
+def save(figure: Figure, path: str | Path):
+    """Write a figure to `path`, a .png, .pdf or .svg file (else ValueError), in one atomic step."""
     path = Path(path)
-    form = path.suffix.removeprefix(".")
-    if form not in _METADATA:
+    file_format = path.suffix.removeprefix(".")
+    if file_format not in _METADATA:
         raise ValueError(f"path = {str(path)!r} is not allowed: it must end in .png, .pdf or .svg")
     with replacing(path) as temporary, styled():
         _freeze(figure)
-        figure.savefig(temporary, format=form, dpi=figure.dpi, metadata=_METADATA[form])
+        metadata = _METADATA[file_format]
+        figure.savefig(temporary, format=file_format, dpi=figure.dpi, metadata=metadata)

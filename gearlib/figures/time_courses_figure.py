@@ -1,6 +1,9 @@
 """Fig. 4, 6, 7, 8: phase plane and time courses of a few runs, a column each."""
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gearlib.data.motions import true_intervals
 from gearlib.figures import panels, style
@@ -16,7 +19,7 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 
 @style.styled()
-def draw(scene, *, courses, periods_shown):
+def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int) -> Figure:
     """Return a figure of a scene of `gearlib.studies.scenes`: phase planes above time courses.
 
     `courses` are variables over (case, phase), `periods_shown` the last mesh periods of the record.
@@ -43,7 +46,7 @@ def draw(scene, *, courses, periods_shown):
     return figure
 
 
-def _draw_course(axes, run, name):
+def _draw_course(axes: Axes, run: xr.Dataset, name: str):
     """Draw a variable of a run over the mesh periods, and where the flanks are apart.
 
     A bar above the modified stiffness marks where the mesh has its lower stiffness.
@@ -59,17 +62,17 @@ def _draw_course(axes, run, name):
         low = (contact != 0) & (run.stiffness.values < 1.0)
         _shade_times(axes, periods, low, _MIN_STIFFNESS_COLOUR, lowest=0.92)
         share = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
-        look = {"side": "left baseline", "white": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
-        style.note(axes, share, (0.02, 0.45), of="axes fraction", **look)
+        options = {"side": "left baseline", "white": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
+        style.note(axes, share, (0.02, 0.45), of="axes fraction", **options)
 
 
-def shade_contact(axes, periods, contact):
+def shade_contact(axes: Axes, periods: np.ndarray, contact: np.ndarray):
     """Shade the times out of normal mesh, by the codes of contact over time."""
     for code, area in ((0, "backlash"), (-1, "inverse mesh")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 
-def _shade_times(axes, periods, mask, colour, lowest=0.0):
+def _shade_times(axes: Axes, periods: np.ndarray, mask: np.ndarray, colour: str, lowest=0.0):
     """Shade the intervals of time in which a mask holds, from a share of the height upwards."""
     step, look = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
     for first, last in true_intervals(mask):

@@ -6,6 +6,9 @@ starts that settle, and of those that share one motion.
 """
 
 import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import panels, schematic, style
@@ -22,7 +25,7 @@ _POINT = {"line": "none", "markersize": 3}
 
 
 @style.styled()
-def draw_sweep(curves):
+def draw_sweep(curves: xr.Dataset) -> Figure:
     """Draw dynamic factors and times in contact of `gearlib.studies.trains.over_speed`."""
     figure = style.page(5.2)
     styles = _thinning_lines(panels.curve_styles(curves.mesh))
@@ -37,7 +40,7 @@ def draw_sweep(curves):
 
 
 @style.styled()
-def draw_reducer(characteristics):
+def draw_reducer(characteristics: xr.Dataset) -> Figure:
     """Draw a column for each case of `gearlib.studies.trains.reducer`."""
     data = characteristics
     figure = style.page(6.8)
@@ -74,14 +77,14 @@ def draw_reducer(characteristics):
     return figure
 
 
-def _thinning_lines(styles):
+def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
     """Give each curve a thinner line than the curve before it, so that equal ones are all seen."""
     for look, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
         look |= {"linestyle": "-", "linewidth": width}
     return styles
 
 
-def _common_entries():
+def _common_entries() -> list:
     """Return the entries of a legend for ranges and shares of the starts, and carried motions."""
     return [
         *(
@@ -94,7 +97,7 @@ def _common_entries():
     ]
 
 
-def _draw_columns(figure, cases, x, rows):
+def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
     """Draw a column for each case, a row for each (variable, styles by mesh) and one of shares."""
     ratios = [1.0] * len(rows) + [0.35]
     shared = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": ratios}
@@ -113,7 +116,7 @@ def _draw_columns(figure, cases, x, rows):
     return grid
 
 
-def _draw_meshes(axes, case, x, name, styles):
+def _draw_meshes(axes: Axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
     """Draw a variable of some meshes from rest, and where the carried motions differ."""
     rest = case.sel(direction="cold")
     panels.draw_curves(axes, rest, x, name, colour="mesh", styles=styles)
@@ -130,7 +133,7 @@ def _draw_meshes(axes, case, x, name, styles):
     axes.grid(linewidth=0.3, color="0.85")
 
 
-def _mark_single_branches(axes, case):
+def _mark_single_branches(axes: Axes, case: xr.Dataset):
     """Mark, near the lower edge, where from all starts one branch alone parts, strikes."""
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKS.items():
         shares = case[name].sel(direction="cold")

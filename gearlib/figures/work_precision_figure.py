@@ -9,6 +9,8 @@ from itertools import cycle
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -39,7 +41,7 @@ _MARKERS = "osD^vPX<>hp"
 _MARKER = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5, "markeredgecolor": "white"}
 
 
-def draw(errors):
+def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
     """Draw both figures of errors over evaluations; return them by their names."""
     return {
         "work_precision_evaluations": draw_evaluations(errors),
@@ -48,7 +50,7 @@ def draw(errors):
 
 
 @style.styled()
-def draw_evaluations(errors):
+def draw_evaluations(errors: list[xr.Dataset]) -> Figure:
     """Draw the error of the final state over evaluations of the right-hand side.
 
     `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each
@@ -59,7 +61,7 @@ def draw_evaluations(errors):
 
 
 @style.styled()
-def draw_time(errors, times):
+def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]) -> Figure:
     """Draw the error of the final state over the wall time.
 
     Datasets of `errors` and `times` of `gearlib.studies.trials.work_precision`, of the same
@@ -77,7 +79,7 @@ def draw_time(errors, times):
 
 
 @style.styled()
-def draw_measures(errors):
+def draw_measures(errors: list[xr.Dataset]) -> Figure:
     """Draw the errors of event phases and Floquet multipliers over evaluations.
 
     `errors` as in `draw_evaluations`. A panel for every problem with events, then for every
@@ -88,18 +90,18 @@ def draw_measures(errors):
     return _draw_panels(data, "period_evaluations", places, "rounding")
 
 
-def _joined(datasets):
+def _joined(datasets: list[xr.Dataset]) -> xr.Dataset:
     """Return the datasets of all methods as one along ``rung``."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
-def _panels(data, kind):
+def _panels(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
     """Return (problem, kind of error) of all problems with any error of this kind."""
     known = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[known.values]]
 
 
-def _draw_panels(data, cost, places, grey_words):
+def _draw_panels(data: xr.Dataset, cost: str, places: list[tuple], grey_words: str) -> Figure:
     """Draw the panels of (problem, kind of error) over a cost, and the legend below."""
     rows = -(-len(places) // 2)
     figure = style.page(_FOOT + _ROW_HEIGHT * rows)
@@ -123,7 +125,7 @@ def _draw_panels(data, cost, places, grey_words):
     return figure
 
 
-def _line_styles(data):
+def _line_styles(data: xr.Dataset) -> dict[str, dict]:
     """Return line -> options of its curve, sorted by family: the marker is that of the line."""
     families = dict(zip(data.line.values, data.family.values, strict=True))
     lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
@@ -134,14 +136,14 @@ def _line_styles(data):
     return {line: look | _MARKER for line, look in looks.items()}
 
 
-def _log_limits(factor, *arrays):
+def _log_limits(factor: float, *arrays: xr.DataArray) -> tuple[float, float]:
     """Return limits around the positive numbers of arrays, the lower one this factor below."""
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]
     return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
 
 
-def _draw_errors(axes, data, cost, kind, styles):
+def _draw_errors(axes: Axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
     """Draw the errors of all methods in one problem; zeros lie at the edges of the panel."""
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     x, y = data[cost], data[f"{kind}_error"]
