@@ -2,7 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
 
@@ -27,7 +26,7 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 
 
 @style.styled()
-def draw_convergence(data: xr.Dataset) -> Figure:
+def draw_convergence(data: xr.Dataset):
     """Return a figure of iterates, their errors, and the tunings at which the method converges.
 
     `data` is that of `gearlib.studies.analytic_method.compute`.
@@ -85,7 +84,7 @@ def _draw_range(figure: SubFigure, data: xr.Dataset):
 
 
 @style.styled()
-def draw_harmonics(data: xr.Dataset) -> Figure:
+def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
 
     `data` is that of `gearlib.studies.analytic_method.compute`.
@@ -106,7 +105,7 @@ def draw_harmonics(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _draw_errors(axes: Axes, data: xr.Dataset):
+def _draw_errors(axes, data: xr.Dataset):
     """Draw the errors of both methods at one tuning over their harmonics, with slope lines."""
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}

@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
@@ -25,7 +23,7 @@ SPECIAL_POINTS = {
 
 
 @style.styled()
-def draw(branches: xr.Dataset, loci: xr.Dataset) -> Figure:
+def draw(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of orbits with special points, above the loci of these points.
 
     The datasets are those of `branches` and `loci` of `gearlib.studies.resonance`. The dotted line
@@ -50,7 +48,7 @@ def draw(branches: xr.Dataset, loci: xr.Dataset) -> Figure:
     return figure
 
 
-def draw_curve(axes: Axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
+def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
     """Draw the variable named `variable` of branches over the tuning, dashed where unstable."""
     tuning, values = branches.tuning.values, branches[variable].values
     stable = branches.stable.values.astype(bool)
@@ -64,7 +62,7 @@ def draw_curve(axes: Axes, branches: xr.Dataset, variable: str, colour: str, wid
             axes.plot(tuning[same], values[same], color=colour, zorder=zorder, **options)
 
 
-def draw_special_points(axes: Axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
+def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
     """Mark the special points of branches at (x, y); `labels` has the code of each point."""
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
@@ -89,7 +87,7 @@ def entries(labels: ArrayLike, line="none") -> list[Line2D]:
     ]
 
 
-def _draw_locus(axes: Axes, locus: xr.Dataset):
+def _draw_locus(axes, locus: xr.Dataset):
     """Draw damping over tuning of one locus, as two halves that start at its special point."""
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping = locus.damping_ratio.values
@@ -98,7 +96,7 @@ def _draw_locus(axes: Axes, locus: xr.Dataset):
         axes.plot(locus.tuning.values[half], damping[half], color=colour, linewidth=1.0)
 
 
-def _write_tunings(axes: Axes, branches: xr.Dataset):
+def _write_tunings(axes, branches: xr.Dataset):
     """Write the tuning beside each special point of branches; close points share a text."""
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
     x = tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH

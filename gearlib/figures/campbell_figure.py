@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearlib.data.motions import contact_loss_fraction
@@ -16,23 +14,22 @@ _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white
 
 
 @style.styled()
-def draw(diagram: xr.Dataset) -> Figure:
+def draw(diagram: xr.Dataset):
     """Return a figure of frequencies over the speed of the reference pinion, beside the train.
 
-    `diagram` is that of `gearlib.studies.trains.campbell`. Behind the line of a mesh frequency, the
-    speeds are marked at which a mesh of it parts in a sweep.
+    `diagram` is that of `gearlib.studies.trains.campbell`. Speeds at which a mesh loses contact in
+    a sweep are marked behind the line of its mesh frequency.
     """
     figure = style.page(4.2)
-    # No mesh has a curve of its own.
     axes = schematic.with_train(figure, diagram, {}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
     parted = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0
-    step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
+    half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:
         order = float(diagram.mesh_rate.sel(mesh=name))
         for middle in speed[parted.sel(mesh=name)]:
-            ends = middle + step
+            ends = middle + half_step
             frequency = mesh_frequency(diagram) * order * ends
             axes.plot(ends, frequency, color=_LOST_CONTACT, linewidth=5, zorder=0.5)
     axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
@@ -49,7 +46,7 @@ def mesh_frequency(diagram: xr.Dataset) -> float:
     return 1e-3 * float(diagram.natural_frequency[0] / diagram.critical_speed[0, 0]) / order
 
 
-def draw_orders(axes: Axes, diagram: xr.Dataset, stop: float) -> list[Line2D]:
+def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list[Line2D]:
     """Draw natural frequencies, mesh orders and intersections up to the speed `stop` (rpm).
 
     Return the legend handles. `diagram` is that of `gearlib.studies.trains.campbell`; multiples of

@@ -4,13 +4,12 @@ import re
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import style
 
 _ROW_HEIGHT, _MARGINS = 0.29, 1.6
-#: verdict -> (letter, colour, words); light enough for black letters.
+#: Verdict -> (letter, colour, label). The colours are light enough for black letters.
 _VERDICTS = {
     "right": ("r", "#E6F2EC", "right"),
     "inaccurate": ("i", "#F6DF9E", "inaccurate"),
@@ -24,25 +23,25 @@ _VERDICTS = {
 
 
 @style.styled()
-def draw(matrix: xr.Dataset) -> Figure:
-    """Draw the verdicts, a row for each problem and a column for each trial.
+def draw(matrix: xr.Dataset):
+    """Return a figure of verdicts, a row for each problem and a column for each method.
 
     `matrix` is gathered from `gearlib.studies.trials.failures.compute`. A star marks a run of
-    fewer periods than the others of its row.
+    fewer mesh periods than the others of its row.
     """
     verdicts = [_VERDICTS[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
     periods = matrix.periods.values
-    brief = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
+    shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
     rows, trials = matrix.verdict.shape
     figure = style.page(_MARGINS + _ROW_HEIGHT * rows)
     axes = figure.subplots()
     codes, colours = matrix.verdict.values, [colour for _, colour, _ in verdicts]
     style.map_of_codes(axes, range(trials), range(rows), codes, colours)
     for i, j in np.ndindex(rows, trials):
-        letter = verdicts[codes[i, j]][0] + "*" * int(brief[i, j])
-        place = {"side": "center center", "fontsize": 6}
-        style.note(axes, letter, (j, i + 0.22), weight="bold", **place)
-        style.note(axes, _number(float(matrix.error[i, j])), (j, i - 0.22), **place)
+        letter = verdicts[codes[i, j]][0] + "*" * int(shortened[i, j])
+        options = {"side": "center center", "fontsize": 6}
+        style.note(axes, letter, (j, i + 0.22), weight="bold", **options)
+        style.note(axes, _number(float(matrix.error[i, j])), (j, i - 0.22), **options)
     axes.set_xticks(range(trials), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
@@ -53,16 +52,17 @@ def draw(matrix: xr.Dataset) -> Figure:
     axes.set(xlim=(-0.5, trials - 0.5), ylim=(rows - 0.5, -0.5))
     edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
     patches = [
-        Patch(facecolor=c, label=f"{letter}: {words}", **edge) for letter, c, words in verdicts
+        Patch(facecolor=colour, label=f"{letter}: {label}", **edge)
+        for letter, colour, label in verdicts
     ]
-    if brief.any():
+    if shortened.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
     style.legend(figure, patches, 5)
     return figure
 
 
 def _number(error: float) -> str:
-    """Return an error as it is printed: one digit and an exponent without its zeros."""
+    """Return an error as text such as "3e-5", one digit and a short exponent; "" if not finite."""
     if not np.isfinite(error):
         return ""
     if error < 10.0 and error == round(error):

@@ -1,7 +1,6 @@
-"""Draw what a fit compared, measured and fitted."""
+"""Measured curves of a fit beside the fitted ones."""
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearlib.figures import style
@@ -13,25 +12,26 @@ _INTERVAL = 1.96
 
 
 @style.styled()
-def fit(found, *, figure: Figure | None = None) -> Figure:
-    """Draw what a fit compared, measured and fitted.
+def fit(found, *, figure: Figure | None = None):
+    """Draw the measured curves of a fit and the fitted ones over them.
 
     Parameters
     ----------
     found : Fit
-        Of `gearlib.fit`.
+        Result of `gearlib.fit`.
     figure : matplotlib.figure.Figure, optional
+        Empty figure to draw in; a new one of pyplot by default.
 
     Returns
     -------
     matplotlib.figure.Figure
-        An axes for each curve, dots measured and lines fitted, dotted where the speed falls; the
-        last one for all speeds of jumps and of the onset of contact loss.
+        With axes for each curve: dots measured, lines fitted, dotted where the speed falls. The
+        last axes show all speeds of jumps and of the onset of contact loss.
 
     Raises
     ------
     ValueError
-        If it is no fit.
+        If `found` is no fit.
     """
     if not hasattr(found, "redchi"):
         raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
@@ -51,23 +51,23 @@ def fit(found, *, figure: Figure | None = None) -> Figure:
     return figure
 
 
-def _draw_curve(axes: Axes, curve):
-    """Draw a measured curve as dots and the fitted one as a line, dotted where the speed falls."""
+def _draw_curve(axes, curve):
+    """Draw one curve of a fit: measured as dots, fitted as a line, dotted where the speed falls."""
     measured, fitted = curve.heights
     scale, unit = 1.0, curve.units
     if unit == "m":
         scale, unit = style.length_unit(np.nanmax(np.abs(measured)))
     style.dots(axes, curve.at, measured / scale, ".", _MEASURED, 2.5, label="measured")
-    for part, dashes, label in ((~curve.falls, "-", "fitted"), (curve.falls, ":", "speed falls")):
-        if part.any():
+    for mask, dashes, label in ((~curve.falls, "-", "fitted"), (curve.falls, ":", "speed falls")):
+        if mask.any():
             line = {"color": _FITTED, "linestyle": dashes, "linewidth": 0.9, "label": label}
-            axes.plot(curve.at, np.where(part, fitted / scale, np.nan), **line)
+            axes.plot(curve.at, np.where(mask, fitted / scale, np.nan), **line)
     axes.set_xlabel("speed (rpm)" if curve.over == "speed" else "mesh periods")
     axes.set_ylabel(curve.name + (f" ({unit})" if unit not in ("", "1") else ""))
 
 
-def _draw_speeds(axes: Axes, speeds: list):
-    """Draw how far fitted speeds of jumps lie from the measured ones, with their intervals."""
+def _draw_speeds(axes, speeds: list):
+    """Draw fitted minus measured speeds of jumps, with 95 % intervals of the measured ones."""
     places = np.arange(len(speeds))
     bars = {"fmt": ".", "color": _MEASURED, "capsize": 3, "label": "measured"}
     axes.errorbar(places, 0.0 * places, yerr=[_INTERVAL * x.deviation for x in speeds], **bars)

@@ -2,12 +2,10 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
-#: Colours of periodic attractors in their order; other kinds of attractors have their own.
+#: Colours of periodic attractors in turn; each other kind of attractor has one colour.
 _PERIODIC_COLOURS = (*style.PALETTE, "#F0E442", "#8C510A", "#762A83", "#A6DBA0", "#FDB863")
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
 _KIND_COLOURS = (None, "#000000", "#D9D9D9", "#FFFFFF")
@@ -15,7 +13,7 @@ _MARKERS = "o^sDvP*X<>hp"
 #: Colours of regular orbits in sections, and of chaotic and undecided ones.
 _REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
 _CHAOTIC, _UNDECIDED = "#D55E00", "#A0A0A0"
-#: Direction -> words, colour and size of its dots in bifurcation diagrams.
+#: Direction -> label, colour and size of its dots in bifurcation diagrams.
 _DIRECTIONS = {
     "cold": ("random initial states", "#8A8A8A", 1.4),
     "down": ("tuning going down", "#D55E00", 1.8),
@@ -30,17 +28,17 @@ _BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
-    """Return the colour of each attractor from the codes of their kinds."""
+    """Return a colour for each attractor; `kinds` are codes: 0 periodic, then as in `_KINDS`."""
     periodic = iter(np.resize(_PERIODIC_COLOURS, len(kinds)))
     return [_KIND_COLOURS[kind] or str(next(periodic)) for kind in kinds]
 
 
 @style.styled()
-def draw_basins(data: xr.Dataset) -> Figure:
-    """Draw the basins of all cases of `gearlib.studies.global_picture.basin_cases`.
+def draw_basins(data: xr.Dataset):
+    """Return a figure of the basins of all cases of `gearlib.studies.global_picture.basin_cases`.
 
-    Every initial state has the colour of its attractor, whose stroboscopic states are marked
-    where they lie in the picture; below, periods and shares.
+    Every initial state has the colour of its attractor, whose stroboscopic states are marked;
+    legends have the attractors' periods and shares.
     """
     figure, grid = style.panels(data.sizes["case"], 3.9)
     for i, axes in enumerate(grid):
@@ -57,28 +55,28 @@ def draw_basins(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _mark_attractor(axes: Axes, attractor: xr.Dataset, colour: str, marker: str):
-    """Mark the states of a periodic attractor, and name any attractor for the legend."""
+def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
+    """Mark the stroboscopic states of a periodic attractor; label any attractor in the legend."""
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     name = f"period {int(attractor.period)}" if kind == 0 else _KINDS[kind]
-    words = f"{name}: {share:.1f} ± {100.0 * float(attractor.share_error):.2f} %"
+    label = f"{name}: {share:.1f} ± {100.0 * float(attractor.share_error):.2f} %"
     x, v = attractor.state.values.T if kind == 0 else ([], [])
     edge = "white" if kind == 0 else "grey"
-    style.dots(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=words)
+    style.dots(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=label)
 
 
-def _label_plane(axes: Axes, word=""):
-    """Label a phase plane, the velocity only in the first column."""
-    axes.set_xlabel(f"{word}displacement (static defl.)")
-    axes.set_ylabel(word + style.RATE if axes.get_subplotspec().is_first_col() else "")
+def _label_plane(axes, prefix=""):
+    """Label the axes of a phase plane, the velocity in the first column only."""
+    axes.set_xlabel(f"{prefix}displacement (static defl.)")
+    axes.set_ylabel(prefix + style.RATE if axes.get_subplotspec().is_first_col() else "")
 
 
 @style.styled()
-def draw_sections(data: xr.Dataset) -> Figure:
-    """Draw the sections of all cases of `gearlib.studies.global_picture.sections`.
+def draw_sections(data: xr.Dataset):
+    """Return a figure of Poincaré sections of all cases of `gearlib.studies.global_picture`.
 
-    Orange: chaotic orbits; grey: undecided ones; other colours: regular ones, each orbit in one
-    colour.
+    `data` is that of its `sections`. Chaotic orbits are orange, undecided ones grey; each regular
+    orbit has one of the other colours.
     """
     figure, grid = style.panels(data.sizes["case"], 3.3)
     for i, axes in enumerate(grid):
@@ -86,37 +84,40 @@ def draw_sections(data: xr.Dataset) -> Figure:
         chaotic, undecided = case.chaotic.values == 1, case.chaotic.values == 2
         regular = np.resize(_REGULAR, chaotic.size)
         colours = np.where(chaotic, _CHAOTIC, np.where(undecided, _UNDECIDED, regular))
-        # Chaos first, so that islands in it are seen.
+        # Chaotic orbits are drawn first, so that islands in them are visible.
         for j in np.argsort(~chaotic, kind="stable"):
             states = case.displacement[j], case.velocity[j]
             style.dots(axes, *states, ".", colours[j], 0.9 if chaotic[j] else 1.2, **_DOTS)
-        words = f"$\\tau$ = {np.degrees(float(case.phase)):.0f}°; {100.0 * chaotic.mean():.0f} %"
-        more = f", {undecided.sum()} undecided" if undecided.any() else ""
-        axes.set_title(f"{case.case.item()}\n{words} of {chaotic.size} orbits chaotic{more}")
+        phase, share = np.degrees(float(case.phase)), 100.0 * chaotic.mean()
+        chaos = f"$\\tau$ = {phase:.0f}°; {share:.0f} % of {chaotic.size} orbits chaotic"
+        suffix = f", {undecided.sum()} undecided" if undecided.any() else ""
+        axes.set_title(f"{case.case.item()}\n{chaos}{suffix}")
         _label_plane(axes)
     return figure
 
 
 @style.styled()
-def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None) -> Figure:
-    """Draw diagram, exponents and shares of `gearlib.studies.global_picture.bifurcation`.
+def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
+    """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
-    `branches`, if given, are laid over the diagram, dashed where unstable: tuning, state
-    (point, coordinate), stable and branch along ``point``.
+    `diagram` and `shares` are those of `gearlib.studies.global_picture.bifurcation`. `branches` of
+    orbits, or None, are drawn over it: tuning, state, stable and branch number of each point.
     """
     figure = style.page(6.6)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
-    for kind, (words, colour, size) in _DIRECTIONS.items():
+    for kind, (label, colour, size) in _DIRECTIONS.items():
         for name in [name for name in diagram.direction.values if name.split()[0] == kind]:
             motion = diagram.sel(direction=name)
             strobes = motion.displacement.transpose("tuning", "strobe")
             style.dots(top, motion.tuning, strobes, ".", colour, size, **_DOTS)
-            top.lines[-1].set_label(words)
+            top.lines[-1].set_label(label)
             _draw_exponents(middle, motion, colour, kind != "cold")
     if branches is not None:
-        _lay_over(top, branches)
-    named = dict(zip(*reversed(top.get_legend_handles_labels()), strict=True))
-    top.legend(named.values(), named, loc="lower left", markerscale=4.0)
+        _draw_branches(top, branches)
+    # Several lines have the same label, which the legend shows once.
+    handles, labels = top.get_legend_handles_labels()
+    handle_of = dict(zip(labels, handles, strict=True))
+    top.legend(handle_of.values(), handle_of, loc="lower left", markerscale=4.0)
     top.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
     middle.axhline(0.0, color="black", linewidth=0.5)
     middle.set_ylabel(panels.axis_label(diagram.exponent, 24))
@@ -126,8 +127,11 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None) -> 
     return figure
 
 
-def _draw_exponents(axes: Axes, motion: xr.Dataset, colour: str, carried: bool):
-    """Draw exponents as dots; of carried motions with a band, and a line where they settle."""
+def _draw_exponents(axes, motion: xr.Dataset, colour: str, carried: bool):
+    """Draw the Lyapunov exponents of one direction over the tuning as dots.
+
+    Warm-started motions (`carried`) get a line where they settle, and a band of uncertainty.
+    """
     exponent, error = motion.exponent, BAND_WIDTH * motion.uncertainty
     joined = motion.settled.astype(bool) & carried
     style.dots(axes, motion.tuning, exponent.where(~joined), ".", colour, 2.0, markeredgewidth=0.0)
@@ -137,22 +141,22 @@ def _draw_exponents(axes: Axes, motion: xr.Dataset, colour: str, carried: bool):
         axes.fill_between(motion.tuning, exponent - error, exponent + error, **band)
 
 
-def _lay_over(axes: Axes, branches: xr.Dataset):
-    """Draw continued branches, dashed where they are unstable."""
+def _draw_branches(axes, branches: xr.Dataset):
+    """Draw the initial displacement of continued branches of orbits, dashed where unstable."""
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
-        for chosen, words, dashes in (
+        for mask, label, dashes in (
             (stable, "continued, stable", "-"),
             (~stable, "unstable", "--"),
         ):
-            # A piece is drawn up to the point where stability changes.
-            joined = chosen | np.append(False, chosen[:-1])
+            # Each line goes on to the point where stability changes, so that no gap appears.
+            joined = mask | np.append(False, mask[:-1])
             states = branch.state[:, 0].where(joined)
-            axes.plot(branch.tuning, states, color="black", ls=dashes, lw=0.7, label=words)
+            axes.plot(branch.tuning, states, color="black", ls=dashes, lw=0.7, label=label)
 
 
-def _draw_family_shares(axes: Axes, shares: xr.Dataset):
-    """Draw the shares of the families of attractors, one above the other."""
+def _draw_family_shares(axes, shares: xr.Dataset):
+    """Draw each attractor family's share of the initial states over the tuning, stacked."""
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
     largest = share.argmax("tuning")
     heights = (shares.displacement_max - shares.displacement_min).isel(tuning=largest).values

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -14,10 +12,11 @@ ERROR = "static transmission error (µm)"
 
 
 @style.styled()
-def draw(data: xr.Dataset) -> Figure:
-    """Draw the error at all loads for each relief, and below its range and the contact ratio.
+def draw(data: xr.Dataset):
+    """Return a figure of the transmission error at all loads for each tip relief.
 
-    `data` is that of `gearlib.studies.drawn_gears.harris_map`. Thick: the design load.
+    Below are its peak-to-peak value and the contact ratio. `data` is that of
+    `gearlib.studies.drawn_gears.harris_map`; the line of the design load is thick.
     """
     figure = style.page(5.2)
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
@@ -33,7 +32,7 @@ def draw(data: xr.Dataset) -> Figure:
     maps[0].set_ylabel(ERROR)
     peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
     ranges = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
-    # Nothing touches without a load.
+    # Without a load no teeth are in contact.
     ranges["effective_contact_ratio"] = ranges.effective_contact_ratio.where(ranges.torque > 0.0)
     names = "peak_to_peak_error", "effective_contact_ratio"
     for axes, name in zip(below.subplots(1, 2), names, strict=True):
@@ -44,15 +43,18 @@ def draw(data: xr.Dataset) -> Figure:
     return figure
 
 
-def draw_courses(axes: Axes, data: xr.Dataset, loads: np.ndarray, design=1.0):
-    """Draw the error over two mesh periods at loads, those of `data`; thick: the design load."""
+def draw_courses(axes, data: xr.Dataset, loads: np.ndarray, design=1.0):
+    """Draw the transmission error over two mesh periods for each of `loads`, those of `data`.
+
+    Loads are shares of the design torque; the line of the load `design` is thick.
+    """
     periods = data.phase.values / (2.0 * math.pi)
     shades = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
     for load, shade, error in zip(loads, shades, data.transmission_error.values, strict=True):
         width = 2.0 if math.isclose(load, design) else 0.9
-        # A course begins in the middle of double contact; twice, so that both ends are seen.
+        # A period begins in double contact; two periods show both of its ends.
         x = np.concatenate([periods, periods + periods[-1] + periods[1]])
         axes.plot(x, 1e6 * np.tile(error, 2), color=shade, linewidth=width)
-        place = {"of": ("axes fraction", "data"), "fontsize": 5.5}
-        style.note(axes, f"{load:g}", (1.0, 1e6 * error[0]), (2, 0), **place)
+        options = {"of": ("axes fraction", "data"), "fontsize": 5.5}
+        style.note(axes, f"{load:g}", (1.0, 1e6 * error[0]), (2, 0), **options)
     axes.set(xlabel="mesh periods", xlim=(0.0, 2.0))

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -25,13 +23,12 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
 @style.styled()
-def draw(jumps: xr.Dataset, marked: Sequence[float] = ()) -> Figure:
-    """Draw the orbit's height over the tuning and the jump over everything that may move it.
+def draw(jumps: xr.Dataset, marked: Sequence[float] = ()):
+    """Return a figure of the orbit's height over the tuning, and of shifts of its jump.
 
-    `jumps` are those of `gearlib.studies.jump.compute`, `marked` are tunings to compare with,
-    at most two. Shifts on a logarithm to both sides of zero, pale: their range where many starts
-    were asked; the orange band is where the jump would lie between the marked tunings. A variation
-    without a jump in the scan is named above its panel.
+    `jumps` is that of `gearlib.studies.jump.compute`; `marked` are up to two tunings to compare
+    with: an orange band spans the shifts between them. Pale bars are ranges of shifts over many
+    starts. Values without a jump in the scan are named above their panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
@@ -41,16 +38,16 @@ def draw(jumps: xr.Dataset, marked: Sequence[float] = ()) -> Figure:
     for i, kind in enumerate(kinds):
         first = figure.axes[1] if i else None
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first)
-        chosen = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
-        _draw_kind(axes, chosen, np.array(marked) - float(jumps.jump[0]), *_KINDS[kind])
+        of_kind = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
+        _draw_kind(axes, of_kind, np.array(marked) - float(jumps.jump[0]), *_KINDS[kind])
         axes.set_ylabel("shift of the jump\n(tuning)" if i % 2 == 0 else "")
     if kinds and (jumps.switches.values > 1).any():
         figure.supxlabel("cross: several jumps in the scan", fontsize=6, x=0.99, ha="right")
     return figure
 
 
-def _draw_scan(axes: Axes, jumps: xr.Dataset, marked: Sequence[float]):
-    """Draw the orbit's height over the tuning."""
+def _draw_scan(axes, jumps: xr.Dataset, marked: Sequence[float]):
+    """Draw the orbit's height over the tuning, and the `marked` tunings as dashed lines."""
     tuning, base = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
     panels.draw_curves(axes, jumps, "tuning", "height", **options)
@@ -65,26 +62,29 @@ def _draw_scan(axes: Axes, jumps: xr.Dataset, marked: Sequence[float]):
     axes.set(title=title, xlim=(tuning[0], tuning[-1]))
 
 
-def _draw_kind(axes: Axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
-    """Draw the shift of the jump over the values of one kind of variation."""
+def _draw_kind(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
+    """Draw the shift of the jump, in tuning, over the values of one kind of variation.
+
+    `marked_shifts` are those of tunings to compare with; `label` and `scale` are those of the x
+    axis, `scale` "linear" or "log".
+    """
     value, shift = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # Stems, no line from value to value: what the jump does in between is not known.
+    # Stems instead of a line: between the values the shift is not known.
     axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
     axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
     several = jumps.switches.values > 1
-    for chosen, marker, size in ((~several, "o", 3), (several, "x", 4)):
-        style.dots(axes, value[chosen], shift[chosen], marker, _BLUE, size)
+    for mask, marker, size in ((~several, "o", 3), (several, "x", 4)):
+        style.dots(axes, value[mask], shift[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
-    # The panel also holds the values without a jump.
+    # The x limits must include values without a jump.
     axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
-    lacking = ", ".join(f"{v:g}" for v in value[np.isnan(jumps.jump.values)])
-    if lacking:
-        # Above the frame, where no point can lie.
-        title = f"no jump in the scan where {label.split(' (')[0]} = {lacking}"
+    without_jump = ", ".join(f"{v:g}" for v in value[np.isnan(jumps.jump.values)])
+    if without_jump:
+        title = f"no jump in the scan where {label.split(' (')[0]} = {without_jump}"
         axes.set_title(title, fontsize=6, loc="left", pad=2.0)

@@ -3,22 +3,20 @@
 import math
 
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearlib.figures import panels, style
 
-#: Methods with an uncertainty of their own; the others are what makes that of the energy method.
+#: Methods drawn with an uncertainty; the spread of the others is that of the energy method.
 _UNCERTAIN = ("iso", "energy")
 
 
 @style.styled()
-def draw(stiffness: xr.Dataset) -> Figure:
-    """Draw for each pair the courses over the mesh period, and the means beside them.
+def draw(stiffness: xr.Dataset):
+    """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
 
-    `stiffness` is that of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands: the stated
-    uncertainty; crosses: published means.
+    `stiffness` is that of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands are the stated
+    uncertainty, crosses published means.
     """
     data = stiffness.copy()
     for name in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
@@ -35,15 +33,18 @@ def draw(stiffness: xr.Dataset) -> Figure:
         handles = _draw_courses(courses, pair, styles)
         _draw_means(means, pair, styles)
         courses.set_title(name, loc="left")
-        # Room for what lies above and below, whatever the pair.
+        # The upper limit leaves room for markers and error bars.
         low, high = courses.get_ylim()
         courses.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
     style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
 
-def _draw_courses(axes: Axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2D]:
-    """Draw the stiffness over the mesh period with its bands; return the legend's entries."""
+def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2D]:
+    """Draw the stiffness of a pair over the mesh period by each method; return legend handles.
+
+    `styles` maps methods to options of `Axes.plot`.
+    """
     for method in _UNCERTAIN:
         curve = pair.sel(stiffness_method=method)
         low, high = (curve.mesh_stiffness * (1 + s * curve.method_uncertainty) for s in (-1, 1))
@@ -56,8 +57,8 @@ def _draw_courses(axes: Axes, pair: xr.Dataset, styles: dict[str, dict]) -> list
     return handles
 
 
-def _draw_means(axes: Axes, pair: xr.Dataset, styles: dict[str, dict]):
-    """Draw the mean stiffness by each method, and the published ones."""
+def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
+    """Draw the mean stiffness of a pair by each method in `styles`, and published means."""
     for place, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
         chosen = pair.sel(stiffness_method=method)
         mean = float(chosen.mean_mesh_stiffness)

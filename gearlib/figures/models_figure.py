@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import style
 
@@ -23,13 +21,11 @@ cost: components of the state advanced per mesh period"""
 
 
 @style.styled()
-def draw(comparisons: list[xr.Dataset], scenes: list[str]) -> Figure:
-    """Draw the change of every model as a bar, a row of bars per scene.
+def draw(comparisons: list[xr.Dataset], scenes: list[str]):
+    """Return a figure of the change of observables by every model as bars, a panel per scene.
 
-    `comparisons` are datasets of `gearlib.studies.scenes.compare`, of the scenes of
-    these names. The chosen model is filled; the number on a bar is its cost, components of the
-    state advanced per mesh period. The largest model has no change of its own. Where rounding
-    decides, bars are medians over the starts, with their range, and have no numbers.
+    `comparisons` are datasets of `gearlib.studies.scenes.compare`, `scenes` their names. The bar of
+    the chosen model is filled. Where rounding decides, bars are medians over starts, with ranges.
     """
     figure = style.page(_HEAD + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
@@ -38,7 +34,7 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]) -> Figure:
         axes.set(xscale="log", xlim=_LIMITS)
         for i in range(data.sizes["model"]):
             _draw_bar(axes, data.isel(model=i), i)
-        # Inward ticks would lie in the bars.
+        # Ticks inside the frame would lie on the bars.
         axes.tick_params(axis="y", length=0)
         names = [_MODEL_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
@@ -48,18 +44,18 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]) -> Figure:
     return figure
 
 
-def _draw_bar(axes: Axes, model: xr.Dataset, place: int):
-    """Draw the change of one model, its range where rounding decides, and words at the edge."""
+def _draw_bar(axes, model: xr.Dataset, place: int):
+    """Draw the change of one model as a bar at height `place`, with a description on the right."""
     change, chosen = float(model.change), model.model.item() == model.chosen.item()
     certain = bool(model.change_free_of_rounding)
-    words = f"{change:.2g}" if certain else "rounding decides"
+    description = f"{change:.2g}" if certain else "rounding decides"
     if np.isnan(change):
-        words = "the largest model"
+        description = "the largest model"
     else:
         face = _BLUE if chosen else "white"
         axes.barh(place, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
         if not certain:
             axes.plot([model.change_low, model.change_high], [place] * 2, color=_ORANGE, lw=2.0)
-    words += ", used for the scene" if chosen else ""
-    words += f", cost {float(model.cost):.3g}" if certain else ""
-    style.note(axes, words, (_LIMITS[1], place), (-4, 0), "right center", white=(0.1,))
+    description += ", used for the scene" if chosen else ""
+    description += f", cost {float(model.cost):.3g}" if certain else ""
+    style.note(axes, description, (_LIMITS[1], place), (-4, 0), "right center", white=(0.1,))

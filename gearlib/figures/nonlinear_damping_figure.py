@@ -1,8 +1,6 @@
 """Linear, quadratic and cubic damping: characteristics, phase planes, and what moves."""
 
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -10,10 +8,11 @@ _EXTREMA = ["displacement_max", "displacement_min"]
 
 
 @style.styled()
-def draw(studies: list[xr.Dataset]) -> Figure:
-    """Draw characteristics above (up and down), phase planes below, a column per place.
+def draw(studies: list[xr.Dataset]):
+    """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
-    `studies` are datasets of `gearlib.studies.nonlinear_damping.compute`.
+    `studies` are datasets of `gearlib.studies.nonlinear_damping.compute`; there is a column for
+    each place of the damping (mesh or bearings).
     """
     places = list(dict.fromkeys(study.place.item() for study in studies))
     shown = studies[0].shown.values
@@ -22,8 +21,8 @@ def draw(studies: list[xr.Dataset]) -> Figure:
     shared = {"squeeze": False, "sharey": "row", "height_ratios": ratios}
     grid = figure.subplots(len(ratios), len(places), **shared)
     for column, place in zip(grid.T, places, strict=True):
-        chosen = [study for study in studies if study.place.item() == place]
-        powers = xr.concat(chosen, "power", coords="minimal", compat="override")
+        of_place = [study for study in studies if study.place.item() == place]
+        powers = xr.concat(of_place, "power", coords="minimal", compat="override")
         styles = panels.curve_styles(powers.power)
         _draw_characteristics(column[0], powers, styles)
         for axes, nu in zip(column[1:], shown, strict=True):
@@ -39,8 +38,11 @@ def draw(studies: list[xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_characteristics(axes: Axes, powers: xr.Dataset, styles: dict[str, dict]):
-    """Draw the sweeps up (thin) and down (thick, pale) of the powers of one place."""
+def _draw_characteristics(axes, powers: xr.Dataset, styles: dict[str, dict]):
+    """Draw sweeps up (thin) and down (thick, pale) for each power of the damping law.
+
+    `powers` has the dimension "power"; `styles` maps powers to options of `Axes.plot`.
+    """
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, look in (("down", pale), ("up", {"linewidth": 0.8})):
         for name in _EXTREMA:
@@ -51,8 +53,8 @@ def _draw_characteristics(axes: Axes, powers: xr.Dataset, styles: dict[str, dict
     style.second_scale(axes, float(powers.speed[0, -1] / powers.tuning[-1]), "speed (rpm)")
 
 
-def _draw_phase_planes(axes: Axes, powers: xr.Dataset, styles: dict[str, dict]):
-    """Draw the phase planes of the powers of one place at one tuning."""
+def _draw_phase_planes(axes, powers: xr.Dataset, styles: dict[str, dict]):
+    """Draw phase planes at one tuning, a curve for each power of the damping law in `styles`."""
     curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, powers, "displacement", "velocity", **curve_options)
     style.shade_areas(axes, float(powers.backlash_ratio[0]), "x")

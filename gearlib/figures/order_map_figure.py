@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib import checks
 from gearlib.figures import style
@@ -18,20 +16,20 @@ MAX_CIRCLES = 30
 
 
 @style.styled()
-def order_map(
-    found: xr.Dataset, *, figure=None, vertical="order", levels=None, measured=None
-) -> Figure:
+def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, measured=None):
     """Draw an order map as it is read at the rig: runs up and down side by side.
 
-    Mesh orders z, 2z, ... are lines with their names, thinner ones their sidebands z - 1, z + 1 and
-    the subharmonic z/2. Beneath stands the overall level.
+    Lines with names are mesh orders z, 2z, ... and the subharmonic z/2, thinner ones sidebands
+    z - 1, z + 1. The overall level is below.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `gearlib.order_map`; of a train one mesh of it.
+        Order map of `gearlib.order_map`; of a train, that of one mesh.
     figure : matplotlib.figure.Figure, optional
+        Empty figure to draw in; a new one of pyplot by default.
     vertical : {"order", "frequency"}
+        Quantity of the vertical axis.
     levels : tuple of float, optional
         Lowest and highest level, dB; by default 80 dB from the highest down.
     measured : xarray.Dataset, optional
@@ -46,7 +44,7 @@ def order_map(
     Raises
     ------
     ValueError
-        If a dataset is no order map of one mesh, or the measured one of another variable.
+        If a dataset is no order map of one mesh, or both have different variables.
     """
     checks.one_of("vertical", vertical, ("order", "frequency"))
     for name, data in {"found": found, "measured": found if measured is None else measured}.items():
@@ -54,9 +52,10 @@ def order_map(
             raise ValueError(
                 f"{name} is not allowed: it must be a dataset of gearlib.order_map, one mesh"
             )
-        for key in ("variable", "amplitude"):
-            if data.attrs[key] != found.attrs[key]:
-                raise checks.refusal(f"measured.{key}", data.attrs[key], repr(found.attrs[key]))
+        for attribute in ("variable", "amplitude"):
+            value, allowed = data.attrs[attribute], found.attrs[attribute]
+            if value != allowed:
+                raise checks.refusal(f"measured.{attribute}", value, repr(allowed))
     found, unit = _in_decibels(found, vertical)
     high = float(found.level.max()) if levels is None else levels[1]
     low = high - LEVEL_RANGE if levels is None else levels[0]
@@ -70,13 +69,13 @@ def order_map(
         2, directions.size, squeeze=False, sharex=True, sharey="row", height_ratios=(3, 1)
     )
     for (above, below), direction in zip(grid.T, directions, strict=True):
-        part = _one_direction(found, direction)
-        speed, level = np.broadcast_arrays(part.rpm.values[:, None], part.level.clip(low, high))
+        run = _one_direction(found, direction)
+        speed, level = np.broadcast_arrays(run.rpm.values[:, None], run.level.clip(low, high))
         options = colours | {"shading": "nearest", "rasterized": True}
-        mesh = above.pcolormesh(speed, part.height, level, **options)
-        _draw_mesh_orders(above, part)
+        image = above.pcolormesh(speed, run.height, level, **options)
+        _draw_mesh_orders(above, run)
         above.set_title(f"speed goes {direction}")
-        below.plot(part.rpm, part.overall, color="C0")
+        below.plot(run.rpm, run.overall, color="C0")
         if measured is not None:
             rig = _one_direction(_in_decibels(measured, vertical)[0], direction)
             _draw_circles(above, rig, colours)
@@ -86,14 +85,15 @@ def order_map(
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
     label = f"{found.attrs['variable'].replace('_', ' ')}, {found.attrs['amplitude']}\n({unit})"
-    figure.colorbar(mesh, ax=grid[0], label=label)
+    figure.colorbar(image, ax=grid[0], label=label)
     return figure
 
 
 def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
-    """Return an order map with levels in dB, their heights in the picture and directions; the unit.
+    """Return an order map without order 0, with levels in dB added, and the name of their unit.
 
-    The mean, order 0, is left out.
+    Also added are the direction of the speed of each block, and the height of each level on the
+    `vertical` axis, "order" or "frequency".
     """
     data = data.isel(order=slice(1, None))
     unit = data.overall.attrs.get("units", "N")
@@ -111,23 +111,26 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
 
 
 def _one_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
-    """Return the blocks of an order map in which the speed goes "up" or "down", by their speed."""
+    """Return the blocks in which the speed goes "up" or "down" (`direction`), sorted by speed."""
     return data.isel(time=np.flatnonzero(data.direction == direction)).sortby("rpm")
 
 
-def _draw_circles(axes: Axes, measured: xr.Dataset, colours: dict):
-    """Draw circles in the colours of their levels on the mesh orders of a measured map."""
+def _draw_circles(axes, measured: xr.Dataset, colours: dict):
+    """Draw circles coloured by level on the mesh orders of a measured order map.
+
+    `colours` are the options of `pcolormesh`: cmap, vmin and vmax, dB.
+    """
     blocks = measured.isel(time=slice(None, None, -(-measured.sizes["time"] // MAX_CIRCLES) or 1))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
         if np.abs(measured.order - order).min() < 1e-6:
-            one = blocks.sel(order=order, method="nearest")
+            track = blocks.sel(order=order, method="nearest")
             options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
-            level = one.level.clip(colours["vmin"], colours["vmax"])
-            axes.scatter(one.rpm, order * one.scale, 12.0, level, **options)
+            level = track.level.clip(colours["vmin"], colours["vmax"])
+            axes.scatter(track.rpm, order * track.scale, 12.0, level, **options)
 
 
-def _draw_mesh_orders(axes: Axes, data: xr.Dataset):
-    """Draw and name the mesh orders, their sidebands, and the subharmonic."""
+def _draw_mesh_orders(axes, data: xr.Dataset):
+    """Draw lines, with names, for the mesh orders of an order map, sidebands and subharmonic."""
     teeth, ends = float(data.teeth), data.isel(time=[0, -1])
     named = {"z/2": 0.5 * teeth, "z": teeth}
     named |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from gearlib import checks
 from gearlib.figures import plot_curves, style
 
-#: Of the largest amplitude: what is smaller is not drawn.
+#: Smallest amplitude drawn, a share of the largest one.
 _FLOOR = 1e-6
-#: Tooth-passing harmonics that are named, as many as stand side by side.
+#: Number of tooth-passing harmonics that can be named side by side.
 _NAMED = 10
 
 
@@ -17,16 +17,18 @@ _NAMED = 10
 def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitude") -> Axes:
     """Draw order spectra: amplitudes over the orders, tooth-passing harmonics named.
 
-    The mean, order 0, is left out, and what is below a millionth of the largest amplitude.
+    The mean, order 0, and amplitudes below a millionth of the largest one are left out.
 
     Parameters
     ----------
     *spectra : xarray.Dataset
-        Of `gearlib.orders`; each mesh of a train is a colour.
+        Order spectra of `gearlib.orders`; each mesh of a train has a colour.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw in; those of a new pyplot figure by default.
     labels : sequence of str, optional
-        Of the datasets.
+        Legend labels of the datasets.
     variable : {"force_amplitude", "error_amplitude"}
+        Amplitudes to draw: of the mesh force or of the transmission error.
 
     Returns
     -------
@@ -35,13 +37,12 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     Raises
     ------
     ValueError
-        If a dataset is no order spectrum, or has no such amplitude.
+        If a dataset is no order spectrum, or lacks the variable.
     """
     checks.one_of("variable", variable, ("force_amplitude", "error_amplitude"))
     names = (variable, "mesh_order")
     curves = plot_curves.curves("orders", spectra, labels, names, "orders", "order")
     axes = plot_curves.axes_or_new(axes)
-    # Order 0 is the mean.
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
     size, unit = style.readable_unit(spectra[0][variable].units, *(s[variable] for s in spectra))
     for curve, spectrum in zip(curves, spectra, strict=True):
@@ -59,22 +60,15 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     return plot_curves.add_legend(axes)
 
 
-def _name_harmonics(axes: Axes, data: xr.Dataset):
-    """Name the tooth-passing harmonics above their orders."""
-    at = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
-    orders = data.order.values[at]
+def _name_harmonics(axes, data: xr.Dataset):
+    """Write the names of the tooth-passing harmonics of an order spectrum above the axes."""
+    is_harmonic = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
+    orders = data.order.values[is_harmonic]
     for k, order in enumerate(orders, 1):
         axes.axvline(order, color="0.85", lw=0.8, zorder=0)
         if k % -(-len(orders) // _NAMED) == 0:
             name = "mesh" if k == 1 else f"{k} × mesh"
-            axes.annotate(
-                name,
-                (order, 1.0),
-                (0, 2),
-                xycoords=("data", "axes fraction"),
-                textcoords="offset points",
-                fontsize=6,
-                rotation=90 if len(orders) > 4 else 0,
-                ha="center",
-            )
+            options = {"of": ("data", "axes fraction"), "side": "center baseline"}
+            rotation = 90 if len(orders) > 4 else 0
+            style.note(axes, name, (order, 1.0), (0, 2), rotation=rotation, **options)
     axes.set_xlim(0.0, 1.03 * float(np.max(data.order)))

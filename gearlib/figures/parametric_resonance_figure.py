@@ -2,9 +2,7 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -18,13 +16,12 @@ _PAIR = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "label": 
 
 
 @style.styled()
-def draw(chart: xr.Dataset, facts: xr.Dataset) -> Figure:
-    """Draw growth and tongues over the tuning and each of the other parameters.
+def draw(chart: xr.Dataset, facts: xr.Dataset):
+    """Return a stability chart: growth and tongues over the tuning and each other parameter.
 
-    `chart` is that of `gearlib.studies.stability.chart`, `facts` that of
-    `gearlib.studies.stability.contact_loss`, whose dampings go into the plane of damping. Shade:
-    growth per mesh period at the first damping. Lines: edges of the tongues, one colour for
-    each damping. Circles: points of width zero. Dashed: the pair itself.
+    `chart` is that of `gearlib.studies.stability.chart`, `facts` that of its `contact_loss`, with
+    the dampings of the gear pair. Shades are growth per mesh period at the first damping, lines the
+    edges of tongues, circles points of width zero; the gear pair itself is dashed.
     """
     figure = style.page(6.6)
     places = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
@@ -48,8 +45,11 @@ def draw(chart: xr.Dataset, facts: xr.Dataset) -> Figure:
     return figure
 
 
-def _draw_tongues(axes: Axes, plane: xr.Dataset, largest: float) -> QuadMesh:
-    """Draw growth and edges in one plane over the tuning on a logarithm, where widths compare."""
+def _draw_tongues(axes, plane: xr.Dataset, largest: float) -> QuadMesh:
+    """Draw growth and edges of tongues of one plane of parameters; return the image of growth.
+
+    The colour scale ends at the growth `largest`; the tuning has a logarithmic scale.
+    """
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": largest, "shading": "nearest"}
     shade = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
@@ -64,20 +64,20 @@ def _draw_tongues(axes: Axes, plane: xr.Dataset, largest: float) -> QuadMesh:
     return shade
 
 
-def _draw_dampings(axes: Axes, plane: xr.Dataset, facts: xr.Dataset):
-    """Name the tongues in the plane of damping, and mark the dampings of the pair."""
+def _draw_dampings(axes, plane: xr.Dataset, facts: xr.Dataset):
+    """Name the tongues in the plane of damping, and draw the gear pair's dampings (`facts`)."""
     tips = plane.isel(damping=0, row=0)
     for order in plane.order.values:
         tip = tips.sel(order=order)
         centre = 0.5 * float(tip.tuning_from + tip.tuning_to)
         closing = float(tip.closing_damping)
         if np.isfinite(closing) and np.isfinite(centre):
-            words = f"order {order}\n$\\beta$ < {closing:.2g}"
-            style.note(axes, words, (centre, closing), (0, 3), "center bottom")
+            text = f"order {order}\n$\\beta$ < {closing:.2g}"
+            style.note(axes, text, (centre, closing), (0, 3), "center bottom")
     ratios = facts.damping_ratio.round(12)
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:
             axes.axhline(ratio, **_PAIR)
             names = ", ".join(map(style.damping_label, dampings.damping.values))
-            place = {"side": "left baseline", "of": ("axes fraction", "data")}
-            style.note(axes, names, (0.01, ratio), (0, 2), **place)
+            options = {"side": "left baseline", "of": ("axes fraction", "data")}
+            style.note(axes, names, (0.01, ratio), (0, 2), **options)

@@ -4,22 +4,20 @@ import textwrap
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.data import motions
 from gearlib.figures import style
 
 _CELL_HEIGHT, _HEAD = 1.25, 0.7
-#: Rounds of an orbit that differ by less than this share of its width look the same.
+#: Repetitions of an orbit that differ by less than this share of its width look the same.
 SAME_ORBIT_TOLERANCE = 5e-3
 
 
 @style.styled()
-def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None) -> Figure:
-    """Return a figure of phase planes {y'; y}, each with its own scales and its steadiness above.
+def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
+    """Return a figure of phase planes, velocity over displacement, with their steadiness as titles.
 
-    `phase_planes` are gathered over (damping, tuning, phase); `colours` are by damping.
+    `phase_planes` is a dataset over (damping, tuning, phase); `colours` maps dampings to colours.
     """
     tunings = phase_planes.tuning.values
     looks = style.looks([str(name) for name in phase_planes.damping.values], colours)
@@ -38,20 +36,20 @@ def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None) -> 
     return figure
 
 
-def draw_plane(axes: Axes, run: xr.Dataset, **look):
-    """Draw the phase plane of a run, its backlash shaded."""
+def draw_plane(axes, run: xr.Dataset, **look):
+    """Draw the phase plane of a run and shade its backlash; `options` are those of `Axes.plot`."""
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
-    # With moving bearings the far flank is no line in this plane: only y < 0 is shaded then.
+    # If bearings move, back-side contact has no fixed displacement: only y < 0 is shaded.
     backlash = np.inf if "backlash" in run else float(run.backlash_ratio)
     style.shade_areas(axes, backlash, "x")
     axes.plot(displacement, velocity, **look)
 
 
 def closed_orbit(run: xr.Dataset) -> np.ndarray:
-    """Return displacement and velocity of a run, closed where they repeat to the eye.
+    """Return displacement and velocity of a run, shape (2, samples), as a closed curve if periodic.
 
-    Then they are whole orbits, or the last one where the record ends within another.
+    The curve has all complete orbits, or only the last one if the record ends within another.
     """
     orbit = np.array([run.displacement.values, run.velocity.values])
     samples, size = orbit.shape[1], int(run.period) * round(2.0 * np.pi / np.diff(run.phase)[0])
@@ -65,5 +63,5 @@ def closed_orbit(run: xr.Dataset) -> np.ndarray:
 
 
 def _steadiness(run: xr.Dataset) -> str:
-    """Return a description of the steadiness of a run, "no result" of one that broke off."""
+    """Return a description such as "period 1" of a run, or "no result" if its run failed."""
     return motions.steadiness(run) if np.isfinite(run.displacement).all() else "no result"

@@ -1,19 +1,18 @@
 """Fig. 2: motion over stiffness for some dampings, lag of the harmonics, lag over the tuning."""
 
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
 
 @style.styled()
-def draw(lags: xr.Dataset) -> Figure:
-    """Draw the phase lag of `gearlib.studies.paper.phase_lag`."""
+def draw(lags: xr.Dataset):
+    """Return a figure of the phase lags of `gearlib.studies.paper.phase_lag`, by harmonic."""
     figure = style.page(6.4)
     places = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
     axes = figure.subplot_mosaic(places, height_ratios=(1.0, 1.6, 1.8))
-    curve_options = {"colour": "damping", "styles": panels.curve_styles(lags.damping)}
+    styles = panels.curve_styles(lags.damping)
+    curve_options = {"colour": "damping", "styles": styles}
     periods = panels.in_mesh_periods(lags)
     steps = {"color": "black", "drawstyle": "steps-post"}
     panels.draw_curves(axes["stiffness"], periods, "phase", "stiffness", **steps)
@@ -21,8 +20,8 @@ def draw(lags: xr.Dataset) -> Figure:
     axes["stiffness"].set(xlabel="", title=panels.value_label(lags.shown_tuning))
     for name in ("stiffness", "motion"):
         axes[name].set_xlim(0.0, 1.0)
-    _draw_bars(axes["bars"], lags, curve_options["styles"].values())
-    # A lag that wraps from 270 to -90 degrees is no line across the picture.
+    _draw_bars(axes["bars"], lags, [*styles.values()])
+    # Where the lag wraps from 270 to -90 degrees, the line has a gap.
     wraps = abs(lags.first_lag.diff("tuning")).reindex_like(lags, fill_value=0.0) > 180.0
     gaps = lags.assign(first_lag=lags.first_lag.where(~wraps))
     panels.draw_curves(axes["tuning"], gaps, "tuning", "first_lag", **curve_options)
@@ -31,8 +30,8 @@ def draw(lags: xr.Dataset) -> Figure:
     return figure
 
 
-def _draw_bars(axes: Axes, lags: xr.Dataset, styles: list[dict]):
-    """Draw the lags of all harmonics, side by side for the dampings."""
+def _draw_bars(axes, lags: xr.Dataset, styles: list[dict]):
+    """Draw the lags of all harmonics as bars, side by side for the dampings, in their styles."""
     width = 0.8 / len(styles)
     for i, (look, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
         middle = lags.harmonic + (i - 0.5 * (len(styles) - 1)) * width

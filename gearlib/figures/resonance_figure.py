@@ -4,12 +4,8 @@ Above, the paper's picture, with its three scales of tuning and the speed. Below
 damping: the sweeps up and down over the one from rest, so that the hysteresis shows.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import measured_figure, panels, style
@@ -37,7 +33,7 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _FOOT, _COLUMNS = 4.8, 1.6, 0.4, 2
 @style.styled()
 def draw(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
-) -> Figure:
+):
     """Return a figure of resonance characteristics: a dataset over (damping, direction, tuning).
 
     `colours` maps dampings to colours. `labels`, datasets of `gearlib.analysis.trust.scan`, are
@@ -112,9 +108,7 @@ def _limits(sweeps: xr.Dataset, far_flank: bool, beyond=1.0) -> tuple[float, flo
     return style.limits((low, high))
 
 
-def _draw_characteristics(
-    axes: Axes, sweeps: xr.Dataset, looks: dict, measured: Sequence, far_flank: bool
-):
+def _draw_characteristics(axes, sweeps: xr.Dataset, looks: dict, measured, far_flank: bool):
     """Draw the displacements of all dampings with all scales, and measured curves over them.
 
     `looks` maps dampings to `style.Look`; `far_flank` includes back-side contact in the limits.
@@ -141,7 +135,7 @@ def _draw_characteristics(
     style.length_scale(axes, float(sweeps.static_deflection), "displacement")
 
 
-def _draw_forces(axes: Axes, sweeps: xr.Dataset, looks: dict, measured: Sequence):
+def _draw_forces(axes, sweeps: xr.Dataset, looks: dict, measured):
     """Draw the largest mesh forces of all dampings, in static loads and kN, and measured ones.
 
     `looks` maps dampings to `style.Look`.
@@ -156,19 +150,19 @@ def _draw_forces(axes: Axes, sweeps: xr.Dataset, looks: dict, measured: Sequence
     measured_figure.draw_curves(axes, measured, FORCE)
 
 
-def _draw_dampings(axes: Axes, sweeps: xr.Dataset, looks: dict, names: tuple, width=1.0):
+def _draw_dampings(axes, sweeps: xr.Dataset, looks: dict, names: tuple, width=1.0):
     """Draw the variables `names` of sweeps over the tuning for all dampings, keys of `looks`."""
     for number, (name, look) in enumerate(looks.items()):
         label, shift = style.damping_label(name), number / len(looks)
         draw_sweep(axes, sweeps.sel(damping=name), look, shift, names, width, label)
 
 
-def _of_damping(datasets: Sequence[xr.Dataset], name: str) -> xr.Dataset | None:
+def _of_damping(datasets, name: str) -> xr.Dataset | None:
     """Return the dataset of the damping `name` among datasets, None if there is none."""
     return next((data for data in datasets if data.damping == name), None)
 
 
-def _draw_panel(axes: Axes, sweeps: xr.Dataset, look: style.Look, labels, branches):
+def _draw_panel(axes, sweeps: xr.Dataset, look: style.Look, labels, branches):
     """Draw the sweeps of one damping in all directions, in the colour of `look`.
 
     `branches` of orbits and `labels` of motions, drawn as a strip, are datasets or None.
@@ -191,7 +185,7 @@ def _draw_panel(axes: Axes, sweeps: xr.Dataset, look: style.Look, labels, branch
         axes.bar(tuning, 0.04 * (high - low), step, low, color=colours, linewidth=0, zorder=4)
 
 
-def _shade_tongues(axes: Axes, tongues: xr.Dataset):
+def _shade_tongues(axes, tongues: xr.Dataset):
     """Shade the tongues of parametric resonance, from `tuning_from` to `tuning_to`."""
     for low, high in zip(tongues.tuning_from.values, tongues.tuning_to.values, strict=True):
         if low < high:
@@ -221,13 +215,7 @@ def _entries(main: xr.Dataset, others: list[str], labels, branches, tongues) -> 
 
 
 def draw_sweep(
-    axes: Axes,
-    sweep: xr.Dataset,
-    look: style.Look,
-    shift=0.0,
-    names=EXTREMA,
-    width=1.0,
-    label: str | None = None,
+    axes, sweep: xr.Dataset, look: style.Look, shift=0.0, names=EXTREMA, width=1.0, label=None
 ):
     """Draw the variables `names` of one sweep over its tunings, within the limits of the axes.
 
@@ -262,7 +250,7 @@ def draw_sweep(
 
 
 @style.styled()
-def draw_cases(curves: list[xr.Dataset], labels: list[str]) -> Figure:
+def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     """Return a figure of the resonance characteristics of several gears, one dataset each.
 
     Displacements are in micrometres, mesh forces in static loads. Gears differ in colour and have

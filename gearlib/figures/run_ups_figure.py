@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 from gearlib.figures.order_map_figure import order_map
@@ -17,11 +15,11 @@ _FOLD_CODE = 1
 
 
 @style.styled()
-def draw(run_ups: xr.Dataset, *, resonance=None, branches=None) -> Figure:
-    """Draw `gearlib.studies.run_ups.compute`.
+def draw(run_ups: xr.Dataset, *, resonance=None, branches=None):
+    """Return a figure of the displacement extrema of run-ups, above an order map of the slowest.
 
-    resonance: as gathered, its sweeps up and down stand behind; branches: those of the damping, as
-    of `gearlib.studies.resonance`, whose folds are marked.
+    `run_ups` is that of `gearlib.studies.run_ups.compute`. Sweeps up and down of `resonance` are
+    drawn behind it, and folds of `branches` marked, both datasets of `gearlib.studies.resonance`.
     """
     figure = style.page(_HEIGHT + _MAP_HEIGHT)
     above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
@@ -39,14 +37,14 @@ def draw(run_ups: xr.Dataset, *, resonance=None, branches=None) -> Figure:
     axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
-    # Of what the study says in its attributes numbers alone may be left.
+    # Gathered data may have lost the attributes that are text.
     known = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
     order_map(run_ups.rename(block="time").assign_attrs(known), figure=below)
     return figure
 
 
-def _draw_sweeps(axes: Axes, resonance: xr.Dataset, damping: str):
-    """Draw the sweeps that carry their state, of one damping."""
+def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
+    """Draw the warm-started sweeps up and down of the damping named `damping`, if there are any."""
     if damping in resonance.damping.values:
         sweeps = resonance.sel(damping=damping)
         sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])

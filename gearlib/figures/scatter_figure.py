@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -25,7 +24,10 @@ _GREY = "#CFCFCF"
 
 @style.styled()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return figures, by name, of a dataset of `gearlib.scatter` and of its Sobol' indices."""
+    """Return a dict of figures, by name, of a dataset of `gearlib.scatter`.
+
+    `indices` are its Sobol' indices, or None.
+    """
     return {
         "tolerance_bands": bands(scattered),
         "tolerance_quantities": quantities(scattered, indices=indices),
@@ -33,8 +35,11 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 
 
 @style.styled()
-def bands(scattered: xr.Dataset) -> Figure:
-    """Return a figure of bands of displacement over speed or tuning, above probabilities."""
+def bands(scattered: xr.Dataset):
+    """Return a figure of bands of displacement over speed or tuning, above probabilities.
+
+    `scattered` is a dataset of `gearlib.scatter`.
+    """
     figure = style.page(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     over = "tuning" if "tuning" in scattered.dims else "speed"
@@ -44,7 +49,7 @@ def bands(scattered: xr.Dataset) -> Figure:
     handles = []
     for name, look in looks.items():
         line = {"color": look.colour, "linestyle": look.line}
-        # Seeded starts end on several motions, which share no band.
+        # Seeded starts end on several motions, for which one band has no meaning.
         if name != "seeded" or len(looks) == 1:
             low, middle, high = band.sel(direction=name).values / size
             above.fill_between(x, low, high, color=look.colour, alpha=_BAND_OPACITY, linewidth=0)
@@ -66,22 +71,25 @@ def bands(scattered: xr.Dataset) -> Figure:
 
 
 @style.styled()
-def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> Figure:
-    """Return a figure of histograms of the quantities, with their Sobol' indices beside them."""
+def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
+    """Return a figure of histograms of the quantities of `gearlib.scatter`.
+
+    Their Sobol' `indices`, if given, are drawn beside them.
+    """
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page(_ROW * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)
-    for (histogram, *bars), name in zip(grid, names, strict=True):
-        _draw_histogram(histogram, scattered, name)
-        for axes in bars:
-            _draw_indices(axes, indices.sel(quantity=name))
+    for row, name in zip(grid, names, strict=True):
+        _draw_histogram(row[0], scattered, name)
+        if indices is not None:
+            _draw_indices(row[1], indices.sel(quantity=name))
     if indices is not None:
         grid[-1, 1].set_xlabel("share of the variance")
     return figure
 
 
-def _draw_histogram(axes: Axes, scattered: xr.Dataset, name: str):
-    """Draw the designs over the values of a quantity, and its nominal value."""
+def _draw_histogram(axes, scattered: xr.Dataset, name: str):
+    """Draw a histogram of the designs over the quantity `name`, and its nominal value."""
     values = scattered[name].values[scattered[f"{name}_status"].values == 0]
     unit = QUANTITIES[name][0]
     size, unit = style.readable_unit({"min-1": "rpm", "1": ""}.get(unit, unit), values)
@@ -98,8 +106,8 @@ def _draw_histogram(axes: Axes, scattered: xr.Dataset, name: str):
     axes.set_xlim(low, high)
 
 
-def _draw_indices(axes: Axes, indices: xr.Dataset):
-    """Draw the total and first indices of a quantity by parameter, with their intervals."""
+def _draw_indices(axes, indices: xr.Dataset):
+    """Draw the total and first Sobol' indices of a quantity by parameter, with intervals."""
     places = np.arange(indices.sizes["parameter"])
     for name, look in (
         ("total_index", {"facecolor": "none", "edgecolor": "black", "linewidth": 0.6}),

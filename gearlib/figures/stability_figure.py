@@ -1,14 +1,13 @@
-"""Numerical stability: spectral radius of one mesh period, methods beside the truth."""
+"""Numerical stability: spectral radius of one mesh period by each method, and the true one."""
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
 
 _HEIGHT = 2.3
-#: A radius this close to the true one is right to the eye of a user: 1 % per mesh period.
+#: A spectral radius this close to the true one counts as right: 1 % per mesh period.
 CLOSE = 0.01
 #: Limit of explicit Runge-Kutta steps on the imaginary axis.
 _RK4_LIMIT = 2.0 * np.sqrt(2.0)
@@ -23,7 +22,10 @@ VERDICTS = (
 
 
 def verdicts(radius: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Return the index in `VERDICTS` of every radius; shapes (s, t), (t,)."""
+    """Return the index in `VERDICTS` of each method's spectral radius, shape (steps, tunings).
+
+    `true` has the exact spectral radius, shape (tunings,).
+    """
     stable, above = true <= 1.0 + 1e-9, radius > true + CLOSE
     conditions = [
         (radius <= 1.0) & ~stable & (true > 1.0 + CLOSE),
@@ -35,11 +37,11 @@ def verdicts(radius: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 @style.styled()
-def draw(chart: xr.Dataset) -> Figure:
-    """Draw a map of verdicts for each method, and the true radius below.
+def draw(chart: xr.Dataset):
+    """Return a figure of a map of verdicts for each method, and the true spectral radius below.
 
     `chart` is that of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is the
-    limit of explicit Runge-Kutta steps at the maximum stiffness.
+    stability limit of explicit Runge-Kutta steps at the maximum stiffness.
     """
     rows = -(-chart.sizes["method"] // 2)
     figure = style.page(_HEIGHT * rows + 2.2)

@@ -2,8 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gearlib.data.motions import true_intervals
 from gearlib.figures import panels, style
@@ -19,10 +17,11 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 
 @style.styled()
-def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int) -> Figure:
-    """Return a figure of a scene of `gearlib.studies.scenes`: phase planes above time courses.
+def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
+    """Return a figure of a scene of `gearlib.studies.scenes`: phase planes above time histories.
 
-    `courses` are variables over (case, phase), `periods_shown` the last mesh periods of the record.
+    `courses` are names of variables to draw over time; the last `periods_shown` mesh periods of
+    the record are drawn. Cases are in columns.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))
@@ -46,8 +45,8 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int) -> Figure
     return figure
 
 
-def _draw_course(axes: Axes, run: xr.Dataset, name: str):
-    """Draw a variable of a run over the mesh periods, and where the flanks are apart.
+def _draw_course(axes, run: xr.Dataset, name: str):
+    """Draw the variable `name` of a run over the mesh periods, with shades for contact loss.
 
     A bar above the modified stiffness marks where the mesh has its lower stiffness.
     """
@@ -66,14 +65,14 @@ def _draw_course(axes: Axes, run: xr.Dataset, name: str):
         style.note(axes, share, (0.02, 0.45), of="axes fraction", **options)
 
 
-def shade_contact(axes: Axes, periods: np.ndarray, contact: np.ndarray):
-    """Shade the times out of normal mesh, by the codes of contact over time."""
+def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
+    """Shade contact loss (code 0 in `contact`) and back-side contact (-1) over `periods`."""
     for code, area in ((0, "backlash"), (-1, "inverse mesh")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 
-def _shade_times(axes: Axes, periods: np.ndarray, mask: np.ndarray, colour: str, lowest=0.0):
-    """Shade the intervals of time in which a mask holds, from a share of the height upwards."""
-    step, look = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
+def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, lowest=0.0):
+    """Shade the intervals of `periods` where the mask is true, from `lowest` (0 to 1) upwards."""
+    step, options = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
     for first, last in true_intervals(mask):
-        axes.axvspan(periods[first], periods[last] + step, lowest, 1.0, **look)
+        axes.axvspan(periods[first], periods[last] + step, lowest, 1.0, **options)

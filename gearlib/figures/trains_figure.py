@@ -7,7 +7,6 @@ starts that settle, and of those that share one motion.
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -16,7 +15,7 @@ from gearlib.figures import panels, schematic, style
 _CARRIED_MARKERS = {"up": "^", "down": "v"}
 #: Motions whose values differ by a smaller share look the same.
 SAME_MOTION_TOLERANCE = 0.01
-#: Share of the starts -> height of its marks in a panel, marker, words.
+#: Share of the starts -> height of its marks in a panel, marker, label.
 _SINGLE_BRANCH_MARKS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
     "struck_alone_share": (0.08, "x", "far flank struck in this branch only"),
@@ -25,13 +24,17 @@ _POINT = {"line": "none", "markersize": 3}
 
 
 @style.styled()
-def draw_sweep(curves: xr.Dataset) -> Figure:
-    """Draw dynamic factors and times in contact of `gearlib.studies.trains.over_speed`."""
+def draw_sweep(curves: xr.Dataset):
+    """Return a figure of dynamic factors and times in contact over the speed, beside the train.
+
+    `curves` is the dataset of `gearlib.studies.trains.over_speed`.
+    """
     figure = style.page(5.2)
     styles = _thinning_lines(panels.curve_styles(curves.mesh))
-    part = schematic.with_train(figure, curves, {n: look["color"] for n, look in styles.items()})
+    colours = {mesh: options["color"] for mesh, options in styles.items()}
+    remaining = schematic.with_train(figure, curves, colours)
     rows = [(name, styles) for name in ("dynamic_factor", "fraction_normal")]
-    grid = _draw_columns(part, [curves], "speed", rows)
+    grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])
     style.second_scale(grid[0, 0], tuning_per_speed, style.OWN_TUNING)
@@ -40,13 +43,16 @@ def draw_sweep(curves: xr.Dataset) -> Figure:
 
 
 @style.styled()
-def draw_reducer(characteristics: xr.Dataset) -> Figure:
-    """Draw a column for each case of `gearlib.studies.trains.reducer`."""
+def draw_reducer(characteristics: xr.Dataset):
+    """Return a figure of a reducer with several branches, a column for each case.
+
+    `characteristics` is the dataset of `gearlib.studies.trains.reducer`.
+    """
     data = characteristics
     figure = style.page(6.8)
     branches = dict(zip(data.mesh.values, data.mesh_branch.values, strict=True))
     colours = {mesh: style.PALETTE[int(branch) - 1] for mesh, branch in branches.items()}
-    part = schematic.with_train(figure, data, colours, below=True)
+    remaining = schematic.with_train(figure, data, colours, below=True)
     stages = {
         stage: _thinning_lines(
             {
@@ -61,7 +67,7 @@ def draw_reducer(characteristics: xr.Dataset) -> Figure:
         for name, i in (("dynamic_factor", 1), ("dynamic_factor", 2), ("load_sharing", 1))
     ]
     cases = [data.sel(case=case) for case in data.case.values]
-    grid = _draw_columns(part, cases, "tuning", rows)
+    grid = _draw_columns(remaining, cases, "tuning", rows)
     for axes, stage in zip(grid[:, 0], (1, 2, 1), strict=False):
         axes.set_ylabel(f"{axes.get_ylabel()}\n(stage {stage})")
     for column, case in zip(grid.T, cases, strict=True):
@@ -71,25 +77,28 @@ def draw_reducer(characteristics: xr.Dataset) -> Figure:
         speed_per_tuning = float(data.speed[-1] / data.tuning[-1])
         style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
     handles = panels.legend_entries(stages[1]) + _common_entries()
-    for _, marker, words in _SINGLE_BRANCH_MARKS.values():
-        handles.append(style.entry(words, marker=marker, **_POINT))
+    for _, marker, label in _SINGLE_BRANCH_MARKS.values():
+        handles.append(style.entry(label, marker=marker, **_POINT))
     style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
 
 def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
-    """Give each curve a thinner line than the curve before it, so that equal ones are all seen."""
-    for look, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
-        look |= {"linestyle": "-", "linewidth": width}
+    """Return plot options of curves, each line thinner than the one before, so that all are seen.
+
+    `styles` maps curves to options of `Axes.plot`; it is changed.
+    """
+    for options, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
+        options |= {"linestyle": "-", "linewidth": width}
     return styles
 
 
 def _common_entries() -> list:
-    """Return the entries of a legend for ranges and shares of the starts, and carried motions."""
+    """Return legend handles for warm-started motions, and for ranges and shares of the starts."""
     return [
         *(
-            style.entry(f"speed {way}, where it differs", marker=mark, mfc="none", **_POINT)
-            for way, mark in _CARRIED_MARKERS.items()
+            style.entry(f"speed {direction}, where it differs", marker=mark, mfc="none", **_POINT)
+            for direction, mark in _CARRIED_MARKERS.items()
         ),
         Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
         Patch(color="0.8", label="share of the starts that settle"),
@@ -98,47 +107,54 @@ def _common_entries() -> list:
 
 
 def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
-    """Draw a column for each case, a row for each (variable, styles by mesh) and one of shares."""
+    """Draw a column of panels for each case over the variable `x`; return the grid of axes.
+
+    `rows` has a (variable name, styles) for each row, styles being plot options by mesh name. The
+    last row has the shares of starts that settle.
+    """
     ratios = [1.0] * len(rows) + [0.35]
     shared = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": ratios}
     grid = figure.subplots(len(ratios), len(cases), **shared)
     for column, case in zip(grid.T, cases, strict=True):
-        rest = case.sel(direction="cold")
+        cold = case.sel(direction="cold")
         for axes, (name, styles) in zip(column, rows, strict=False):
             _draw_meshes(axes, case, x, name, styles)
         shares = {"step": "mid", "color": "0.8", "linewidth": 0.0}
-        column[-1].fill_between(rest[x], 0.0, rest.settled_share, **shares)
-        column[-1].step(rest[x], rest.largest_share, where="mid", color=style.PALETTE[0], lw=0.9)
+        column[-1].fill_between(cold[x], 0.0, cold.settled_share, **shares)
+        column[-1].step(cold[x], cold.largest_share, where="mid", color=style.PALETTE[0], lw=0.9)
         column[-1].set(ylabel="share of\nthe starts", ylim=(-0.05, 1.05), yticks=[0.0, 1.0])
-        column[-1].set_xlim(rest[x][0], rest[x][-1])
+        column[-1].set_xlim(cold[x][0], cold[x][-1])
         for axes in column:
             axes.label_outer()
     return grid
 
 
-def _draw_meshes(axes: Axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
-    """Draw a variable of some meshes from rest, and where the carried motions differ."""
-    rest = case.sel(direction="cold")
-    panels.draw_curves(axes, rest, x, name, colour="mesh", styles=styles)
+def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
+    """Draw the variable `name` of meshes over `x`, from rest, with ranges over all starts.
+
+    Markers show warm-started motions where they differ. `styles` has plot options by mesh name.
+    """
+    cold = case.sel(direction="cold")
+    panels.draw_curves(axes, cold, x, name, colour="mesh", styles=styles)
     for mesh, look in styles.items():
-        low, high = (rest[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
-        axes.fill_between(rest[x], low, high, color=look["color"], alpha=0.25, linewidth=0.0)
+        low, high = (cold[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
+        axes.fill_between(cold[x], low, high, color=look["color"], alpha=0.25, linewidth=0.0)
     for direction, marker in _CARRIED_MARKERS.items():
         carried = case.sel(direction=direction)
-        above, below = carried[name] - rest[f"{name}_high"], rest[f"{name}_low"] - carried[name]
-        differs = np.maximum(above, below) > SAME_MOTION_TOLERANCE * abs(rest[name])
+        above, below = (carried[name] - cold[f"{name}_high"], cold[f"{name}_low"] - carried[name])
+        differs = np.maximum(above, below) > SAME_MOTION_TOLERANCE * abs(cold[name])
         look = {"marker": marker, "linestyle": "none", "markerfacecolor": "none", "markersize": 2.2}
         marks = case[[x]].assign({name: carried[name].where(differs)})
         panels.draw_curves(axes, marks, x, name, colour="mesh", styles=styles, **look)
     axes.grid(linewidth=0.3, color="0.85")
 
 
-def _mark_single_branches(axes: Axes, case: xr.Dataset):
-    """Mark, near the lower edge, where from all starts one branch alone parts, strikes."""
+def _mark_single_branches(axes, case: xr.Dataset):
+    """Mark the tunings at which, from all starts, one branch alone loses contact or hits back."""
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKS.items():
         shares = case[name].sel(direction="cold")
         for branch in case.branch.values:
             tuning = case.tuning.values[shares.sel(branch=branch).values == 1.0]
-            place = {"transform": axes.get_xaxis_transform()}
+            options = {"transform": axes.get_xaxis_transform()}
             colour = style.PALETTE[branch - 1]
-            style.dots(axes, tuning, np.full(tuning.size, height), marker, colour, 2.5, **place)
+            style.dots(axes, tuning, np.full(tuning.size, height), marker, colour, 2.5, **options)

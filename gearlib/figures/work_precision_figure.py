@@ -9,7 +9,6 @@ from itertools import cycle
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -19,7 +18,7 @@ from gearlib.figures import panels, style
 _ROW_HEIGHT, _FOOT = 2.15, 1.25
 _GREY = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
 
-#: What a problem is, of any gear pair; its name says what it is of the paper's.
+#: Problem -> title of its panel.
 PROBLEMS = {
     "smooth": "damped, $\\nu_s$ = 0.7",
     "bouncing": "damped, $\\nu_s$ = 0.9",
@@ -29,7 +28,7 @@ PROBLEMS = {
     "cubic": "cubic damping, $\\nu_s$ = 0.9",
     "reducer": "gear train of six meshes, $\\nu_s$ = 0.9",
 }
-#: family -> (words, colour, line style)
+#: Family of methods -> (label, colour, dashes).
 _FAMILIES = {
     "located": ("events located", "#0072B2", "-"),
     "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
@@ -42,7 +41,7 @@ _MARKER = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5, "markere
 
 
 def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
-    """Draw both figures of errors over evaluations; return them by their names."""
+    """Return a dict of both figures of errors over evaluations, by name."""
     return {
         "work_precision_evaluations": draw_evaluations(errors),
         "work_precision_measures": draw_measures(errors),
@@ -50,40 +49,39 @@ def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
 
 
 @style.styled()
-def draw_evaluations(errors: list[xr.Dataset]) -> Figure:
-    """Draw the error of the final state over evaluations of the right-hand side.
+def draw_evaluations(errors: list[xr.Dataset]):
+    """Return a figure of the error of the final state over evaluations of the right-hand side.
 
-    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each
-    method. Closed forms evaluate no right-hand side: they are at the left edge.
+    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each method.
+    Closed-form methods evaluate no right-hand side: they are at the left edge.
     """
     data = _joined(errors)
     return _draw_panels(data, "period_evaluations", _panels(data, "state"), "rounding of the state")
 
 
 @style.styled()
-def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]) -> Figure:
-    """Draw the error of the final state over the wall time.
+def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
+    """Return a figure of the error of the final state over the wall time.
 
-    Datasets of `errors` and `times` of `gearlib.studies.trials.work_precision`, of the same
-    methods.
+    The datasets are those of `errors` and `times` of `gearlib.studies.trials.work_precision`, one
+    for each method.
     """
     data = _joined(errors).assign(period_time=_joined(times).period_time)
     # The quickest measurement is the least disturbed one.
-    least = min(float(method.closed_form_time) for method in times)
-    words = "rounding; less than one closed form"
-    figure = _draw_panels(data, "period_time", _panels(data, "state"), words)
+    closed_form_time = min(float(method.closed_form_time) for method in times)
+    label = "rounding; less than one closed form"
+    figure = _draw_panels(data, "period_time", _panels(data, "state"), label)
     for axes in figure.axes:
-        axes.set_xlim(left=0.3 * least)
-        axes.axvspan(0.3 * least, least, **_GREY)
+        axes.set_xlim(left=0.3 * closed_form_time)
+        axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY)
     return figure
 
 
 @style.styled()
-def draw_measures(errors: list[xr.Dataset]) -> Figure:
-    """Draw the errors of event phases and Floquet multipliers over evaluations.
+def draw_measures(errors: list[xr.Dataset]):
+    """Return a figure of errors of event phases and Floquet multipliers over evaluations.
 
-    `errors` as in `draw_evaluations`. A panel for every problem with events, then for every
-    problem with a settled orbit.
+    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each method.
     """
     data = _joined(errors)
     places = _panels(data, "event") + _panels(data, "multiplier")
@@ -91,18 +89,21 @@ def draw_measures(errors: list[xr.Dataset]) -> Figure:
 
 
 def _joined(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Return the datasets of all methods as one along ``rung``."""
+    """Return the datasets of all methods as one along ``rung``, the accuracy levels of methods."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
 def _panels(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
-    """Return (problem, kind of error) of all problems with any error of this kind."""
+    """Return (problem name, kind) of each problem with errors; `kind`: state, event, multiplier."""
     known = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[known.values]]
 
 
-def _draw_panels(data: xr.Dataset, cost: str, places: list[tuple], grey_words: str) -> Figure:
-    """Draw the panels of (problem, kind of error) over a cost, and the legend below."""
+def _draw_panels(data: xr.Dataset, cost: str, places: list[tuple], grey_words: str):
+    """Return a figure of errors over the variable `cost`, a panel per (problem, kind) in `places`.
+
+    `grey_words` is the legend label of the grey area, in which errors are only rounding.
+    """
     rows = -(-len(places) // 2)
     figure = style.page(_FOOT + _ROW_HEIGHT * rows)
     styles = _line_styles(data)
@@ -126,7 +127,7 @@ def _draw_panels(data: xr.Dataset, cost: str, places: list[tuple], grey_words: s
 
 
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
-    """Return line -> options of its curve, sorted by family: the marker is that of the line."""
+    """Return a dict of `Axes.plot` options by name of a line (a method), sorted by family."""
     families = dict(zip(data.line.values, data.family.values, strict=True))
     lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
     looks = {}
@@ -137,14 +138,20 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
 
 
 def _log_limits(factor: float, *arrays: xr.DataArray) -> tuple[float, float]:
-    """Return limits around the positive numbers of arrays, the lower one this factor below."""
+    """Return (lower, upper) limits of a logarithmic axis around the positive values of arrays.
+
+    The lower one is `factor` times the smallest value.
+    """
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]
     return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
 
 
-def _draw_errors(axes: Axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
-    """Draw the errors of all methods in one problem; zeros lie at the edges of the panel."""
+def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
+    """Draw errors of all methods over the variable `cost`; zeros lie at the edges of the panel.
+
+    `kind` is that of the error: state, event or multiplier; `styles` has plot options by method.
+    """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     x, y = data[cost], data[f"{kind}_error"]
     x, y = x.where(x != 0.0, 1.4 * left), y.where(y != 0.0, 1.5 * bottom)
