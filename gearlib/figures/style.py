@@ -114,7 +114,7 @@ def looks(names: Iterable, colours: dict | None = None) -> dict[Any, Look]:
 
 
 def damping_label(name: str) -> str:
-    """Return the label of a damping model, such as "k1+kz", with k1 and k1m as math symbols."""
+    """Return the label of a damping model, such as "k1+k1m", with indices as math symbols."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
