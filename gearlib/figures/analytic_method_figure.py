@@ -27,10 +27,7 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 
 @style.styled()
 def draw_convergence(data: xr.Dataset):
-    """Return a figure of iterates, their errors, and the tunings at which the method converges.
-
-    `data` is that of `gearlib.studies.analytic_method.compute`.
-    """
+    """Return a figure of iterates, errors and convergence of `gearlib.studies.analytic_method`."""
     figure = style.page(7.6)
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
     _draw_courses(above, data)

@@ -55,11 +55,12 @@ def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0
     for number in np.unique(branches.branch):
         points = np.flatnonzero(branches.branch == number)
         changes = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
-        for same in np.split(points, changes):
+        for section in np.split(points, changes):
             # The line starts at the last point before stability changes, so that no gap appears.
-            same = np.arange(max(same[0] - 1, points[0]), same[-1] + 1)
-            options = {"linestyle": "-" if stable[same[-1]] else style.DASHED, "linewidth": width}
-            axes.plot(tuning[same], values[same], color=colour, zorder=zorder, **options)
+            section = np.arange(max(section[0] - 1, points[0]), section[-1] + 1)
+            dashes = "-" if stable[section[-1]] else style.DASHED
+            options = {"color": colour, "linestyle": dashes, "linewidth": width, "zorder": zorder}
+            axes.plot(tuning[section], values[section], **options)
 
 
 def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
@@ -72,19 +73,12 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
 
 
 def entries(labels: ArrayLike, line="none") -> list[Line2D]:
-    """Return legend handles for branches and for the special points with codes in `labels`.
-
-    `line` is the line style of the special points' handles.
-    """
-    special = [SPECIAL_POINTS[code] for code in SPECIAL_POINTS if code in np.asarray(labels)]
-    return [
-        style.entry("stable orbit"),
-        style.entry("unstable orbit", line=style.DASHED),
-        *(
-            style.entry(name, colour, line, marker, markersize=4)
-            for name, colour, marker in special
-        ),
-    ]
+    """Return legend handles of branches, and of special points (codes in `labels`) with `line`."""
+    handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
+    for code, (name, colour, marker) in SPECIAL_POINTS.items():
+        if code in np.asarray(labels):
+            handles.append(style.entry(name, colour, line, marker, markersize=4))
+    return handles
 
 
 def _draw_locus(axes, locus: xr.Dataset):

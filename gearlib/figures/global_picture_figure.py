@@ -145,10 +145,8 @@ def _draw_branches(axes, branches: xr.Dataset):
     """Draw the initial displacement of continued branches of orbits, dashed where unstable."""
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
-        for mask, label, dashes in (
-            (stable, "continued, stable", "-"),
-            (~stable, "unstable", "--"),
-        ):
+        curves = (stable, "continued, stable", "-"), (~stable, "unstable", "--")
+        for mask, label, dashes in curves:
             # Each line goes on to the point where stability changes, so that no gap appears.
             joined = mask | np.append(False, mask[:-1])
             states = branch.state[:, 0].where(joined)

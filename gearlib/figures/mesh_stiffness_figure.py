@@ -41,10 +41,7 @@ def draw(stiffness: xr.Dataset):
 
 
 def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2D]:
-    """Draw the stiffness of a pair over the mesh period by each method; return legend handles.
-
-    `styles` maps methods to options of `Axes.plot`.
-    """
+    """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
     for method in _UNCERTAIN:
         curve = pair.sel(stiffness_method=method)
         low, high = (curve.mesh_stiffness * (1 + s * curve.method_uncertainty) for s in (-1, 1))

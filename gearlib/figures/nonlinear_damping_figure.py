@@ -39,10 +39,7 @@ def draw(studies: list[xr.Dataset]):
 
 
 def _draw_characteristics(axes, powers: xr.Dataset, styles: dict[str, dict]):
-    """Draw sweeps up (thin) and down (thick, pale) for each power of the damping law.
-
-    `powers` has the dimension "power"; `styles` maps powers to options of `Axes.plot`.
-    """
+    """Draw sweeps up (thin) and down (thick, pale), a curve for each damping power in `styles`."""
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, look in (("down", pale), ("up", {"linewidth": 0.8})):
         for name in _EXTREMA:

@@ -78,7 +78,7 @@ def curves(caller, datasets: Sequence, labels, names, maker, dimension) -> list[
 def _origin(dataset: xr.Dataset) -> dict[str, str]:
     """Return the direction and the damping of a dataset, for its legend label, where known."""
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
-    origin = {name: parameters[name] for name in ("direction",) if name in parameters}
+    origin = {"direction": parameters["direction"]} if "direction" in parameters else {}
     if "damping" in dataset.coords and not dataset.damping.ndim:
         origin["damping"] = str(dataset.damping.item())
     return origin
@@ -94,10 +94,7 @@ def _label(properties: dict[str, str]) -> str:
 
 
 def _looks(properties: list[dict[str, str]]) -> Iterator[style.Look]:
-    """Yield the `style.Look` of each curve from its properties, a dict per curve.
-
-    Sweep directions differ in dashes and markers; other properties differ in colour.
-    """
+    """Yield each curve's look: sweep directions differ in dashes, other properties in colour."""
     colour_keys = [tuple(v for n, v in curve.items() if n != "direction") for curve in properties]
     if len({*colour_keys}) == 1:
         colour_keys = [tuple(curve.values()) for curve in properties]
@@ -134,10 +131,7 @@ def in_si(curves: list[Curve]) -> bool:
 
 
 def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
-    """Add a second scale in SI units for `variable`, if all curves share its scale factor.
-
-    `side` is "top" (for the x axis) or "right" (for the y axis).
-    """
+    """Add a scale in SI units for `variable` on the "top" or "right" side, if all curves agree."""
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
     if factor is None or not in_si(curves):

@@ -97,10 +97,7 @@ def shown_range(sweeps: xr.Dataset, names: tuple, beyond=1.0) -> tuple[float, fl
 
 
 def _limits(sweeps: xr.Dataset, far_flank: bool, beyond=1.0) -> tuple[float, float]:
-    """Return axis limits of displacement for sweeps; `beyond` is as in `shown_range`.
-
-    With `far_flank` they include the back-side contact at minus the backlash, if it lies near.
-    """
+    """Return axis limits of displacement, with `far_flank` also of back-side contact if near."""
     low, high = shown_range(sweeps, EXTREMA, beyond)
     backlash = float(sweeps.backlash_ratio)
     if far_flank and backlash < 2.0 * (high - low):
@@ -109,9 +106,9 @@ def _limits(sweeps: xr.Dataset, far_flank: bool, beyond=1.0) -> tuple[float, flo
 
 
 def _draw_characteristics(axes, sweeps: xr.Dataset, looks: dict, measured, far_flank: bool):
-    """Draw the displacements of all dampings with all scales, and measured curves over them.
+    """Draw displacements of all dampings, keys of `looks`, with all scales, and measured curves.
 
-    `looks` maps dampings to `style.Look`; `far_flank` includes back-side contact in the limits.
+    `far_flank` includes the displacement of back-side contact in the limits.
     """
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_limits(sweeps, far_flank))
@@ -136,10 +133,7 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, looks: dict, measured, far_f
 
 
 def _draw_forces(axes, sweeps: xr.Dataset, looks: dict, measured):
-    """Draw the largest mesh forces of all dampings, in static loads and kN, and measured ones.
-
-    `looks` maps dampings to `style.Look`.
-    """
+    """Draw the largest mesh forces of all dampings, keys of `looks`, and the measured ones."""
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, looks, FORCE)
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
@@ -195,8 +189,7 @@ def _shade_tongues(axes, tongues: xr.Dataset):
 def _entries(main: xr.Dataset, others: list[str], labels, branches, tongues) -> list:
     """Return legend handles for the panels of dampings.
 
-    `main` are the sweeps drawn broad, `others` the other directions; `labels`, `branches` and
-    `tongues` are those of `draw`.
+    `main` are the sweeps drawn broad, `others` names of other directions; the rest is as in `draw`.
     """
     handles = [style.entry(DIRECTIONS[main.direction.item()], COLD_COLOUR, linewidth=3.0)]
     handles += [style.entry(DIRECTIONS[name], "black", *CARRIED[name]) for name in others]

@@ -24,10 +24,7 @@ _GREY = "#CFCFCF"
 
 @style.styled()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return a dict of figures, by name, of a dataset of `gearlib.scatter`.
-
-    `indices` are its Sobol' indices, or None.
-    """
+    """Return figures, by name, of data of `gearlib.scatter`, with Sobol' `indices` if any."""
     return {
         "tolerance_bands": bands(scattered),
         "tolerance_quantities": quantities(scattered, indices=indices),
@@ -36,10 +33,7 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 
 @style.styled()
 def bands(scattered: xr.Dataset):
-    """Return a figure of bands of displacement over speed or tuning, above probabilities.
-
-    `scattered` is a dataset of `gearlib.scatter`.
-    """
+    """Return a figure of displacement bands over speed of `gearlib.scatter`, and probabilities."""
     figure = style.page(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     over = "tuning" if "tuning" in scattered.dims else "speed"
@@ -59,8 +53,8 @@ def bands(scattered: xr.Dataset):
     label = "5 to 95 %"
     above.legend(handles=[*handles, Patch(color="black", alpha=_BAND_OPACITY, lw=0, label=label)])
     if "two_motions_probability" in scattered:
-        two = scattered.two_motions_probability
-        below.fill_between(x, two, color=_GREY, linewidth=0, zorder=0, label="two motions")
+        probability = scattered.two_motions_probability
+        below.fill_between(x, probability, color=_GREY, linewidth=0, zorder=0, label="two motions")
         below.legend()
     above.set(ylim=(0.0, None), xlim=style.limits(x, margin=0.0))
     above.set_ylabel(panels.axis_label(panels.in_unit(band, size, unit), 40))
@@ -72,10 +66,7 @@ def bands(scattered: xr.Dataset):
 
 @style.styled()
 def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
-    """Return a figure of histograms of the quantities of `gearlib.scatter`.
-
-    Their Sobol' `indices`, if given, are drawn beside them.
-    """
+    """Return a figure of histograms of data of `gearlib.scatter`, with Sobol' indices if any."""
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page(_ROW * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)

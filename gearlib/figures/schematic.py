@@ -71,10 +71,7 @@ def instant(layout: xr.Dataset, phase=0.0) -> Instant:
 
 
 def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
-    """Return for each body's name its circles as (radius in m, kind: "gear", "ring" or "rotor").
-
-    A carrier has none. `layout` is that of `GearTrain.layout`.
-    """
+    """Return each body's circles, (radius in m, "gear", "ring" or "rotor"); a carrier has none."""
     circles = {str(name): {} for name in layout.body.values}
     for names, radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
         for name, radius in zip(map(str, names), map(float, radii), strict=True):
@@ -136,10 +133,7 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
 
 
 def description(layout: xr.Dataset, codes: list[int]) -> list[str]:
-    """Return lines of text that explain the contact codes drawn and warn of misfitting positions.
-
-    `layout` is that of `GearTrain.layout`; `codes` has the contact code of each mesh.
-    """
+    """Return text lines on the meshes' contact codes, and on positions that do not fit together."""
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
     if misfit > SAME_LENGTH * float(layout.body_radius.max()):
@@ -173,8 +167,7 @@ def instant_of_run(layout: xr.Dataset, run=None, phase=None) -> tuple:
 def beside(axes: Axes, train, run=None, colours=None) -> Axes:
     """Draw a `GearTrain` beside axes that fill a figure; return these axes.
 
-    The meshes have the contact of the first instant of `run`, if given; `colours` maps mesh names
-    to colours.
+    Contact is that at the start of `run`, if given; `colours` maps mesh names to colours.
     """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
     axes.set_subplotspec(grid[0])

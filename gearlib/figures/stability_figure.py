@@ -22,17 +22,18 @@ VERDICTS = (
 
 
 def verdicts(radius: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Return the index in `VERDICTS` of each method's spectral radius, shape (steps, tunings).
+    """Return an index in `VERDICTS` for each spectral radius of a method, shape (steps, tunings).
 
-    `true` has the exact spectral radius, shape (tunings,).
+    `true` has the exact spectral radius, shape (tunings,); above 1 the motion is unstable.
     """
-    stable, above = true <= 1.0 + 1e-9, radius > true + CLOSE
+    stable, too_large = true <= 1.0 + 1e-9, radius > true + CLOSE
     conditions = [
-        (radius <= 1.0) & ~stable & (true > 1.0 + CLOSE),
-        radius < true - CLOSE,
-        above & stable & (radius > 1.0 + CLOSE),
-        above,
+        (radius <= 1.0) & ~stable & (true > 1.0 + CLOSE),  # 4: hides the instability
+        radius < true - CLOSE,  # 3: damps falsely
+        too_large & stable & (radius > 1.0 + CLOSE),  # 0: invents motion
+        too_large,  # 1: grows too fast
     ]
+    # The first true condition decides; 2 means right.
     return np.select(conditions, [4, 3, 0, 1], 2)
 
 

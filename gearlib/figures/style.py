@@ -124,10 +124,7 @@ def length_unit(length: float) -> tuple[float, str]:
 
 
 def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
-    """Return the most readable unit of arrays in `unit`: its size in `unit`, and its name.
-
-    Only metres are scaled, to mm, µm or nm; other units are returned as they are.
-    """
+    """Return (size, name) of the most readable unit: m to nm, or `unit` itself if not m."""
     if unit != "m":
         return 1.0, unit
     return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))

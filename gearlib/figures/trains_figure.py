@@ -25,10 +25,7 @@ _POINT = {"line": "none", "markersize": 3}
 
 @style.styled()
 def draw_sweep(curves: xr.Dataset):
-    """Return a figure of dynamic factors and times in contact over the speed, beside the train.
-
-    `curves` is the dataset of `gearlib.studies.trains.over_speed`.
-    """
+    """Return a figure of dynamic factors and contact of `gearlib.studies.trains.over_speed`."""
     figure = style.page(5.2)
     styles = _thinning_lines(panels.curve_styles(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
@@ -44,10 +41,7 @@ def draw_sweep(curves: xr.Dataset):
 
 @style.styled()
 def draw_reducer(characteristics: xr.Dataset):
-    """Return a figure of a reducer with several branches, a column for each case.
-
-    `characteristics` is the dataset of `gearlib.studies.trains.reducer`.
-    """
+    """Return a figure of data of `gearlib.studies.trains.reducer`, a column for each case."""
     data = characteristics
     figure = style.page(6.8)
     branches = dict(zip(data.mesh.values, data.mesh_branch.values, strict=True))
@@ -84,10 +78,7 @@ def draw_reducer(characteristics: xr.Dataset):
 
 
 def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
-    """Return plot options of curves, each line thinner than the one before, so that all are seen.
-
-    `styles` maps curves to options of `Axes.plot`; it is changed.
-    """
+    """Return plot options by curve, changed in place: each line is thinner than the one before."""
     for options, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
         options |= {"linestyle": "-", "linewidth": width}
     return styles
@@ -95,15 +86,13 @@ def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
 
 def _common_entries() -> list:
     """Return legend handles for warm-started motions, and for ranges and shares of the starts."""
-    return [
-        *(
-            style.entry(f"speed {direction}, where it differs", marker=mark, mfc="none", **_POINT)
-            for direction, mark in _CARRIED_MARKERS.items()
-        ),
-        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
-        Patch(color="0.8", label="share of the starts that settle"),
-        style.entry("on one orbit", style.PALETTE[0], linewidth=0.9),
+    handles = [
+        style.entry(f"speed {direction}, where it differs", marker=mark, mfc="none", **_POINT)
+        for direction, mark in _CARRIED_MARKERS.items()
     ]
+    spread = Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts")
+    settled = Patch(color="0.8", label="share of the starts that settle")
+    return [*handles, spread, settled, style.entry("on one orbit", style.PALETTE[0], linewidth=0.9)]
 
 
 def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
@@ -150,7 +139,7 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 
 
 def _mark_single_branches(axes, case: xr.Dataset):
-    """Mark the tunings at which, from all starts, one branch alone loses contact or hits back."""
+    """Mark tunings where, from all starts, one branch alone loses contact or strikes far flanks."""
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKS.items():
         shares = case[name].sel(direction="cold")
         for branch in case.branch.values:

@@ -138,10 +138,7 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
 
 
 def _log_limits(factor: float, *arrays: xr.DataArray) -> tuple[float, float]:
-    """Return (lower, upper) limits of a logarithmic axis around the positive values of arrays.
-
-    The lower one is `factor` times the smallest value.
-    """
+    """Return log-axis limits: `factor` times the smallest positive value, 2.5 times the largest."""
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]
     return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
