@@ -1,4 +1,4 @@
-"""Arguments that all runs share, checked."""
+"""Checks of the arguments that all runs share."""
 
 from typing import Any, NamedTuple
 
@@ -13,81 +13,94 @@ MIN_TUNING, MAX_TUNING = 1e-12, 1e5
 MAX_MEMORY = 2_000_000_000
 
 
-def check_tuning(name, value):
-    """Return a tuning nu as float, or raise ValueError if it is out of range."""
+def check_tuning(name: str, value: float) -> float:
+    """Return the tuning nu, the argument `name`, or raise ValueError if it is out of range."""
     tuning = checks.finite_positive(name, value)
     return checks.number(name, tuning, f"from {MIN_TUNING:g} to {MAX_TUNING:g}", allowed)
 
 
 def allowed(tuning):
-    """Return whether tunings, a float or an array, are in the allowed range; NaN is not."""
+    """Return whether tunings, a float or an array, lie in the allowed range; NaN does not."""
     return (tuning >= MIN_TUNING) & (tuning <= MAX_TUNING)
 
 
-def tuning_of(model, tuning, speed):
-    """Return the tuning of a run from the argument `tuning` or the argument `speed`, rpm."""
+def tuning_of(model, tuning: float | None, speed: float | None) -> float:
+    """Return the tuning of a run from a tuning or a speed in rpm, of which the other is None."""
     check_either(model, "tuning", tuning, "speed", speed)
     if speed is None:
         return check_tuning("tuning", tuning)
     return check_speed(model, "speed", speed)
 
 
-def check_speed(model, name, speed):
-    """Return the tuning at a speed in rpm, or raise ValueError if it is out of range."""
-    return float(model.tuning_at(checks.speed(name, speed, float(model.speed(1.0)))))
+def check_speed(model, name: str, speed: float) -> float:
+    """Return the tuning of a model at a speed in rpm, the argument `name`, if it is in range.
+
+    Otherwise raise ValueError.
+    """
+    speed_at_resonance = float(model.speed(1.0))
+    return float(model.tuning_at(checks.speed(name, speed, speed_at_resonance)))
 
 
-def check_either(model, name, tuning, speed_name, speed):
-    """Raise ValueError unless one of tunings and speeds is given and the model has speeds."""
+def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
+    """Raise ValueError unless exactly one of a tuning and a speed is given (the other is None).
+
+    The error message calls these arguments `tuning_name` and `speed_name`. A speed is refused for a
+    model that has no rotating body or no scale of time.
+    """
     if (tuning is None) == (speed is None):
         raise ValueError(
-            f"{name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be one of "
-            "the two"
+            f"{tuning_name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be "
+            "one of the two"
         )
     if speed is not None and model.speed is None:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
-            f"{name}"
+            f"{tuning_name}"
         )
-    # The units of `GearPair.from_ratios`.
+    # A pair made by `GearPair.from_ratios` has these scales.
     if speed is not None and model.static_deflection == model.mesh_frequency(1.0) == 1.0:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: the model is dimensionless, without a scale "
-            f"of time, so it must be {name}"
+            f"of time, so it must be {tuning_name}"
         )
 
 
-def check_memory(argument, count, numbers, unit):
-    """Raise ValueError if `count` rows with so many numbers each need too much memory.
+def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: str):
+    """Raise ValueError if a table of `row_count` rows needs more than `MAX_MEMORY` bytes.
 
-    `argument` describes the argument that causes them, `unit` is the name of a row.
+    For the message, `argument` describes the argument that causes the size of the table and
+    `row_name` says what its rows are, such as "samples".
     """
-    max_rows = MAX_MEMORY // (8 * numbers)
-    if count > max_rows:
+    max_rows = MAX_MEMORY // (8 * numbers_per_row)
+    if row_count > max_rows:
         raise ValueError(
-            f"{argument} is not allowed: it must be <= {max_rows:,} {unit} to stay within "
+            f"{argument} is not allowed: it must be <= {max_rows:,} {row_name} to stay within "
             f"{MAX_MEMORY / 1e9:g} GB of memory"
         )
 
 
-def check_rows(model, argument, count):
-    """Raise ValueError if a sweep of a model over so many tunings needs too much memory."""
-    numbers = model.empty_record()[2].size + len(model.components) + len(Rows._fields)
-    check_memory(argument, count, numbers, "tunings")
+def check_rows(model, argument: str, tuning_count: int):
+    """Raise ValueError if a sweep over `tuning_count` tunings needs too much memory.
+
+    `argument` describes the sweep in the error message.
+    """
+    summary_size = model.empty_record()[2].size
+    numbers_per_tuning = summary_size + len(model.components) + len(Rows._fields)
+    check_memory(argument, tuning_count, numbers_per_tuning, "tunings")
 
 
 class RunArguments(NamedTuple):
     """Checked arguments of a run."""
 
-    span: Span
-    state: tuple
+    span: Span  #: mesh periods of the run and of its record, limit of arcs in a period
+    state: tuple  #: initial state
     method: str
-    module: Any
-    options: dict
+    module: Any  #: module of `gearlib.integrators` that implements the method
+    options: dict  #: options of the method
 
-    def attributes(self):
-        """Return the arguments as attributes of a dataset."""
-        periods, recorded, _ = self.span
+    def attributes(self) -> dict:
+        """Return the arguments as attributes of a dataset, a dict of name to value."""
+        periods, recorded, _max_events = self.span
         return {
             "method": self.method,
             "options": self.options,
@@ -100,10 +113,13 @@ class RunArguments(NamedTuple):
 def check_run(
     model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
-    """Return the checked arguments of a run, or raise ValueError with the name and the range."""
-    chosen = integrators.choose(model, method, options)
+    """Return the arguments of a run of a model as `RunArguments`, or raise ValueError.
+
+    The arguments are those of `simulate`. The message of an error names the argument and its range.
+    """
+    method_name, module, options = integrators.choose(model, method, options)
     periods = checks.integer("periods", periods, 1)
     recorded = checks.integer("record_periods", record_periods, 1, periods)
     state = model.check_state(initial_state)
     span = Span(periods, recorded, checks.integer("max_events", max_events, 1))
-    return RunArguments(span, state, *chosen)
+    return RunArguments(span, state, method_name, module, options)

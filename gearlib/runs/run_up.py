@@ -14,7 +14,7 @@ from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
-#: name -> (CF units, long_name) of variables that only run-ups have in SI units.
+#: Maps names of variables that only run-ups have in SI units to (CF units, long_name).
 _SI_VARIABLES = {
     "time": ("s", "time"),
     "load_ratio": ("1", "load over that of the model"),
@@ -35,7 +35,7 @@ _SI_VARIABLES = {
     "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
     "mean_force": ("N", "mean of the mesh force over the revolution"),
 }
-#: Numbers that a mesh period of one mesh needs beside its samples, for summary and events.
+#: Numbers stored for a mesh period of one mesh, apart from samples: its summary and events.
 _NUMBERS_PER_PERIOD = 40
 #: Columns of a summary that hold maxima and minima; the others are sums.
 _MAXIMUM_COLUMNS, _MINIMUM_COLUMNS = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
@@ -57,58 +57,63 @@ def run_up(
     samples_per_period=0,
     max_events=MAX_EVENTS,
 ):
-    """Run a model up, down, or along any piecewise linear course of speed and load.
+    """Run a model up, down, or along any piecewise linear profile of speed and load.
 
-    While the acceleration is constant the stiffness switches at roots of a quadratic, and where it
-    is constant in between the motion is that of a run at constant speed: nothing is approximated.
-    Run-out and deviations go by power series, whose error is that of rounding; ``source`` says so.
-    The mesh carries the inertia of the acceleration beside the load, see
+    At constant acceleration the stiffness switches at roots of a quadratic equation, and between
+    these switches the motion is solved in closed form, as at constant speed. Run-out and deviations
+    are solved by power series to rounding error; the attribute ``source`` says so. The mesh
+    transmits the load and the inertia torque of the acceleration, see
     `gearlib.models.acceleration`.
 
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        Piecewise linear: linear damping, a stiffness that is constant between switches. Without
-        gyroscopic forces.
+        The model to run. It must be piecewise linear, with linear damping and a stiffness that is
+        constant between switches, and without gyroscopic forces.
     start, stop : float
-        First and last speed in rpm of the gear whose teeth count, >= 0; and one of:
+        First and last speed in rpm, >= 0, of the gear whose teeth define the mesh frequency (of a
+        train, the reference pinion). Give `duration` or `acceleration` as well.
     duration : float
-        Of the change, s; finite, > 0.
+        Duration of the change of speed in seconds, finite, > 0.
     acceleration : float
-        Its size, rpm/s; finite, > 0.
+        Magnitude of the constant acceleration in rpm/s, finite, > 0.
     speed : sequence of (float, float), optional
-        Instead of all of these a course: seconds from 0, rising, and rpm; linear in between.
+        Speed profile, instead of the four arguments above: pairs of time in seconds, rising from 0,
+        and speed in rpm. The speed is linear between them.
     load : sequence of (float, float), optional
-        Seconds, not falling, and loads over that of the model (of a train: all torques), finite;
-        linear in between, constant before the first and behind the last; two at one time: a step.
+        Load profile: pairs of time in seconds, not falling, and load over the load of the model (of
+        a train, over all its torques), finite. The load is linear between them and constant before
+        the first and after the last; two pairs at the same time make a step. By default constant.
     driver : str, optional
-        Of a train: the body that brings the torque of the acceleration; by default that which
-        brings most of the power.
+        Name of the body of a train on which the torque of the acceleration acts. By default the
+        body that supplies most of the power.
     driven_mass, base_radius : float, optional
-        Of one degree of freedom: J_2 / r_b2^2 of all that the mesh drives, kg, and the base radius
-        of the gear whose teeth count, m. By default the mesh accelerates nothing.
+        For models with one degree of freedom: J_2 / r_b2^2 of all driven inertia, in kg, and the
+        base radius in m of the gear to which the speed refers. By default nothing is accelerated.
     initial_state : tuple of float or "static", default (0, 0)
-        As of `simulate`, at the first speed.
+        State at time 0 and the first speed, as in `simulate`.
     samples_per_period : int, default 0
-        Of the time course, at equal steps of time in each mesh period; 0: none.
+        Number of samples of the time history in each mesh period, at equal steps of time. With 0
+        there is no time history.
     max_events : int
-        Most phases of contact and flights in one mesh period before the run gives up.
+        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
+        more is stopped.
 
     Returns
     -------
     xarray.Dataset
-        In SI units, of trains with a dimension `mesh`. Over ``revolution``, of the gear whose teeth
-        count, in whole mesh periods, the last one as far as it goes: revolution_time,
-        revolution_speed; extrema of displacement and dynamic_force, mean_force, fractions of time,
-        bounces. Over ``event``: event_time, event_speed, event_from, event_to, event_velocity. With
-        samples over ``time``: speed, load_ratio, phase, displacement, velocity, acceleration,
-        dynamic_force, contact, of trains body_motion. And status; when it is not 0, numbers are NaN
-        and ``status.attrs["message"]`` says what to do.
+        Variables in SI units, with a dimension `mesh` for trains. Along ``revolution`` (revolutions
+        of the gear above in whole mesh periods, the last possibly incomplete): revolution_time,
+        revolution_speed, extrema of displacement and dynamic_force, mean_force, fractions of time,
+        bounces. Along ``event``: event_time, event_speed, event_from, event_to, event_velocity.
+        With samples, along ``time``: speed, load_ratio, phase, displacement, velocity,
+        acceleration, dynamic_force, contact, and body_motion for trains. If status is not 0, the
+        numbers are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
 
     References
     ----------
@@ -116,22 +121,23 @@ def run_up(
     """
     _check_model(model)
     speeds = speeds_of(start, stop, duration, acceleration, speed)
-    name = "speed" if speed is not None else "stop" if stop >= start else "start"
-    check_speed(model, name, float(speeds[:, 1].max()))
-    loads = _course("load", load, "finite", math.isfinite, steps=True)
+    fastest = "speed" if speed is not None else "stop" if stop >= start else "start"
+    check_speed(model, fastest, float(speeds[:, 1].max()))
+    loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
     limit = checks.integer("max_events", max_events, 1)
-    push = inertia_of(model, driver, driven_mass, base_radius)
+    inertia_forces = inertia_of(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, z = courses.start_course(model, speeds, loads, state)
+    runner, pieces, start_state = courses.start_course(model, speeds, loads, state)
     meshes, end = runner.meshes, pieces[-1]
-    turned = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    columns = samples * (meshes * 6 + model.size) + _NUMBERS_PER_PERIOD * meshes
-    words = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
-    check_memory(words, int(turned / math.tau) + 1, columns, "mesh periods")
+    last_phase = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
+    numbers_per_period = samples * (meshes * 6 + model.size) + _NUMBERS_PER_PERIOD * meshes
+    description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
+    check_memory(description, int(last_phase / math.tau) + 1, numbers_per_period, "mesh periods")
+    teeth = model.periods_per_revolution
     stretches = list(
-        courses.run_course(runner, pieces, z, samples, limit, push, model.periods_per_revolution)
+        courses.run_course(runner, pieces, start_state, samples, limit, inertia_forces, teeth)
     )
     code = stretches[-1].status
     if code == status.OK and summary.reach(stretches[-1].summary) > model.bound(1.0, state):
@@ -143,8 +149,8 @@ def run_up(
         data = {name: _failed(*variable) for name, variable in data.items()}
     data = {name: _with_units(name, *variable) for name, variable in data.items()}
     coordinates = model.coordinates()
-    used = {dim for variable in data.values() for dim in variable[0]}
-    coords = {name: coordinates[name] for name in coordinates if name in used}
+    used_dims = {dim for variable in data.values() for dim in variable[0]}
+    coords = {name: coordinates[name] for name in coordinates if name in used_dims}
     attributes = {"speed": speeds.tolist(), "load": loads.tolist(), "initial_state": state}
     attributes |= {"driver": driver, "driven_mass": driven_mass, "base_radius": base_radius}
     data["status"] = np.int8(code)
@@ -156,16 +162,16 @@ def run_up(
 
 
 def _check_model(model):
-    """Raise ValueError unless a run-up of the model is possible."""
-    name = type(model).__name__
+    """Raise ValueError unless `run_up` can run the model: it rotates and is piecewise linear."""
+    type_name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
     if model.speed is None:
-        raise ValueError(f"model of type {name} is not allowed: nothing turns in it")
+        raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
     if not model.piecewise_linear:
         raise ValueError(
-            f"model of type {name} is not allowed in a run-up, where it has Taylor steps only: it "
-            "must be piecewise linear, or run at several constant speeds by gearlib.simulate"
+            f"model of type {type_name} is not allowed in a run-up, where it has Taylor steps "
+            "only: it must be piecewise linear, or run at constant speeds by gearlib.simulate"
         )
     if model.gyroscopic:
         raise ValueError(
@@ -175,61 +181,71 @@ def _check_model(model):
 
 
 def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):
-    """Return the course of speed, rows of seconds and rpm, from the arguments of `run_up`."""
-    words, given = "a finite number >= 0", (start, stop, duration, acceleration)
+    """Return the speed profile, rows of time in s and speed in rpm, shape (n, 2).
+
+    Either `speed` is the profile, or it leads from `start` to `stop`, in rpm, in a `duration` in s
+    or at an `acceleration` in rpm/s. Wrong arguments raise ValueError.
+    """
+    allowed_speed = "a finite number >= 0"
     if speed is not None:
-        if any(value is not None for value in given):
+        if any(value is not None for value in (start, stop, duration, acceleration)):
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        rows = _course("speed", speed, words, lambda v: 0.0 <= v < math.inf)
+        profile = _check_profile("speed", speed, allowed_speed, lambda v: 0.0 <= v < math.inf)
     else:
-        first, last = (
-            checks.number(name, value, f"{words}, rpm", lambda v: 0.0 <= v < math.inf)
-            for name, value in (("start", start), ("stop", stop))
-        )
+        allowed_end = f"{allowed_speed}, rpm"
+        first = checks.number("start", start, allowed_end, lambda v: 0.0 <= v < math.inf)
+        last = checks.number("stop", stop, allowed_end, lambda v: 0.0 <= v < math.inf)
         if (duration is None) == (acceleration is None):
             raise ValueError(
                 f"duration = {duration!r} with acceleration = {acceleration!r} is not allowed: it "
                 "must be one of the two"
             )
         if duration is None:
-            rate = checks.finite_positive("acceleration", acceleration)
-            duration = abs(last - first) / rate
-        words = "a finite number of seconds > 0"
+            duration = abs(last - first) / checks.finite_positive("acceleration", acceleration)
+        allowed_time = "a finite number of seconds > 0"
         if acceleration is not None:
-            words += ", the difference of start and stop over the acceleration"
-        duration = checks.number("duration", duration, words, lambda v: 0.0 < v < math.inf)
-        rows = np.array([[0.0, first], [duration, last]])
-    if len(rows) < 2 or rows[0, 0] != 0.0:
+            allowed_time += ", the difference of start and stop over the acceleration"
+        duration = checks.number("duration", duration, allowed_time, lambda v: 0.0 < v < math.inf)
+        profile = np.array([[0.0, first], [duration, last]])
+    if len(profile) < 2 or profile[0, 0] != 0.0:
         raise ValueError(
             f"speed = {speed!r} is not allowed: it must have two rows or more, the first at 0 s"
         )
-    if not rows[:, 1].any():
+    if not profile[:, 1].any():
         raise ValueError("speed is not allowed to be 0 rpm all along: something must turn")
-    return rows
+    return profile
 
 
-def _course(name, rows, words, accept, steps=False):
-    """Return a checked course, rows of seconds and a value; `steps` allows equal times."""
-    course = []
-    for i, row in enumerate(checks.many(name, rows)):
-        t, value = checks.many(f"{name}[{i}]", row, 2)
+def _check_profile(name: str, pairs, allowed_values: str, is_allowed, steps=False) -> np.ndarray:
+    """Return the speed or load profile `pairs`, (time in s, value), as an array, shape (n, 2).
+
+    Raise ValueError for the argument `name` if times fall or `is_allowed(value)` is false;
+    `allowed_values` describes the allowed values. Equal times are allowed with `steps` only.
+    """
+    profile = []
+    for i, pair in enumerate(checks.many(name, pairs)):
+        t, value = checks.many(f"{name}[{i}]", pair, 2)
         t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
-        value = checks.number(f"{name}[{i}][1]", value, words, accept)
-        if course and (t < course[-1][0] or (t == course[-1][0] and not steps)):
+        value = checks.number(f"{name}[{i}][1]", value, allowed_values, is_allowed)
+        if profile and (t < profile[-1][0] or (t == profile[-1][0] and not steps)):
             relation = "not before" if steps else "after"
             raise ValueError(
-                f"{name}[{i}][0] = {t!r} is not allowed: it must be {relation} {course[-1][0]!r} s"
+                f"{name}[{i}][0] = {t!r} is not allowed: it must be {relation} {profile[-1][0]!r} s"
             )
-        course.append((t, value))
-    if not course:
-        raise ValueError(f"{name} = {rows!r} is not allowed: it must have a row of s and a value")
-    return np.array(course)
+        profile.append((t, value))
+    if not profile:
+        raise ValueError(f"{name} = {pairs!r} is not allowed: it must have a row of s and a value")
+    return np.array(profile)
 
 
-def inertia_of(model, driver, driven_mass, base_radius):
-    """Return the inertia forces of the meshes per acceleration, for `courses.run_course`."""
+def inertia_of(model, driver, driven_mass, base_radius) -> np.ndarray:
+    """Return the inertia force of each mesh per acceleration, for `courses.run_course`.
+
+    The arguments are those of `run_up`: a train has a `driver`, the name of the accelerating body;
+    a model with one mesh has a `driven_mass` in kg and a `base_radius` in m.
+    """
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
         if driven_mass or base_radius is not None:
@@ -246,56 +262,57 @@ def inertia_of(model, driver, driven_mass, base_radius):
     )
 
 
-def _statistics(model, stretches, omega):
-    """Return the variables over revolutions, name -> (dims, values)."""
-    phase, time, begin, number = (
-        np.concatenate(parts)
-        for parts in zip(
-            *(
-                (np.diff(stretch.phase), np.diff(stretch.theta), stretch.theta[:-1], stretch.block)
-                for stretch in stretches
-            ),
-            strict=True,
-        )
-    )
-    first = np.flatnonzero(np.diff(number, prepend=-1))
-    time, phase = np.add.reduceat(time, first), np.add.reduceat(phase, first)
-    begin = begin[first]
+def _statistics(model, stretches: list, omega: float) -> dict:
+    """Return the variables along revolutions of a run-up, a dict of name to (dims, values).
+
+    `stretches` are its records, `courses.Stretch`, in order of time, whose blocks of mesh periods
+    are the revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
+    """
+    revolutions = np.concatenate([stretch.block for stretch in stretches])
+    first = np.flatnonzero(np.diff(revolutions, prepend=-1))
+    start_time = np.concatenate([stretch.theta[:-1] for stretch in stretches])[first]
+    time_steps = np.concatenate([np.diff(stretch.theta) for stretch in stretches])
+    phase_steps = np.concatenate([np.diff(stretch.phase) for stretch in stretches])
+    time, phase = np.add.reduceat(time_steps, first), np.add.reduceat(phase_steps, first)
     # A revolution that spans several stretches has a summary in each of them.
     table = np.concatenate([stretch.summary for stretch in stretches])
     summary_blocks = np.concatenate([np.unique(stretch.block) for stretch in stretches])
     block = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
-    rows = np.add.reduceat(table, block)
-    rows[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], block)
-    rows[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], block)
+    summaries = np.add.reduceat(table, block)
+    summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], block)
+    summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], block)
     length, force = model.static_deflection, model.scales()["force_scale"]
-    # The total time is the sum of the times at each contact, so that the fractions sum up to 1.
-    share = rows[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]].sum(axis=-1)
+    # The total time is the sum of the times in each contact state, so that fractions sum up to 1.
+    times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
+    total_time = times.sum(axis=-1)
     # No time is counted after a run has stopped.
-    share[share == 0.0] = np.nan
+    total_time[total_time == 0.0] = np.nan
     columns = {
-        "displacement_max": rows[..., orbit.X_MAX] * length,
-        "displacement_min": rows[..., orbit.X_MIN] * length,
-        "dynamic_force_max": rows[..., orbit.FORCE_MAX] * force,
-        "dynamic_force_min": rows[..., orbit.FORCE_MIN] * force,
-        "mean_force": rows[..., FORCE_SUM] * force / share,
-        "fraction_normal": rows[..., orbit.TIME_NORMAL] / share,
-        "fraction_backlash": rows[..., orbit.TIME_BACKLASH] / share,
-        "fraction_inverse": rows[..., orbit.TIME_INVERSE] / share,
-        "bounces": rows[..., orbit.BOUNCES] * math.tau / np.maximum(phase, 1e-300)[:, None],
+        "displacement_max": summaries[..., orbit.X_MAX] * length,
+        "displacement_min": summaries[..., orbit.X_MIN] * length,
+        "dynamic_force_max": summaries[..., orbit.FORCE_MAX] * force,
+        "dynamic_force_min": summaries[..., orbit.FORCE_MIN] * force,
+        "mean_force": summaries[..., FORCE_SUM] * force / total_time,
+        "fraction_normal": summaries[..., orbit.TIME_NORMAL] / total_time,
+        "fraction_backlash": summaries[..., orbit.TIME_BACKLASH] / total_time,
+        "fraction_inverse": summaries[..., orbit.TIME_INVERSE] / total_time,
+        "bounces": summaries[..., orbit.BOUNCES] * math.tau / np.maximum(phase, 1e-300)[:, None],
     }
-    over = ("revolution", "mesh") if model.mesh_names else ("revolution",)
-    named = {
-        "revolution": (("revolution",), number[first]),
-        "revolution_time": (("revolution",), (begin + 0.5 * time) / omega),
+    dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
+    variables = {
+        "revolution": (("revolution",), revolutions[first]),
+        "revolution_time": (("revolution",), (start_time + 0.5 * time) / omega),
         "revolution_speed": (("revolution",), np.asarray(model.speed(phase / time))),
     }
     shape = (first.size, -1) if model.mesh_names else (first.size,)
-    return named | {name: (over, values.reshape(shape)) for name, values in columns.items()}
+    return variables | {name: (dims, values.reshape(shape)) for name, values in columns.items()}
 
 
-def _events(model, stretches, omega):
-    """Return the variables over events, name -> (dims, values)."""
+def _events(model, stretches: list, omega: float) -> dict:
+    """Return the variables along contact events of a run-up, a dict of name to (dims, values).
+
+    The arguments are those of `_statistics`.
+    """
     rows = np.concatenate([stretch.events for stretch in stretches])
     speeds = [stretch.piece.by(stretch.events[:, 0])[0] for stretch in stretches]
     columns = {
@@ -310,8 +327,11 @@ def _events(model, stretches, omega):
     return {name: (("event",), values) for name, values in columns.items()}
 
 
-def _time_variables(model, stretches, omega, samples):
-    """Return the variables over time, name -> (dims, values)."""
+def _time_variables(model, stretches: list, omega: float, samples: int) -> dict:
+    """Return the time history of a run-up, a dict of variable name to (dims, values).
+
+    `samples` is the number of samples in a mesh period; other arguments as in `_statistics`.
+    """
     steps = np.arange(samples) / samples
     theta = np.concatenate(
         [
@@ -320,10 +340,12 @@ def _time_variables(model, stretches, omega, samples):
         ]
     )
     counts = [len(stretch.samples) for stretch in stretches]
-    pieces = [stretch.piece for stretch in stretches]
-    parts = np.split(theta, np.cumsum(counts)[:-1])
-    course = [np.array(p.by(t)) for p, t in zip(pieces, parts, strict=True)]
-    speed, phase, load = np.hstack(course)
+    stretch_times = np.split(theta, np.cumsum(counts)[:-1])
+    excitation = [
+        np.array(stretch.piece.by(times))
+        for stretch, times in zip(stretches, stretch_times, strict=True)
+    ]
+    tuning, phase, load = np.hstack(excitation)
     table = np.concatenate([stretch.samples for stretch in stretches])
     length, force = model.static_deflection, model.scales()["force_scale"]
     mesh_columns = {
@@ -333,28 +355,29 @@ def _time_variables(model, stretches, omega, samples):
         "dynamic_force": table[..., orbit.SAMPLE_FORCE] * force,
         "contact": table[..., orbit.SAMPLE_CONTACT].astype(np.int8),
     }
-    over = ("time", "mesh") if model.mesh_names else ("time",)
+    dims = ("time", "mesh") if model.mesh_names else ("time",)
     shape = (theta.size, -1) if model.mesh_names else (theta.size,)
     data = {
         "time": (("time",), theta / omega),
-        "speed": (("time",), np.asarray(model.speed(speed))),
+        "speed": (("time",), np.asarray(model.speed(tuning))),
         "load_ratio": (("time",), load),
         "phase": (("time",), phase),
-        **{name: (over, values.reshape(shape)) for name, values in mesh_columns.items()},
+        **{name: (dims, values.reshape(shape)) for name, values in mesh_columns.items()},
     }
     if model.mesh_names:
-        q = np.concatenate([stretch.states[:, : model.size // 2] for stretch in stretches])
-        moves = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
-        data["body_motion"] = (("time", "body", "axis"), moves)
+        coordinates = [stretch.states[:, : model.size // 2] for stretch in stretches]
+        q = np.concatenate(coordinates)
+        body_displacements = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
+        data["body_motion"] = (("time", "body", "axis"), body_displacements)
     return data
 
 
 def _failed(dims, values):
-    """Return a variable of the same shape with NaN, or with 0 if it holds integers."""
+    """Return a variable of the same `dims` and shape with NaN, or with 0 if it holds integers."""
     return dims, np.full(values.shape, np.nan) if values.dtype.kind == "f" else 0 * values
 
 
 def _with_units(name, dims, values):
-    """Return a variable with its SI units and description if only run-ups have them."""
+    """Return (dims, values, attributes) of a variable of a run-up, with its SI units if any."""
     units, long_name = _SI_VARIABLES.get(name, (None, None))
     return (dims, values, {"units": units, "long_name": long_name} if units else {})

@@ -1,4 +1,4 @@
-"""`simulate`: one gear pair at one tuning, its time course, events and orbit summary."""
+"""`simulate`: time history, contact events and summary of a model at one tuning."""
 
 import math
 
@@ -32,60 +32,63 @@ def simulate(
     max_events=MAX_EVENTS,
     until_settled=False,
 ):
-    """Run a gear pair at one tuning and record the end of the run.
+    """Run a model at one tuning and record the last mesh periods of the run.
 
     For a `GearPair` the equation is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in
-    static deflections and mesh phase, with beta_m instead of beta in the backlash; tau = 0 is the
-    middle of the segment of maximum stiffness. Other models have theirs, see their modules. What is
-    linear between events is propagated in closed form, without a step size; the rest goes in Taylor
-    steps, to rounding.
+    static deflections and mesh phase, with beta_m instead of beta during contact loss; tau = 0 is
+    the middle of the segment of maximum stiffness. The modules of the other models give their
+    equations. Piecewise linear models are solved in closed form between switches, without a step
+    size, other models by Taylor steps to rounding error.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    pair : GearPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
+        The model to run.
     tuning : float
-        nu = mesh frequency / mean eigenfrequency; finite, > 0. Or instead of it:
+        nu = mesh frequency / mean eigenfrequency, finite, > 0. Give either `tuning` or `speed`.
     speed : float
-        In rpm, of the gear whose teeth count (the reference pinion of a train); finite, > 0.
+        Speed in rpm, finite, > 0, of the gear whose teeth define the mesh frequency (of a train,
+        the reference pinion).
     periods : int
-        Mesh periods from tau = 0.
+        Number of mesh periods of the run, from tau = 0.
     record_periods : int, default 1
-        How many of them, at the end, are recorded.
+        Number of mesh periods that are recorded at the end of the run.
     samples_per_period : int, default 256
-        Equal steps of phase per recorded period; the end of a period is the start of the next
-        and is not repeated.
+        Number of samples in a recorded mesh period, at equal steps of phase. The first sample lies
+        at the start of the period, the last one a step before its end.
     initial_state : tuple of float, default (0, 0)
-        Displacement in static deflections and dx/dtau at tau = 0. The default: flanks just touch.
-        Of a `SixDegreePair` also all components, as of `Orbit.state`.
+        Displacement in static deflections and velocity dx/dtau at tau = 0. By default the flanks
+        just touch. For a `SixDegreePair`, all components as in `Orbit.state` are allowed as well.
     method : str, optional
-        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
-        The others, for comparison, show what a user of theirs sees: extrema over step ends and
-        samples, events between step ends.
+        A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
+        "taylor". The other methods serve for comparison: they give extrema of step ends and samples
+        and find events between step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
-        Most phases of contact and flights in one mesh period before the run gives up.
+        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
+        more is stopped.
     until_settled : bool, default False
-        Whether to go on behind the record while the motion has not settled, for up to twenty times
-        the periods or 5000 more, until its period is proven; the record stays.
+        Whether the motion is followed beyond the recorded periods until its period is proven, for
+        at most twenty times `periods` or 5000 periods more. The record does not change.
 
     Returns
     -------
     xarray.Dataset
-        Over ``phase`` (rad, from tau = 0): displacement, velocity, acceleration, stiffness,
-        modified_stiffness, dynamic_force, contact (1 normal, 0 backlash, -1 inverse); at an
-        event or a stiffness switch the value just after it. Over ``event``: event_phase,
-        event_from, event_to, event_velocity, all crossings of flank lines in the recorded
-        periods. Scalars: final_state (component), the orbit summary described at
-        `gearlib.sweep`, evaluations (of the right-hand side in the whole run), the scales to SI,
-        and status. ``period`` is 0 while the motion has not settled; ``followed`` says after how
-        many mesh periods that was told. When status is not 0, the run could not go on: all results
-        are NaN and ``status.attrs["message"]`` says what to do.
+        Along ``phase`` (rad, from tau = 0): displacement, velocity, acceleration, stiffness,
+        modified_stiffness, dynamic_force, contact (1 drive side, 0 contact loss, -1 back side);
+        samples at a switch have the value just after it. Along ``event``, for all contact events in
+        the recorded periods: event_phase, event_from, event_to, event_velocity. Scalars:
+        final_state (component), the orbit summary described in `gearlib.sweep`, evaluations (of the
+        right-hand side in the whole run), the scales to SI, and status. ``period`` is 0 if the
+        motion has not settled; ``followed`` is the number of mesh periods after which this was
+        decided. If status is not 0, the run failed: all results are NaN and
+        ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
 
     References
     ----------
@@ -96,7 +99,8 @@ def simulate(
     checks.one_of("until_settled", until_settled, (False, True))
     record, followed_periods = _run(pair, tuning, checked, samples_per_period, True, until_settled)
     recorded = checked.span.recorded
-    first = (checked.span.periods - recorded) * samples_per_period
+    first_sample = (checked.span.periods - recorded) * samples_per_period
+    sample_numbers = first_sample + np.arange(len(record.samples))
     data = {
         **_time_course(pair, record.samples, record.status),
         **_event_table(record.events),
@@ -115,7 +119,7 @@ def simulate(
         "followed": np.int64(followed_periods),
     }
     coords = {
-        "phase": (first + np.arange(len(record.samples))) * (2.0 * math.pi / samples_per_period),
+        "phase": sample_numbers * (2.0 * math.pi / samples_per_period),
         **pair.coordinates(),
     }
     attributes = checked.attributes() | {"tuning": tuning}
@@ -124,26 +128,27 @@ def simulate(
     return dataset
 
 
-def run(pair, tuning, samples_per_period, **settings):
-    """Run a gear pair at one tuning as `simulate` does, and return its `Record`.
+def run(pair, tuning: float, samples_per_period: int, **settings):
+    """Run a model at one tuning as `simulate` does, and return its `Record`.
 
-    `settings` are arguments of `gearlib.runs.run_arguments.check_run`. If the status is not 0,
-    numbers are NaN and there are no events.
+    `settings` are other keyword arguments of `simulate`, such as `periods`. If the status of the
+    record is not 0, its numbers are NaN and it has no events.
     """
     return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
 
 
 def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=False):
-    """Return the `Record` of a run, and the number of mesh periods that determined its period.
+    """Return the `Record` of a run of a model, and the number of mesh periods that it was followed.
 
-    `checked` are `RunArguments`. With `prove` the period is proven; with `until_settled` the motion
-    is continued after the recorded periods for this proof.
+    `checked` are its `RunArguments`. With `prove` the period of the orbit is proven; with
+    `until_settled` the motion is followed beyond the recorded periods for this proof.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = checked.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
-    columns = pair.empty_record()[0].shape[1]
-    check_memory(argument, recorded * samples_per_period, columns, "samples in all")
+    numbers_per_sample = pair.empty_record()[0].shape[1]
+    sample_count = recorded * samples_per_period
+    check_memory(argument, sample_count, numbers_per_sample, "samples in all")
     arguments = checked.state, checked.span, samples_per_period
     record = checked.module.run(pair, tuning, *arguments, **checked.options)
     if record.status == status.OK:
@@ -161,8 +166,11 @@ def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=F
     return record, periods
 
 
-def _time_course(pair, samples, code):
-    """Return the variables over ``phase`` from the sample table of `Model.empty_record`."""
+def _time_course(pair, samples: np.ndarray, code: int) -> dict:
+    """Return the time history of a model along ``phase``, a dict of name to (dims, values).
+
+    `samples`, shape (n, columns), is the sample table of its record, `code` the status of the run.
+    """
     dims, table = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
     if pair.mesh_names:
         dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
@@ -185,10 +193,13 @@ def _time_course(pair, samples, code):
     return variables | pair.extra_sample_variables(samples)
 
 
-def _event_table(events):
-    """Return the variables over ``event`` from the event table of `Model.empty_record`."""
+def _event_table(events: np.ndarray) -> dict:
+    """Return the variables along ``event``, a dict of name to (dims, values).
+
+    `events`, shape (n, columns), is the event table of a record, with the columns of `orbit`.
+    """
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
-    # The sum may round below the phase of the event before.
+    # Rounding of the sum must not put an event before the last one.
     phase = np.maximum.accumulate(phase)
     columns = {
         "event_phase": phase,

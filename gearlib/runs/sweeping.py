@@ -1,4 +1,4 @@
-"""`sweep`: one gear pair over many tunings, the summary of each orbit."""
+"""`sweep`: summaries of the orbits of a model at many tunings."""
 
 import functools
 import math
@@ -23,14 +23,16 @@ from gearlib.runs.run_arguments import (
 )
 
 DIRECTIONS = ("cold", "up", "down")
-#: Directions in which each run starts from the final state of the run before.
+#: Directions in which runs are warm-started: each starts from the final state of the last one.
 CARRIED = DIRECTIONS[1:]
 
 #: Limits of the number of tunings that a thread gets at a time: larger chunks have less overhead,
 #: smaller chunks balance the load of the threads.
 _MIN_CHUNK, _MAX_CHUNK = 16, 128
-#: End of a downward sweep as a share of its range, and tolerance of extrema of the same motion.
-LOWEST_SHARE, _SAME_MOTION_TOLERANCE = 0.2, 1e-3
+#: Lowest tuning of the extension of a downward sweep, as a share of its first tuning.
+LOWEST_SHARE = 0.2
+#: Motions count as equal if their extrema differ by less than this share of their height.
+_SAME_MOTION_TOLERANCE = 1e-3
 
 
 def sweep(
@@ -47,54 +49,58 @@ def sweep(
     max_events=MAX_EVENTS,
     threads=None,
 ):
-    """Run a gear pair at many tunings and summarise the end of each run.
+    """Run a model at many tunings and summarise the last mesh periods of each run.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    pair : GearPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
+        The model to run.
     tunings : array_like of float, shape (n,)
-        Each finite and > 0, all different. Or instead of them:
+        Tunings nu = mesh frequency / mean eigenfrequency, finite, > 0, all different. Give either
+        `tunings` or `speeds`.
     speeds : array_like of float, shape (n,)
-        In rpm, of the gear whose teeth count (the reference pinion of a train).
+        Speeds in rpm, finite, > 0, all different, of the gear whose teeth define the mesh frequency
+        (of a train, the reference pinion).
     periods, record_periods : int
-        Mesh periods of each run, and how many of them, at the end, are summarised.
+        Number of mesh periods of each run, and of those that are summarised at its end.
     initial_state : tuple of float, default (0, 0)
-        Displacement in static deflections and dx/dtau at tau = 0.
+        Displacement in static deflections and velocity dx/dtau at tau = 0.
     direction : {"cold", "up", "down"}
-        "cold" starts every tuning from `initial_state`. "up" goes through rising tunings, "down"
-        through rising or falling ones from the highest on, each run starting from the final state
-        of the one before it, which shows hysteresis; after a run that could not go on, from
-        `initial_state`.
-        With run-out the gears go on turning from where they are, as in a slow run-up; six degrees
-        of freedom do so by method "exact" only.
+        "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: they run from
+        the lowest tuning up or from the highest down, and each run starts from the final state of
+        the last one, or from `initial_state` if that has failed. Tunings must rise for "up", and
+        rise or fall for "down". With run-out the gears keep their angles from run to run, as in a
+        slow run-up; six degrees of freedom need the method "exact".
     method : str, optional
-        A name of `gearlib.methods`; by default "exact" where it takes the model, else "taylor".
-        The others are for comparison; their extrema are those of their step ends.
+        A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
+        "taylor". The other methods serve for comparison and give extrema of step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
-        Most phases of contact and flights in one mesh period before a run gives up.
+        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
+        more is stopped.
     threads : int, optional
-        Threads of a cold sweep, all processors by default. The result does not depend on it.
+        Number of threads of a cold sweep, by default one for each processor. The result does not
+        depend on it.
 
     Returns
     -------
     xarray.Dataset
-        Over ``tuning``, in the order given: displacement_max, displacement_min,
+        Along ``tuning``, in the order of the argument: displacement_max, displacement_min,
         dynamic_force_max, dynamic_force_min, extrema of the closed forms (not of samples);
-        fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (in mesh at
-        C_min), shares of time; bounces, losses of normal contact per mesh period; period, the
-        mesh periods, up to 16, after which the orbit repeats on which the motion has settled: its
-        Floquet multipliers draw what is left of the transient onto it, clear of any grazing. 0
-        where that is not shown, `simulate` goes on until it is, if asked; with run-out period may
-        also be 1 to 16 times the mesh periods after which that repeats. Methods for comparison
-        compare states, to 1e-6 of the orbit's height. final_state (tuning, component);
-        status, with NaN in all other variables where it is not 0; the scales to SI.
+        fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (contact at
+        C_min), shares of time; bounces, losses of drive-side contact per mesh period; period, the
+        number of mesh periods, up to 16, after which the settled orbit repeats, proven by its
+        Floquet multipliers and its distance from grazing; 0 without a proof, see `until_settled` of
+        `simulate`. With run-out, period may also be 1 to 16 times the period of the run-out. The
+        methods for comparison compare states, to 1e-6 of the height of the orbit. final_state
+        (tuning, component); status, with NaN in all other variables where it is not 0; the scales
+        to SI.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     """
     check_either(pair, "tunings", tunings, "speeds", speeds)
     if speeds is None:
@@ -126,26 +132,29 @@ def sweep(
 
 
 def _rows(pair, tunings: np.ndarray, checked: RunArguments, direction: str, threads: int) -> Rows:
-    """Run a sweep and return its `Rows` in the order of the tunings."""
+    """Run a sweep of a model with the arguments `checked`; return its `Rows`, one per tuning.
+
+    `direction` is "cold", "up" or "down", see `sweep`; a cold sweep uses several threads.
+    """
     rows = Rows(
         pair.bound(float(tunings.max()), checked.state),
         np.empty((tunings.size, *pair.empty_record()[2].shape)),
         np.empty((tunings.size, len(pair.components))),
         np.full((tunings.size, 2), -1),  # -1: not yet computed
     )
-    carry = direction != "cold"
+    is_warm_started = direction != "cold"
 
     def run_tunings(order):
-        arguments = checked.state, carry, checked.span, rows
+        arguments = checked.state, is_warm_started, checked.span, rows
         checked.module.sweep(pair, tunings, order, *arguments, **checked.options)
 
     order = np.argsort(tunings)
     if direction == "down":
         order = order[::-1].copy()
-    size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
-    chunks = [order[i : i + size] for i in range(0, order.size, size)]
+    chunk_size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
+    chunks = [order[i : i + chunk_size] for i in range(0, order.size, chunk_size)]
     with notebook.bar("tunings", tunings.size, lambda: int((rows.codes[:, 1] >= 0).sum())):
-        if carry or threads == 1 or len(chunks) < 2:
+        if is_warm_started or threads == 1 or len(chunks) < 2:
             run_tunings(order)
         else:
             # Kernels release the interpreter lock, so threads run in parallel.
@@ -154,20 +163,24 @@ def _rows(pair, tunings: np.ndarray, checked: RunArguments, direction: str, thre
     return rows
 
 
-def _check_order(direction, tunings, name):
-    """Raise ValueError unless the tunings of a sweep up or down are sorted."""
+def _check_order(direction: str, tunings: np.ndarray, name: str):
+    """Raise ValueError, naming the argument `name`, unless the tunings suit the sweep direction.
+
+    They must rise for "up", rise or fall for "down", and may have any order for "cold".
+    """
     rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
-    if not {"cold": True, "up": rises, "down": rises or falls}[direction]:
+    is_allowed = {"cold": True, "up": rises, "down": rises or falls}
+    if not is_allowed[direction]:
         order = "rising" if direction == "up" else "rising or falling"
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
-def sweep_down(pair, tunings, lowest, **settings):
-    """Sweep down until the motion agrees with an upward sweep; return (dataset, agreement).
+def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
+    """Sweep down until the motion agrees with an upward sweep; return (dataset, agree).
 
-    `tunings`, (n,), rise in equal steps; the sweep continues below them in the same steps to
-    `lowest` at most. `settings` are arguments of `sweep`. The tunings of the dataset rise and begin
-    where both motions agree; `agreement` tells whether they do anywhere.
+    `tunings`, shape (n,), rise in equal steps; the sweep continues below them in the same steps, to
+    the tuning `lowest` at most. `settings` are other arguments of `sweep`. The tunings of the
+    dataset rise and begin where both motions agree; `agree` is False if they agree nowhere.
     """
     first, step = float(tunings[0]), float(tunings[1] - tunings[0])
     count = max(0, math.floor((first - lowest) / step + 1e-9))
@@ -178,13 +191,15 @@ def sweep_down(pair, tunings, lowest, **settings):
     height = up.displacement_max - up.displacement_min
     errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
     same = np.flatnonzero(np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * height)
-    return curve.isel(tuning=slice(same[-1] if same.size else 0, None)), bool(same.size)
+    first_index = same[-1] if same.size else 0
+    return curve.isel(tuning=slice(first_index, None)), bool(same.size)
 
 
-def check_tunings(name, tunings, check, tuning_at=np.asarray):
-    """Return different tunings or speeds as a float array, (n,), or raise ValueError.
+def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray:
+    """Return the tunings or speeds of a sweep as a float array, shape (n,), or raise ValueError.
 
-    `check(name, value)` raises ValueError for a wrong value; `tuning_at` converts speeds.
+    `name` is the name of the argument for messages. `check(name, value)` raises ValueError for a
+    wrong value; `tuning_at` converts an array of speeds to tunings. All values must be different.
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
@@ -195,7 +210,7 @@ def check_tunings(name, tunings, check, tuning_at=np.asarray):
             f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
     if values.dtype.kind not in "iuf" or not allowed(tuning_at(values.astype(float))).all():
-        # The check of single values names the first wrong one.
+        # The check of each value raises an error that names the first wrong value.
         for i, value in enumerate(values.tolist()):
             check(f"{name}[{i}]", value)
     values = values.astype(float)
