@@ -9,7 +9,7 @@ from gearlib.figures import panels, style
 
 _GREY = "#4D4D4D"
 #: Iterations that are drawn, and their colours.
-_COURSES = {0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
+_ITERATION_COLOURS = {0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
 #: Method -> (name, colour, marker, face colour of the marker).
 _METHODS = {
     "balance": ("harmonic balance", "#0072B2", "o", "#0072B2"),
@@ -44,8 +44,8 @@ def draw_convergence(data: xr.Dataset):
 
 def _draw_courses(figure: SubFigure, data: xr.Dataset):
     """Draw iterates over the exact orbit, a panel for each tuning shown."""
-    iterations = [number for number in _COURSES if number in data.iteration]
-    styles = {n: {"color": _COURSES[n], "label": f"iteration {n}"} for n in iterations}
+    iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
+    styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
     curve_options = {"panel": "shown", "colour": "iteration", "styles": styles}
     courses = panels.in_mesh_periods(data)
     grid = panels.draw_panels(

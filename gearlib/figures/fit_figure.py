@@ -8,7 +8,7 @@ from gearlib.figures import style
 _MEASURED, _FITTED = "#8C8C8C", style.PALETTE[0]
 _ROW_HEIGHT = 2.0
 #: Half a 95 % interval in standard deviations.
-_INTERVAL = 1.96
+_HALF_INTERVAL = 1.96
 
 
 @style.styled()
@@ -35,6 +35,7 @@ def fit(found, *, figure: Figure | None = None):
     """
     if not hasattr(found, "redchi"):
         raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
+    # Curves have values `at` several speeds or phases; speeds of jumps are single numbers.
     curves = [curve for curve in found.curves() if hasattr(curve, "at")]
     speeds = [speed for speed in found.curves() if not hasattr(speed, "at")]
     rows = -(-(len(curves) + bool(speeds)) // 2)
@@ -68,10 +69,11 @@ def _draw_curve(axes, curve):
 
 def _draw_speeds(axes, speeds: list):
     """Draw fitted minus measured speeds of jumps, with 95 % intervals of the measured ones."""
-    places = np.arange(len(speeds))
+    positions = np.arange(len(speeds))
     bars = {"fmt": ".", "color": _MEASURED, "capsize": 3, "label": "measured"}
-    axes.errorbar(places, 0.0 * places, yerr=[_INTERVAL * x.deviation for x in speeds], **bars)
+    intervals = [_HALF_INTERVAL * speed.deviation for speed in speeds]
+    axes.errorbar(positions, 0.0 * positions, yerr=intervals, **bars)
     differences = [speed.fitted - speed.measured for speed in speeds]
-    style.dots(axes, places, differences, "o", _FITTED, 4, label="fitted", mfc="none")
-    axes.set_xticks(places, [f"{speed.name}\n{speed.measured:.6g}" for speed in speeds])
+    style.dots(axes, positions, differences, "o", _FITTED, 4, label="fitted", mfc="none")
+    axes.set_xticks(positions, [f"{speed.name}\n{speed.measured:.6g}" for speed in speeds])
     axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel="fitted less measured (rpm)")

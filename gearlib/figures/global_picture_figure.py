@@ -23,8 +23,8 @@ _DIRECTIONS = {
 MIN_NAMED_SHARE = 0.04
 #: Half the width of the band around a Lyapunov exponent, in standard errors.
 BAND_WIDTH = 3.0
-_DOTS = {"markeredgewidth": 0.0, "rasterized": True}
-_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
+_DOT_OPTIONS = {"markeredgewidth": 0.0, "rasterized": True}
+_LEGEND_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
@@ -51,7 +51,7 @@ def draw_basins(data: xr.Dataset):
             _mark_attractor(axes, case.isel(attractor=j), colour, marker)
         _label_plane(axes, "initial ")
         options = {"fontsize": 6.5, "handletextpad": 0.2, "bbox_to_anchor": (0.5, -0.16)}
-        axes.legend(ncols=2, **_BELOW, **options)
+        axes.legend(ncols=2, **_LEGEND_BELOW, **options)
     return figure
 
 
@@ -87,7 +87,7 @@ def draw_sections(data: xr.Dataset):
         # Chaotic orbits are drawn first, so that islands in them are visible.
         for j in np.argsort(~chaotic, kind="stable"):
             states = case.displacement[j], case.velocity[j]
-            style.dots(axes, *states, ".", colours[j], 0.9 if chaotic[j] else 1.2, **_DOTS)
+            style.dots(axes, *states, ".", colours[j], 0.9 if chaotic[j] else 1.2, **_DOT_OPTIONS)
         phase, share = np.degrees(float(case.phase)), 100.0 * chaotic.mean()
         chaos = f"$\\tau$ = {phase:.0f}°; {share:.0f} % of {chaotic.size} orbits chaotic"
         suffix = f", {undecided.sum()} undecided" if undecided.any() else ""
@@ -109,7 +109,7 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
         for name in [name for name in diagram.direction.values if name.split()[0] == kind]:
             motion = diagram.sel(direction=name)
             strobes = motion.displacement.transpose("tuning", "strobe")
-            style.dots(top, motion.tuning, strobes, ".", colour, size, **_DOTS)
+            style.dots(top, motion.tuning, strobes, ".", colour, size, **_DOT_OPTIONS)
             top.lines[-1].set_label(label)
             _draw_exponents(middle, motion, colour, kind != "cold")
     if branches is not None:
@@ -127,16 +127,16 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     return figure
 
 
-def _draw_exponents(axes, motion: xr.Dataset, colour: str, carried: bool):
+def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
     """Draw the Lyapunov exponents of one direction over the tuning as dots.
 
     Warm-started motions (`carried`) get a line where they settle, and a band of uncertainty.
     """
     exponent, error = motion.exponent, BAND_WIDTH * motion.uncertainty
-    joined = motion.settled.astype(bool) & carried
+    joined = motion.settled.astype(bool) & warm_started
     style.dots(axes, motion.tuning, exponent.where(~joined), ".", colour, 2.0, markeredgewidth=0.0)
     axes.plot(motion.tuning, exponent.where(joined), color=colour, linewidth=0.7)
-    if carried:
+    if warm_started:
         band = {"color": colour, "alpha": 0.3, "linewidth": 0}
         axes.fill_between(motion.tuning, exponent - error, exponent + error, **band)
 
@@ -169,5 +169,5 @@ def _draw_family_shares(axes, shares: xr.Dataset):
     axes.stackplot(shares.tuning, share, colors=attractor_colours(kinds), **options)
     title = "orbits: period in mesh periods, height in static deflections"
     options = {"bbox_to_anchor": (0.5, -0.28), "title": title, "title_fontsize": 7.5}
-    axes.legend(ncols=4, **_BELOW, **options)
+    axes.legend(ncols=4, **_LEGEND_BELOW, **options)
     axes.set(ylim=(0.0, 1.0), ylabel="share of the\ninitial states")

@@ -49,12 +49,13 @@ def draw_courses(axes, data: xr.Dataset, loads: np.ndarray, design=1.0):
     Loads are shares of the design torque; the line of the load `design` is thick.
     """
     periods = data.phase.values / (2.0 * math.pi)
+    # The lightest colours are hard to see on white; all loads may be zero.
     shades = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
-    for load, shade, error in zip(loads, shades, data.transmission_error.values, strict=True):
+    for load, colour, error in zip(loads, shades, data.transmission_error.values, strict=True):
         width = 2.0 if math.isclose(load, design) else 0.9
         # A period begins in double contact; two periods show both of its ends.
         x = np.concatenate([periods, periods + periods[-1] + periods[1]])
-        axes.plot(x, 1e6 * np.tile(error, 2), color=shade, linewidth=width)
+        axes.plot(x, 1e6 * np.tile(error, 2), color=colour, linewidth=width)
         options = {"of": ("axes fraction", "data"), "fontsize": 5.5}
         style.note(axes, f"{load:g}", (1.0, 1e6 * error[0]), (2, 0), **options)
     axes.set(xlabel="mesh periods", xlim=(0.0, 2.0))

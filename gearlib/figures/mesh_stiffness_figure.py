@@ -44,7 +44,8 @@ def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2
     """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
     for method in _UNCERTAIN:
         curve = pair.sel(stiffness_method=method)
-        low, high = (curve.mesh_stiffness * (1 + s * curve.method_uncertainty) for s in (-1, 1))
+        low = curve.mesh_stiffness * (1 - curve.method_uncertainty)
+        high = curve.mesh_stiffness * (1 + curve.method_uncertainty)
         options = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
         axes.fill_between(curve.stiffness_phase, low, high, **options)
     curve_options = {"colour": "stiffness_method", "styles": styles}
@@ -56,18 +57,18 @@ def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
     """Draw the mean stiffness of a pair by each method in `styles`, and published means."""
-    for place, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
+    for x, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
         chosen = pair.sel(stiffness_method=method)
         mean = float(chosen.mean_mesh_stiffness)
         error = mean * float(chosen.method_uncertainty) if method in _UNCERTAIN else 0.0
         bar = {"color": look["color"], "marker": marker, "markersize": 4, "capsize": 2, "lw": 0.8}
-        axes.errorbar(place, mean, error, **bar)
+        axes.errorbar(x, mean, error, **bar)
     published = pair.isel(published=pair.published_pair.values == pair.pair.item())
-    place = len(styles)
+    x = len(styles)
     for source in published.published.values:
         value = float(published.published_stiffness.sel(published=source))
-        axes.plot(place, value, "x", color="black", markersize=4)
-        style.note(axes, source, (place, value), (4, 0), fontsize=5.5)
-    axes.set(xlim=(-0.8, place + (3.6 if published.published.size else 0.0)), xlabel="means")
+        axes.plot(x, value, "x", color="black", markersize=4)
+        style.note(axes, source, (x, value), (4, 0), fontsize=5.5)
+    axes.set(xlim=(-0.8, x + (3.6 if published.published.size else 0.0)), xlabel="means")
     axes.set_xticks([])
     axes.tick_params(labelleft=False)

@@ -6,7 +6,7 @@ import xarray as xr
 from gearlib.figures import style
 
 _ROW_HEIGHT, _HEAD = 1.15, 0.6
-_MODEL_WORDS = {
+_MODEL_LABELS = {
     "one_degree": "1 degree",
     "six_degrees_plain": "6 degrees, plain",
     "six_degrees": "6 degrees, run-out, friction",
@@ -36,7 +36,7 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]):
             _draw_bar(axes, data.isel(model=i), i)
         # Ticks inside the frame would lie on the bars.
         axes.tick_params(axis="y", length=0)
-        names = [_MODEL_WORDS[name].format(int(data.harmonics)) for name in data.model.values]
+        names = [_MODEL_LABELS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
         axes.invert_yaxis()
         axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
@@ -44,7 +44,7 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]):
     return figure
 
 
-def _draw_bar(axes, model: xr.Dataset, place: int):
+def _draw_bar(axes, model: xr.Dataset, y: int):
     """Draw the change of one model as a bar at height `place`, with a description on the right."""
     change, chosen = float(model.change), model.model.item() == model.chosen.item()
     certain = bool(model.change_free_of_rounding)
@@ -53,9 +53,9 @@ def _draw_bar(axes, model: xr.Dataset, place: int):
         description = "the largest model"
     else:
         face = _BLUE if chosen else "white"
-        axes.barh(place, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
+        axes.barh(y, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
         if not certain:
-            axes.plot([model.change_low, model.change_high], [place] * 2, color=_ORANGE, lw=2.0)
+            axes.plot([model.change_low, model.change_high], [y] * 2, color=_ORANGE, lw=2.0)
     description += ", used for the scene" if chosen else ""
     description += f", cost {float(model.cost):.3g}" if certain else ""
-    style.note(axes, description, (_LIMITS[1], place), (-4, 0), "right center", white=(0.1,))
+    style.note(axes, description, (_LIMITS[1], y), (-4, 0), "right center", white=(0.1,))

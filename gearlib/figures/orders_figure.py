@@ -8,9 +8,9 @@ from gearlib import checks
 from gearlib.figures import plot_curves, style
 
 #: Smallest amplitude drawn, a share of the largest one.
-_FLOOR = 1e-6
+_MIN_AMPLITUDE = 1e-6
 #: Number of tooth-passing harmonics that can be named side by side.
-_NAMED = 10
+_MAX_NAMED = 10
 
 
 @style.styled()
@@ -47,10 +47,10 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     size, unit = style.readable_unit(spectra[0][variable].units, *(s[variable] for s in spectra))
     for curve, spectrum in zip(curves, spectra, strict=True):
         heights = spectrum[variable].values / size
-        drawn = heights > _FLOOR * heights.max()
+        drawn = heights > _MIN_AMPLITUDE * heights.max()
         orders, heights = spectrum.order.values[drawn], heights[drawn]
         options = {"color": curve.look.colour, "label": curve.label}
-        axes.vlines(orders, _FLOOR * heights.max(), heights, lw=1.4, **options)
+        axes.vlines(orders, _MIN_AMPLITUDE * heights.max(), heights, lw=1.4, **options)
         style.dots(axes, orders, heights, "o", curve.look.colour, 2.5)
     axes.set_yscale("log")
     _name_harmonics(axes, max(spectra, key=lambda spectrum: spectrum.order[-1]))
@@ -66,7 +66,7 @@ def _name_harmonics(axes, data: xr.Dataset):
     orders = data.order.values[is_harmonic]
     for k, order in enumerate(orders, 1):
         axes.axvline(order, color="0.85", lw=0.8, zorder=0)
-        if k % -(-len(orders) // _NAMED) == 0:
+        if k % -(-len(orders) // _MAX_NAMED) == 0:
             name = "mesh" if k == 1 else f"{k} × mesh"
             options = {"of": ("data", "axes fraction"), "side": "center baseline"}
             rotation = 90 if len(orders) > 4 else 0

@@ -19,7 +19,7 @@ ROW_HEIGHT, LEGEND_HEIGHT = 1.8, 0.7
 CHARACTERS_PER_INCH = 15
 
 _UNITS = {"1": "", "min-1": "rpm", "degree": "degrees"}
-_WORDS = {
+_VALUE_LABELS = {
     "up": "speed up",
     "down": "speed down",
     "cold": "from rest",
@@ -58,7 +58,7 @@ def value_label(coordinate: xr.DataArray) -> str:
     """Return the label of a scalar coordinate: its name as printed, or "name = number unit"."""
     value = coordinate.item()
     if isinstance(value, str):
-        return _WORDS.get(value, style.damping_label(value))
+        return _VALUE_LABELS.get(value, style.damping_label(value))
     name, unit = name_and_unit(coordinate)
     return f"{name} = {value:g} {unit}".strip()
 
@@ -172,7 +172,7 @@ def draw_panels(
             axes.label_outer()
         if panel is not None:
             column[0].set_title(value_label(selected[panel]))
-    # Matplotlib gives lines without a label one that starts with an underscore.
+    # Matplotlib labels lines that have no label with a leading underscore.
     entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
     if entries:
         style.legend(figure, entries, min(len(entries), 4))

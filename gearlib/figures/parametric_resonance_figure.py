@@ -12,7 +12,7 @@ _Y_LABELS = {
     "damping": "damping ratio $\\beta$",
 }
 _COLOURS = ("#000000", "#0072B2", "#009E73", "#D55E00", "#CC79A7")
-_PAIR = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "label": "the pair"}
+_PAIR_LINE = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "label": "the pair"}
 
 
 @style.styled()
@@ -24,8 +24,8 @@ def draw(chart: xr.Dataset, facts: xr.Dataset):
     edges of tongues, circles points of width zero; the gear pair itself is dashed.
     """
     figure = style.page(6.6)
-    places = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
-    grid = figure.subplot_mosaic(places, height_ratios=[1.25, 1.0])
+    mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
+    grid = figure.subplot_mosaic(mosaic, height_ratios=[1.25, 1.0])
     for name, axes in grid.items():
         plane = chart.sel(plane=name)
         shade = _draw_tongues(axes, plane, float(chart.growth.max()) or 1.0)
@@ -37,7 +37,7 @@ def draw(chart: xr.Dataset, facts: xr.Dataset):
         if name == "damping":
             _draw_dampings(axes, plane, facts)
         else:
-            axes.axhline(value, **_PAIR)
+            axes.axhline(value, **_PAIR_LINE)
         axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[name])
     label = panels.axis_label(chart.growth)
     figure.colorbar(shade, ax=list(grid.values()), label=label, aspect=40)
@@ -77,7 +77,7 @@ def _draw_dampings(axes, plane: xr.Dataset, facts: xr.Dataset):
     ratios = facts.damping_ratio.round(12)
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:
-            axes.axhline(ratio, **_PAIR)
+            axes.axhline(ratio, **_PAIR_LINE)
             names = ", ".join(map(style.damping_label, dampings.damping.values))
             options = {"side": "left baseline", "of": ("axes fraction", "data")}
             style.note(axes, names, (0.01, ratio), (0, 2), **options)

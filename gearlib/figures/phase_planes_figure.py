@@ -36,14 +36,14 @@ def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
     return figure
 
 
-def draw_plane(axes, run: xr.Dataset, **look):
+def draw_plane(axes, run: xr.Dataset, **options):
     """Draw the phase plane of a run and shade its backlash; `options` are those of `Axes.plot`."""
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
     # If bearings move, back-side contact has no fixed displacement: only y < 0 is shaded.
     backlash = np.inf if "backlash" in run else float(run.backlash_ratio)
     style.shade_areas(axes, backlash, "x")
-    axes.plot(displacement, velocity, **look)
+    axes.plot(displacement, velocity, **options)
 
 
 def closed_orbit(run: xr.Dataset) -> np.ndarray:

@@ -9,8 +9,8 @@ from gearlib.figures import panels, style
 def draw(lags: xr.Dataset):
     """Return a figure of the phase lags of `gearlib.studies.paper.phase_lag`, by harmonic."""
     figure = style.page(6.4)
-    places = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
-    axes = figure.subplot_mosaic(places, height_ratios=(1.0, 1.6, 1.8))
+    mosaic = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
+    axes = figure.subplot_mosaic(mosaic, height_ratios=(1.0, 1.6, 1.8))
     styles = panels.curve_styles(lags.damping)
     curve_options = {"colour": "damping", "styles": styles}
     periods = panels.in_mesh_periods(lags)
@@ -33,9 +33,9 @@ def draw(lags: xr.Dataset):
 def _draw_bars(axes, lags: xr.Dataset, styles: list[dict]):
     """Draw the lags of all harmonics as bars, side by side for the dampings, in their styles."""
     width = 0.8 / len(styles)
-    for i, (look, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
+    for i, (options, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
         middle = lags.harmonic + (i - 0.5 * (len(styles) - 1)) * width
-        axes.bar(middle, lag, width, color=look["color"], edgecolor="white")
+        axes.bar(middle, lag, width, color=options["color"], edgecolor="white")
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set(xlabel=panels.axis_label(lags.harmonic), ylabel=panels.axis_label(lags.lag))
     axes.set_xticks(lags.harmonic.values)

@@ -13,7 +13,7 @@ from gearlib.figures import panels, style
 
 #: Dimensions of which each value is a curve.
 CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
-#: Directions of a sweep: their names, and the dashes and markers of those that carry their state.
+#: Directions of a sweep: their labels, and the dashes and markers of warm-started ones.
 DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 

@@ -170,8 +170,8 @@ def _draw_panel(axes, sweeps: xr.Dataset, look: style.Look, labels, branches):
     draw_sweep(axes, main, style.Look(COLD_COLOUR, "-", "."), width=3.0)
     others = [name for name in sweeps.direction.values if name != main.direction]
     for number, name in enumerate(others):
-        carried = style.Look(look.colour, *CARRIED[name])
-        draw_sweep(axes, sweeps.sel(direction=name), carried, number / 2)
+        direction_look = style.Look(look.colour, *CARRIED[name])
+        draw_sweep(axes, sweeps.sel(direction=name), direction_look, number / 2)
     if labels is not None:
         tuning, (low, high) = labels.tuning.values, axes.get_ylim()
         step = np.diff(tuning).min() if tuning.size > 1 else 0.01
@@ -189,7 +189,7 @@ def _shade_tongues(axes, tongues: xr.Dataset):
 def _entries(main: xr.Dataset, others: list[str], labels, branches, tongues) -> list:
     """Return legend handles for the panels of dampings.
 
-    `main` are the sweeps drawn broad, `others` names of other directions; the rest is as in `draw`.
+    `main` are the sweeps drawn broad, `others` names of other directions; see `draw` for the rest.
     """
     handles = [style.entry(DIRECTIONS[main.direction.item()], COLD_COLOUR, linewidth=3.0)]
     handles += [style.entry(DIRECTIONS[name], "black", *CARRIED[name]) for name in others]

@@ -8,8 +8,8 @@ from gearlib.figures.order_map_figure import order_map
 
 _HEIGHT, _MAP_HEIGHT = 3.4, 4.0
 _EXTREMA = ("displacement_max", "displacement_min")
-_SWEEP = {"color": "#BBBBBB", "linewidth": 2.5, "zorder": 1}
-_FOLD = {"line": style.DASHED, "linewidth": 0.6}
+_SWEEP_LINE = {"color": "#BBBBBB", "linewidth": 2.5, "zorder": 1}
+_FOLD_LINE = {"line": style.DASHED, "linewidth": 0.6}
 #: Code of a fold in the labels of branches.
 _FOLD_CODE = 1
 
@@ -29,11 +29,12 @@ def draw(run_ups: xr.Dataset, *, resonance=None, branches=None):
         handles = panels.draw_curves(axes, run_ups, "tuning", name, **curve_options)
     if resonance is not None:
         _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
-        handles.append(style.entry("sweeps", _SWEEP["color"], linewidth=_SWEEP["linewidth"]))
+        colour, width = _SWEEP_LINE["color"], _SWEEP_LINE["linewidth"]
+        handles.append(style.entry("sweeps", colour, linewidth=width))
     if branches is not None:
         for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD_CODE]):
-            axes.axvline(tuning, color="black", linestyle=_FOLD["line"], linewidth=0.6)
-        handles.append(style.entry("fold", **_FOLD))
+            axes.axvline(tuning, color="black", linestyle=_FOLD_LINE["line"], linewidth=0.6)
+        handles.append(style.entry("fold", **_FOLD_LINE))
     axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
@@ -49,6 +50,5 @@ def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
         sweeps = resonance.sel(damping=damping)
         sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])
         for name in _EXTREMA:
-            panels.draw_curves(
-                axes, sweeps, "tuning", name, line="direction", linestyle="-", **_SWEEP
-            )
+            options = {"line": "direction", "linestyle": "-"} | _SWEEP_LINE
+            panels.draw_curves(axes, sweeps, "tuning", name, **options)

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from gearlib.data.variables import QUANTITIES
 from gearlib.figures import panels, style
 
-_HEIGHT, _ROW = 5.0, 1.7
+_HEIGHT, _ROW_HEIGHT = 5.0, 1.7
 _BINS = 24
 _DIRECTIONS = {
     "up": "speed rises",
@@ -68,7 +68,7 @@ def bands(scattered: xr.Dataset):
 def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
     """Return a figure of histograms of data of `gearlib.scatter`, with Sobol' indices if any."""
     names = [name for name in QUANTITIES if name in scattered]
-    figure = style.page(_ROW * len(names))
+    figure = style.page(_ROW_HEIGHT * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)
     for row, name in zip(grid, names, strict=True):
         _draw_histogram(row[0], scattered, name)
@@ -99,7 +99,7 @@ def _draw_histogram(axes, scattered: xr.Dataset, name: str):
 
 def _draw_indices(axes, indices: xr.Dataset):
     """Draw the total and first Sobol' indices of a quantity by parameter, with intervals."""
-    places = np.arange(indices.sizes["parameter"])
+    positions = np.arange(indices.sizes["parameter"])
     for name, look in (
         ("total_index", {"facecolor": "none", "edgecolor": "black", "linewidth": 0.6}),
         ("first_index", {"color": style.PALETTE[0], "alpha": 0.6}),
@@ -107,7 +107,7 @@ def _draw_indices(axes, indices: xr.Dataset):
         index, (low, high) = indices[name].values, indices[f"{name}_interval"].values.T
         errors = np.clip([index - low, high - index], 0.0, None)
         look |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
-        axes.barh(places, index, height=0.7, **look)
-    axes.set_yticks(places, [str(name).replace("_", " ") for name in indices.parameter.values])
+        axes.barh(positions, index, height=0.7, **look)
+    axes.set_yticks(positions, [str(name).replace("_", " ") for name in indices.parameter.values])
     axes.invert_yaxis()
     axes.set_xlim(-0.05, 1.1)

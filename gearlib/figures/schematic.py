@@ -22,13 +22,13 @@ CONTACTS = {
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
 GREY, CARRIER, NO_CURVE = "#707070", "#D0D0D0", "#4D4D4D"
 #: Shares of the size of the picture: room beside it, and the radius of a shaft.
-_ROOM, _SHAFT = 0.06, 0.025
+_MARGIN, _SHAFT_RADIUS = 0.06, 0.025
 #: How far the mark of a ring gear goes, over the radius of its circle.
 RING_MARK = 1.06
 #: Relative differences of lengths that are rounding.
 SAME_LENGTH = 1e-6
 #: Width, a share of the page, and height in inches of a train beside and below its curves.
-_BESIDE, _BELOW = 0.3, 1.6
+_SIDE_SHARE, _HEIGHT_BELOW = 0.3, 1.6
 
 
 class Instant(NamedTuple):
@@ -36,7 +36,7 @@ class Instant(NamedTuple):
 
     circles: list  #: (x, y, radius, kind of `CIRCLES`)
     marks: np.ndarray  #: lines that turn with the bodies, from (x, y) to (x, y), shape (k, 2, 2)
-    arms: np.ndarray  #: lines from the axis of a carrier to those that it carries, (a, 2, 2)
+    arms: np.ndarray  #: lines from the axis of a carrier to the bodies on it, shape (a, 2, 2)
     shafts: np.ndarray  #: axes on which shafts join bodies, (s, 2)
     meshes: np.ndarray  #: pitch points, (m, 2)
 
@@ -90,30 +90,30 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
     `layout` is that of `GearTrain.layout`, `colours` maps mesh names to colours, `contact` holds
     the contact code (1, 0, -1) of each mesh; `title` are the first lines of the title.
     """
-    now = instant(layout, phase)
-    for ends in now.arms:
+    drawing = instant(layout, phase)
+    for ends in drawing.arms:
         axes.plot(*ends.T, color=CARRIER, linewidth=3.0, solid_capstyle="round", zorder=1)
-    for x, y, radius, kind in now.circles:
+    for x, y, radius, kind in drawing.circles:
         width, dashes = CIRCLES[kind]
-        look = {"linewidth": width, "linestyle": dashes, "edgecolor": GREY, "zorder": 2}
-        axes.add_patch(Circle((x, y), radius, fill=False, **look))
-    for ends in now.marks:
+        options = {"linewidth": width, "linestyle": dashes, "edgecolor": GREY, "zorder": 2}
+        axes.add_patch(Circle((x, y), radius, fill=False, **options))
+    for ends in drawing.marks:
         axes.plot(*ends.T, color=GREY, linewidth=0.5, zorder=2)
     axes.set_aspect("equal")
-    axes.margins(_ROOM)
+    axes.margins(_MARGIN)
     axes.autoscale_view()
-    radius = _SHAFT * max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
-    for place in now.shafts:
-        axes.add_patch(Circle(place, radius, facecolor=GREY, linewidth=0, zorder=3))
+    radius = _SHAFT_RADIUS * max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
+    for centre in drawing.shafts:
+        axes.add_patch(Circle(centre, radius, facecolor=GREY, linewidth=0, zorder=3))
     names = [str(name) for name in layout.mesh.values]
     curves = {name: look.colour for name, look in style.looks(names).items()}
     colours = [(curves if colours is None else colours).get(name, NO_CURVE) for name in names]
     codes = [1] * len(names) if contact is None else [int(code) for code in contact]
-    for colour, (x, y), code in zip(colours, now.meshes, codes, strict=True):
+    for colour, (x, y), code in zip(colours, drawing.meshes, codes, strict=True):
         marker, filled, _ = CONTACTS[code]
         face = {"markerfacecolor": colour if filled else "white", "markeredgewidth": 0.9}
         style.dots(axes, [x], [y], marker, colour, 4.0, zorder=5, **face)
-    _draw_names(axes, names, now.meshes, colours)
+    _draw_names(axes, names, drawing.meshes, colours)
     axes.set_axis_off()
     axes.set_title("\n".join([*title, *description(layout, codes)]), fontsize=6 if title else None)
 
@@ -169,10 +169,10 @@ def beside(axes: Axes, train, run=None, colours=None) -> Axes:
 
     Contact is that at the start of `run`, if given; `colours` maps mesh names to colours.
     """
-    grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
+    grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _SIDE_SHARE, _SIDE_SHARE))
     axes.set_subplotspec(grid[0])
     width, height = axes.figure.get_size_inches()
-    axes.figure.set_size_inches(width / (1.0 - _BESIDE), height)
+    axes.figure.set_size_inches(width / (1.0 - _SIDE_SHARE), height)
     layout = train.layout()
     phase, contact = instant_of_run(layout, None if run is None or int(run.status) else run)
     when = "of the train" if contact is None else "at the first instant shown"
@@ -191,9 +191,9 @@ def with_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> F
         return figure
     if below:
         width, height = figure.get_size_inches()
-        figure.set_size_inches(width, height + _BELOW)
-        remaining, added = figure.subfigures(2, 1, height_ratios=(height, _BELOW))
+        figure.set_size_inches(width, height + _HEIGHT_BELOW)
+        remaining, added = figure.subfigures(2, 1, height_ratios=(height, _HEIGHT_BELOW))
     else:
-        remaining, added = figure.subfigures(1, 2, width_ratios=(1.0 - _BESIDE, _BESIDE))
+        remaining, added = figure.subfigures(1, 2, width_ratios=(1.0 - _SIDE_SHARE, _SIDE_SHARE))
     draw(added.subplots(), data, colours, title=["meshes of the train"])
     return remaining

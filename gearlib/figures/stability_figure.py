@@ -21,15 +21,15 @@ VERDICTS = (
 )
 
 
-def verdicts(radius: np.ndarray, true: np.ndarray) -> np.ndarray:
+def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
     """Return an index in `VERDICTS` for each spectral radius of a method, shape (steps, tunings).
 
-    `true` has the exact spectral radius, shape (tunings,); above 1 the motion is unstable.
+    `true_radius`, shape (tunings,), is exact; above 1 the motion is unstable.
     """
-    stable, too_large = true <= 1.0 + 1e-9, radius > true + CLOSE
+    stable, too_large = true_radius <= 1.0 + 1e-9, radius > true_radius + CLOSE
     conditions = [
-        (radius <= 1.0) & ~stable & (true > 1.0 + CLOSE),  # 4: hides the instability
-        radius < true - CLOSE,  # 3: damps falsely
+        (radius <= 1.0) & ~stable & (true_radius > 1.0 + CLOSE),  # 4: hides the instability
+        radius < true_radius - CLOSE,  # 3: damps falsely
         too_large & stable & (radius > 1.0 + CLOSE),  # 0: invents motion
         too_large,  # 1: grows too fast
     ]

@@ -69,15 +69,15 @@ _METADATA = {
 }
 
 #: Height of the line that names the gears, inches.
-_LINE = 0.14
+_GEARS_LINE_HEIGHT = 0.14
 
 #: Digits of a place in shares of the figure: a thousandth of a pixel.
-_DIGITS = 6
+_POSITION_DIGITS = 6
 
 #: Smallest span of an axis, a share of its largest value: a smaller one shows only rounding.
 LEAST_SPAN = 0.01
 
-_PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
+_LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def damping_label(name: str) -> str:
 
 def length_unit(length: float) -> tuple[float, str]:
     """Return the most readable unit of a length in m: its size in m and its name (m to nm)."""
-    return next(((size, name) for size, name in _PREFIXES if length >= size), _PREFIXES[-1])
+    return next(((size, name) for size, name in _LENGTH_UNITS if length >= size), _LENGTH_UNITS[-1])
 
 
 def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
@@ -130,12 +130,12 @@ def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
     return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))
 
 
-def draw_rise_and_fall(axes: Axes, x: ArrayLike, y: ArrayLike, falls: np.ndarray, **look):
+def draw_rise_and_fall(axes: Axes, x: ArrayLike, y: ArrayLike, falls: np.ndarray, **options):
     """Draw y over x, solid, and dotted where the mask `falls` is true; options of `Axes.plot`."""
     for mask, dashes in ((~falls, "-"), (falls, ":")):
         if mask.any():
-            axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **look)
-            look["label"] = None
+            axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **options)
+            options["label"] = None
 
 
 def shade_areas(axes: Axes, backlash: float, direction: str) -> dict[str, tuple[float, float]]:
@@ -213,7 +213,7 @@ def dots(axes: Axes, x: ArrayLike, y: ArrayLike, marker: str, colour: str, size:
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
-def note(axes, words, at, away=None, side="left center", of="data", white=None, **options):
+def note(axes, text, at, away=None, side="left center", of="data", white=None, **options):
     """Write a small text at the point `at`, or `away` from it by (x, y) in printer's points.
 
     `side` is the text's anchor, "horizontal vertical"; `of` are the coordinates of `at` as in
@@ -225,7 +225,7 @@ def note(axes, words, at, away=None, side="left center", of="data", white=None, 
         options["bbox"] = box | ({"alpha": white[1]} if len(white) > 1 else {})
     if away:
         options |= {"xytext": away, "textcoords": "offset points"}
-    axes.annotate(words, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
+    axes.annotate(text, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
 def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
@@ -264,8 +264,8 @@ def note_absent(figure: Figure, methods: list[str]):
 def name_gears(figure: Figure, name: str):
     """Write the name of the gears in a line below a figure; the figure becomes higher by it."""
     width, height = figure.get_size_inches()
-    figure.set_size_inches(width, height + _LINE)
-    bottom = _LINE / (height + _LINE)
+    figure.set_size_inches(width, height + _GEARS_LINE_HEIGHT)
+    bottom = _GEARS_LINE_HEIGHT / (height + _GEARS_LINE_HEIGHT)
     if figure.get_layout_engine() is None:
         figure.set_layout_engine("constrained")
     figure.get_layout_engine().set(rect=(0.0, bottom, 1.0, 1.0 - bottom))  # type: ignore[call-arg]
@@ -291,9 +291,9 @@ def _freeze(figure: Figure):
     figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = axes.get_position(original=True).bounds
-        axes.set_position([round(x, _DIGITS) for x in (left, bottom, width, height)])
+        axes.set_position([round(x, _POSITION_DIGITS) for x in (left, bottom, width, height)])
     for text in figure.texts:
-        text.set_position([round(x, _DIGITS) for x in text.get_position()])
+        text.set_position([round(x, _POSITION_DIGITS) for x in text.get_position()])
 
 
 def save(figure: Figure, path: str | Path):

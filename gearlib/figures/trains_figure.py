@@ -1,6 +1,6 @@
 """All meshes of a gear train over speed: dynamic factors, load sharing, time in contact.
 
-From rest, lines are medians over all starts and shades their range; marks are motions carried up
+From rest, lines are medians over all starts and shades their range; marks are motions swept up
 and down. Meshes that move alike lie on top of each other. The lowest row has the share of the
 starts that settle, and of those that share one motion.
 """
@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from gearlib.figures import panels, schematic, style
 
-_CARRIED_MARKERS = {"up": "^", "down": "v"}
+_SWEPT_MARKERS = {"up": "^", "down": "v"}
 #: Motions whose values differ by a smaller share look the same.
 SAME_MOTION_TOLERANCE = 0.01
 #: Share of the starts -> height of its marks in a panel, marker, label.
@@ -20,7 +20,7 @@ _SINGLE_BRANCH_MARKS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
     "struck_alone_share": (0.08, "x", "far flank struck in this branch only"),
 }
-_POINT = {"line": "none", "markersize": 3}
+_MARKERS_ONLY = {"line": "none", "markersize": 3}
 
 
 @style.styled()
@@ -72,7 +72,7 @@ def draw_reducer(characteristics: xr.Dataset):
         style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
     handles = panels.legend_entries(stages[1]) + _common_entries()
     for _, marker, label in _SINGLE_BRANCH_MARKS.values():
-        handles.append(style.entry(label, marker=marker, **_POINT))
+        handles.append(style.entry(label, marker=marker, **_MARKERS_ONLY))
     style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
@@ -87,8 +87,8 @@ def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
 def _common_entries() -> list:
     """Return legend handles for warm-started motions, and for ranges and shares of the starts."""
     handles = [
-        style.entry(f"speed {direction}, where it differs", marker=mark, mfc="none", **_POINT)
-        for direction, mark in _CARRIED_MARKERS.items()
+        style.entry(f"speed {way}, where it differs", marker=mark, mfc="none", **_MARKERS_ONLY)
+        for way, mark in _SWEPT_MARKERS.items()
     ]
     spread = Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts")
     settled = Patch(color="0.8", label="share of the starts that settle")
@@ -125,16 +125,19 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
     """
     cold = case.sel(direction="cold")
     panels.draw_curves(axes, cold, x, name, colour="mesh", styles=styles)
-    for mesh, look in styles.items():
+    for mesh, curve_options in styles.items():
         low, high = (cold[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
-        axes.fill_between(cold[x], low, high, color=look["color"], alpha=0.25, linewidth=0.0)
-    for direction, marker in _CARRIED_MARKERS.items():
-        carried = case.sel(direction=direction)
-        above, below = (carried[name] - cold[f"{name}_high"], cold[f"{name}_low"] - carried[name])
+        axes.fill_between(
+            cold[x], low, high, color=curve_options["color"], alpha=0.25, linewidth=0.0
+        )
+    for direction, marker in _SWEPT_MARKERS.items():
+        swept = case.sel(direction=direction)
+        above = swept[name] - cold[f"{name}_high"]
+        below = cold[f"{name}_low"] - swept[name]
         differs = np.maximum(above, below) > SAME_MOTION_TOLERANCE * abs(cold[name])
-        look = {"marker": marker, "linestyle": "none", "markerfacecolor": "none", "markersize": 2.2}
-        marks = case[[x]].assign({name: carried[name].where(differs)})
-        panels.draw_curves(axes, marks, x, name, colour="mesh", styles=styles, **look)
+        options = {"marker": marker, "linestyle": "none", "mfc": "none", "markersize": 2.2}
+        marks = case[[x]].assign({name: swept[name].where(differs)})
+        panels.draw_curves(axes, marks, x, name, colour="mesh", styles=styles, **options)
     axes.grid(linewidth=0.3, color="0.85")
 
 

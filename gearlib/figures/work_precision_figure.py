@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from gearlib.figures import panels, style
 
 _ROW_HEIGHT, _FOOT = 2.15, 1.25
-_GREY = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
+_GREY_AREA = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
 
 #: Problem -> title of its panel.
 PROBLEMS = {
@@ -37,7 +37,8 @@ _FAMILIES = {
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "osD^vPX<>hp"
-_MARKER = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5, "markeredgecolor": "white"}
+_LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
+_LINE_OPTIONS["markeredgecolor"] = "white"
 
 
 def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
@@ -67,13 +68,13 @@ def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
     for each method.
     """
     data = _joined(errors).assign(period_time=_joined(times).period_time)
-    # The quickest measurement is the least disturbed one.
+    # The shortest measured time is the least disturbed one.
     closed_form_time = min(float(method.closed_form_time) for method in times)
     label = "rounding; less than one closed form"
     figure = _draw_panels(data, "period_time", _panels(data, "state"), label)
     for axes in figure.axes:
         axes.set_xlim(left=0.3 * closed_form_time)
-        axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY)
+        axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY_AREA)
     return figure
 
 
@@ -84,12 +85,12 @@ def draw_measures(errors: list[xr.Dataset]):
     `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each method.
     """
     data = _joined(errors)
-    places = _panels(data, "event") + _panels(data, "multiplier")
-    return _draw_panels(data, "period_evaluations", places, "rounding")
+    panel_errors = _panels(data, "event") + _panels(data, "multiplier")
+    return _draw_panels(data, "period_evaluations", panel_errors, "rounding")
 
 
 def _joined(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Return the datasets of all methods as one along ``rung``, the accuracy levels of methods."""
+    """Return one dataset of all methods, along the dimension "rung" of their accuracy levels."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
@@ -99,30 +100,30 @@ def _panels(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
     return [(problem, kind) for problem in data.problem.values[known.values]]
 
 
-def _draw_panels(data: xr.Dataset, cost: str, places: list[tuple], grey_words: str):
-    """Return a figure of errors over the variable `cost`, a panel per (problem, kind) in `places`.
+def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
+    """Return a figure of errors over the variable `cost`, a panel for each of `panel_errors`.
 
-    `grey_words` is the legend label of the grey area, in which errors are only rounding.
+    These are (problem, kind of error); `grey_label` is the legend label of the area of rounding.
     """
-    rows = -(-len(places) // 2)
+    rows = -(-len(panel_errors) // 2)
     figure = style.page(_FOOT + _ROW_HEIGHT * rows)
     styles = _line_styles(data)
     edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
-    for i, (problem, kind) in enumerate(places):
+    for i, (problem, kind) in enumerate(panel_errors):
         axes = figure.add_subplot(rows, 2, i + 1)
         error, floor = data[f"{kind}_error"], data[f"{kind}_floor"]
         axes.set(xscale="log", yscale="log", title=PROBLEMS.get(problem, problem))
         axes.set_xlim(*_log_limits(0.25, data[cost].sel(problem=problem)))
         axes.set_ylim(*_log_limits(0.1, error, floor))
-        if i % 2 == 0 or places[i - 1][1] != kind:
+        if i % 2 == 0 or panel_errors[i - 1][1] != kind:
             axes.set_ylabel(panels.axis_label(error, 30))
-        if i >= len(places) - 2:
+        if i >= len(panel_errors) - 2:
             axes.set_xlabel(panels.axis_label(data[cost]) + edge)
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
-    handles = [Line2D([], [], **look) for look in styles.values()]
+    handles = [Line2D([], [], **options) for options in styles.values()]
     handles += [style.entry(*family) for family in families]
-    style.legend(figure, [*handles, Patch(label=grey_words, **_GREY)], 4, fontsize=6.5)
+    style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], 4, fontsize=6.5)
     return figure
 
 
@@ -130,11 +131,11 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
     """Return a dict of `Axes.plot` options by name of a line (a method), sorted by family."""
     families = dict(zip(data.line.values, data.family.values, strict=True))
     lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
-    looks = {}
+    styles = {}
     for line, marker in zip(lines, cycle(_MARKERS), strict=False):
         _, colour, dashes = _FAMILIES[families[line]]
-        looks[line] = {"color": colour, "linestyle": dashes, "marker": marker, "label": line}
-    return {line: look | _MARKER for line, look in looks.items()}
+        styles[line] = {"color": colour, "linestyle": dashes, "marker": marker, "label": line}
+    return {line: options | _LINE_OPTIONS for line, options in styles.items()}
 
 
 def _log_limits(factor: float, *arrays: xr.DataArray) -> tuple[float, float]:
@@ -150,9 +151,9 @@ def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str,
     `kind` is that of the error: state, event or multiplier; `styles` has plot options by method.
     """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
-    x, y = data[cost], data[f"{kind}_error"]
-    x, y = x.where(x != 0.0, 1.4 * left), y.where(y != 0.0, 1.5 * bottom)
-    for line, look in styles.items():
+    costs, errors = data[cost], data[f"{kind}_error"]
+    x, y = costs.where(costs != 0.0, 1.4 * left), errors.where(errors != 0.0, 1.5 * bottom)
+    for line, options in styles.items():
         rungs = data.line.values == line
-        axes.plot(x[rungs], y[rungs], clip_on=False, **look)
-    axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY)
+        axes.plot(x[rungs], y[rungs], clip_on=False, **options)
+    axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY_AREA)
