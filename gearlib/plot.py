@@ -50,40 +50,43 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     Parameters
     ----------
     *sweeps : xarray.Dataset
-        Of `gearlib.sweep`, as many as shall be compared; over damping and direction as well, as the
-        workflow has them, each is a curve.
+        Datasets returned by `gearlib.sweep`, to compare; datasets of the workflow, which also have
+        the dimensions damping and direction, have a curve for each of these.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
-        Of the datasets; by default damping, direction and mesh, as far as these differ.
+        Legend label of each dataset; by default damping, direction and mesh where they differ.
     variable : str, optional
-        Any over the tuning; by default the largest and smallest displacement, of a gear train
-        the dynamic factor of each mesh.
+        Name of a variable over the tuning; by default the largest and smallest displacement, or
+        for a gear train the dynamic factor of each mesh.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
     ValueError
         If a dataset has no such variable over the tuning.
     """
-    train = any("mesh" in sweep.dims for sweep in sweeps)
-    default = ("dynamic_factor",) if train else resonance_figure.EXTREMA
+    is_train = any("mesh" in sweep.dims for sweep in sweeps)
+    default = ("dynamic_factor",) if is_train else resonance_figure.EXTREMA
     names = default if variable is None else (variable,)
     curves = plot_curves.curves("resonance", sweeps, labels, (*names, "period"), "sweep", "tuning")
     axes = plot_curves.axes_or_new(axes)
-    data = [curve.data.sortby("tuning") for curve in curves]
-    axes.set_ylim(style.limits(*(resonance_figure.shown_range(one, names) for one in data)))
-    axes.set_xlim(style.limits(*(one.tuning for one in data), margin=0.0))
-    for number, (curve, sweep) in enumerate(zip(curves, data, strict=True)):
-        shift = number / len(curves)
+    sorted_sweeps = [curve.data.sortby("tuning") for curve in curves]
+    ranges = [resonance_figure.shown_range(sweep, names) for sweep in sorted_sweeps]
+    axes.set_ylim(style.limits(*ranges))
+    axes.set_xlim(style.limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
+    for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
+        shift = number / len(curves)  # Moves the markers, so that equal curves stay visible.
         resonance_figure.draw_sweep(axes, sweep, curve.look, shift, names, label=curve.label)
     axes.set_xlabel(style.OWN_TUNING)
-    axes.set_ylabel(panels.axis_label(data[0][names[0]], 45))
-    speeds = {float(one.speed[-1] / one.tuning[-1]) for one in data if "speed" in one}
+    axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], 45))
+    speeds = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
     if len(speeds) == 1 and plot_curves.in_si(curves):
-        style.second_scale(axes, speeds.pop(), panels.axis_label(data[0].speed))
+        style.second_scale(axes, speeds.pop(), panels.axis_label(sorted_sweeps[0].speed))
     if names == resonance_figure.EXTREMA:
         axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
         plot_curves.shade_backlash(axes, curves, "y")
@@ -93,19 +96,21 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 
 @style.styled()
 def phase_plane(*runs, axes=None, labels=None):
-    """Draw velocities over displacements; orbits that repeat, in whole records, are closed.
+    """Draw velocities over displacements; a motion that repeats is drawn as a closed curve.
 
     Parameters
     ----------
     *runs : xarray.Dataset
-        Of `gearlib.simulate`; each mesh, case or damping in them is a curve.
+        Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
-        Of the datasets.
+        Legend label of each dataset.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -116,12 +121,13 @@ def phase_plane(*runs, axes=None, labels=None):
     curves = plot_curves.curves("phase_plane", runs, labels, names, "simulate", "phase")
     axes = plot_curves.axes_or_new(axes)
     for curve in curves:
-        orbit = phase_planes_figure.closed_orbit(curve.data)
+        displacements, velocities = phase_planes_figure.closed_orbit(curve.data)
         line = curve.look.line
         if "stable" in curve.data:
             line = "-" if curve.data.stable else style.DASHED
-        axes.plot(*orbit, color=curve.look.colour, linestyle=line, label=curve.label)
-    # With moving bearings the far flank is no line in this plane.
+        look = {"color": curve.look.colour, "linestyle": line}
+        axes.plot(displacements, velocities, label=curve.label, **look)
+    # With moving bearings the backlash varies, so that it has no fixed limit in this plane.
     if not any("backlash" in run for run in runs):
         plot_curves.shade_backlash(axes, curves, "x")
     for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
@@ -134,22 +140,24 @@ def phase_plane(*runs, axes=None, labels=None):
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """Draw a variable over the mesh periods, with each gain and loss of contact.
 
-    The times in the backlash are shaded if there is only one curve. A tick on the curve of a pair
-    is where the contact changes.
+    Intervals of contact loss are shaded if there is only one curve. Ticks on the curve of a gear
+    pair mark the changes of contact.
 
     Parameters
     ----------
     *runs : xarray.Dataset
-        Of `gearlib.simulate`; each mesh, case or damping in them is a curve.
+        Datasets returned by `gearlib.simulate`; each mesh, case or damping has its own curve.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
-        Of the datasets.
+        Legend label of each dataset.
     variable : str
-        Any over the phase, such as velocity, dynamic_force, stiffness.
+        Name of a variable over the phase, such as velocity, dynamic_force, stiffness.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -158,20 +166,20 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     """
     curves = plot_curves.curves("time_course", runs, labels, (variable,), "simulate", "phase")
     axes = plot_curves.axes_or_new(axes)
-    ends = []
+    limits = []
     for curve in curves:
         run = panels.in_mesh_periods(curve.data)
-        periods, heights = run.phase.values, run[variable].values
+        periods, values = run.phase.values, run[variable].values
         look = {"color": curve.look.colour, "linestyle": curve.look.line}
-        axes.plot(periods, heights, label=curve.label, **look)
-        ends += [periods[0], periods[-1]]
+        axes.plot(periods, values, label=curve.label, **look)
+        limits += [periods[0], periods[-1]]
         if "event_phase" in run and "mesh" not in run.coords:
             events = run.event_phase.values / math.tau
-            at = np.interp(events, periods, heights)
-            style.dots(axes, events, at, "|", curve.look.colour, 7.0, zorder=3)
+            event_values = np.interp(events, periods, values)
+            style.dots(axes, events, event_values, "|", curve.look.colour, 7.0, zorder=3)
     if len(curves) == 1 and "contact" in run:
         time_courses_figure.shade_contact(axes, periods, run.contact.values)
-    axes.set_xlim(min(ends), max(ends))
+    axes.set_xlim(min(limits), max(limits))
     axes.set_xlabel(panels.axis_label(run.phase))
     axes.set_ylabel(panels.axis_label(run[variable], 45))
     frequency = plot_curves.common_scalar(curves, "mesh_frequency")
@@ -183,22 +191,24 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
 
 @style.styled()
 def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
-    """Draw a variable of the revolutions of run-ups over their speed; dotted where it falls.
+    """Draw a variable of each revolution of run-ups over the speed; dotted where the speed falls.
 
     Parameters
     ----------
     *runs : xarray.Dataset
-        Of `gearlib.run_up`; each mesh of a train is a colour.
+        Datasets returned by `gearlib.run_up`; each mesh of a train has its own colour.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
-        Of the datasets.
+        Legend label of each dataset.
     variable : str
-        Any over ``revolution``: extrema of displacement and dynamic_force, mean_force, bounces,
-        fraction_normal.
+        Name of a variable over ``revolution``: extrema of displacement and dynamic_force,
+        mean_force, bounces, fraction_normal.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -209,15 +219,15 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
     curves = plot_curves.curves("run_up", runs, labels, names, "run_up", "revolution")
     axes = plot_curves.axes_or_new(axes)
     variables = [curve.data[variable] for curve in curves]
-    size, unit = style.readable_unit(variables[0].units, *variables)
-    for curve, heights in zip(curves, variables, strict=True):
+    unit_size, unit = style.readable_unit(variables[0].units, *variables)
+    for curve, values in zip(curves, variables, strict=True):
         speed = curve.data.revolution_speed.values
-        # The last revolution goes on as the one before it.
-        falls = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
+        # The first revolution counts as falling if the speed falls after it.
+        falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
         look = {"color": curve.look.colour, "label": curve.label}
-        style.draw_rise_and_fall(axes, speed, heights.values / size, falls, **look)
+        style.draw_rise_and_fall(axes, speed, values.values / unit_size, falling, **look)
     axes.set_xlabel("speed (rpm)")
-    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], size, unit), 45))
+    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), 45))
     return plot_curves.add_legend(axes)
 
 
@@ -225,19 +235,21 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
 def campbell(diagram, *, axes=None, to=None):
     """Draw the natural frequencies of a train and the mesh frequencies over the speed.
 
-    Dots are intersections at which the meshes excite the mode, circles those at which not.
+    Dots mark intersections where the meshes excite the mode, circles the other intersections.
 
     Parameters
     ----------
     diagram : xarray.Dataset
-        Of `GearTrain.campbell`.
+        Dataset returned by `GearTrain.campbell`.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     to : float, optional
-        Where the picture ends, rpm; by default beyond the last intersection of the first order.
+        Upper limit of the speed axis, rpm; by default just beyond the last intersection.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -258,29 +270,32 @@ def campbell(diagram, *, axes=None, to=None):
 
 @style.styled()
 def schematic(train, *, run=None, phase=None, axes=None):
-    """Draw a train seen along its axes: pitch circles, shafts, carriers, and its meshes by name.
+    """Draw a train seen along its axes: pitch circles, shafts, carriers and named meshes.
 
     Meshes have the colours of their curves in `resonance` and `time_course`.
 
     Parameters
     ----------
     train : gearlib.GearTrain
+        Gear train to draw.
     run : xarray.Dataset, optional
-        Of `gearlib.simulate`, or `GearTrain.static`: meshes that are out of contact at this phase
-        are open, those whose far flanks touch are diamonds.
+        Dataset returned by `gearlib.simulate` or `GearTrain.static` for this train: meshes without
+        contact at `phase` have open marks, meshes in back-side contact have diamonds.
     phase : float, optional
-        Of the reference mesh, rad, by which the train has turned; by default that at which the
-        record of the run begins, 0 without one.
+        Mesh phase of the reference mesh, rad, at which the train is drawn; by default the first
+        phase of the run's record, or 0 without a run.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
     ValueError
-        If it is no train, the run is not one of its meshes, or the phase lies beside its record.
+        If `train` is no gear train, the run has other meshes, or the phase is outside its record.
     """
     try:
         layout = train.layout()
@@ -302,12 +317,15 @@ def harris_map(errors, *, axes=None):
     Parameters
     ----------
     errors : xarray.Dataset
-        Of `gearlib.geometry.Mesh.transmission_error`; the torque, in N m, is beside its curve.
+        Dataset returned by `gearlib.geometry.Mesh.transmission_error`, over torque and phase; each
+        curve is labelled by its torque in N m.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -331,20 +349,22 @@ def harris_map(errors, *, axes=None):
 
 @style.styled()
 def values(data, *names, axes=None):
-    """Draw variables over their last dimension, a mark for each entry, as tables hold them.
+    """Draw variables of one physical unit over their last dimension, with a mark for each entry.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Such as of `GearTrain.modes` or `GearTrain.static`; each entry of other dimensions has marks
-        of its own.
+        Dataset such as `GearTrain.modes` or `GearTrain.static` return; each entry of the other
+        dimensions has its own marks.
     *names : str
-        Variables of one unit.
+        Names of the variables, which have the same unit and dimensions.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
@@ -356,50 +376,53 @@ def values(data, *names, axes=None):
         if not data[name].ndim:
             raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
     axes = plot_curves.axes_or_new(axes)
-    *others, over = data[names[0]].dims
-    rows = {}
+    *other_dims, last_dim = data[names[0]].dims
+    curves = {}
     for name in names:
-        prefix = [panels.name_and_unit(data[name])[0]] * (len(names) > 1)
-        for place in np.ndindex(*data[name].shape[:-1]):
-            row = data[name].isel(dict(zip(others, place, strict=True)))
-            rows[" ".join([*prefix, *(f"{row[dim].item():g}" for dim in others)])] = row
-    for label, look in style.looks(rows).items():
-        axes.plot(rows[label], look.marker, color=look.colour, ms=4, label=label)
-    ticks = [str(value) for value in data[over].values]
-    shown = slice(None, None, -(-len(ticks) // 12))
-    tilted = {"rotation": 30, "ha": "right"} if max(map(len, ticks)) > 5 else {}
-    axes.set_xticks(range(len(ticks))[shown], ticks[shown], **tilted)
-    axes.set_xlabel(over.replace("_", " "))
+        prefix = [panels.name_and_unit(data[name])[0]] if len(names) > 1 else []
+        for index in np.ndindex(*data[name].shape[:-1]):
+            curve = data[name].isel(dict(zip(other_dims, index, strict=True)))
+            coordinates = [f"{curve[dim].item():g}" for dim in other_dims]
+            curves[" ".join(prefix + coordinates)] = curve
+    for label, look in style.looks(curves).items():
+        axes.plot(curves[label], look.marker, color=look.colour, ms=4, label=label)
+    tick_labels = [str(value) for value in data[last_dim].values]
+    shown = slice(None, None, math.ceil(len(tick_labels) / 12))  # At most 12 tick labels.
+    tilted = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
+    axes.set_xticks(range(len(tick_labels))[shown], tick_labels[shown], **tilted)
+    axes.set_xlabel(last_dim.replace("_", " "))
     label = panels.axis_label(data[names[0]], 45)
     axes.set_ylabel(label if len(names) == 1 else ", ".join(names).replace("_", " "))
-    axes.set_ylim(style.limits(*rows.values()))
-    if len(rows) > 1:
-        axes.legend(title=" and ".join(others).replace("_", " "))
+    axes.set_ylim(style.limits(*curves.values()))
+    if len(curves) > 1:
+        axes.legend(title=" and ".join(other_dims).replace("_", " "))
     return axes
 
 
 @style.styled()
 def orbit(*orbits, axes=None, labels=None):
-    """Draw periodic orbits in the phase plane, or branches of them over their parameter.
+    """Draw periodic orbits in the phase plane, or branches of orbits over their parameter.
 
     Parameters
     ----------
     *orbits : Orbit or xarray.Dataset
-        Of `gearlib.periodic_orbit`: stable ones are solid, unstable ones dashed. Or of
-        `gearlib.continue_orbit`: largest and smallest displacement, solid where stable, with
-        folds, period doublings and grazings marked.
+        Either orbits returned by `gearlib.periodic_orbit`, solid if stable and dashed if unstable;
+        or datasets returned by `gearlib.continue_orbit`, with the largest and smallest
+        displacement, solid where stable, and marks at folds, period doublings and grazings.
     axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
-        Of orbits; by default their periods.
+        Legend label of each orbit or branch; by default stability and period of each orbit.
 
     Returns
     -------
     matplotlib.axes.Axes
+        Axes with the picture.
 
     Raises
     ------
     ValueError
-        If it is neither, or both.
+        If orbits and datasets are mixed, or an argument is neither.
     """
     if orbits and all(isinstance(orbit, Orbit) for orbit in orbits):
         periods = [
@@ -425,9 +448,9 @@ def orbit(*orbits, axes=None, labels=None):
     return axes
 
 
-def _time_course_of(orbit):
-    """Return the run of an orbit over one of its periods, and whether it is stable."""
+def _time_course_of(orbit: Orbit):
+    """Return the simulated dataset of an orbit over one period, with its stability as variable."""
     counts = {"periods": orbit.period, "record_periods": orbit.period}
     run = simulate(orbit.pair, orbit.tuning, initial_state=tuple(orbit.state), **counts)
-    # Rounding may grow along an unstable orbit, so that the run does not find its period.
+    # Rounding errors grow along an unstable orbit, so the run may not detect its period.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))
