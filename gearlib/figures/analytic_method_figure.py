@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 
 from gearlib.figures import panels, style
 
@@ -42,15 +42,13 @@ def draw_convergence(data: xr.Dataset):
     return figure
 
 
-def _draw_courses(figure: SubFigure, data: xr.Dataset):
+def _draw_courses(figure, data: xr.Dataset):
     """Draw iterates over the exact orbit, a panel for each tuning shown."""
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
-    curve_options = {"panel": "shown", "colour": "iteration", "styles": styles}
+    options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
     courses = panels.in_mesh_periods(data)
-    grid = panels.draw_panels(
-        courses, "phase", "iterate_displacement", figure=figure, **curve_options
-    )
+    grid = panels.draw_panels(courses, "phase", "iterate_displacement", **options)
     for i, axes in enumerate(grid[0]):
         exact = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
         axes.plot(courses.phase, data.exact_displacement[i], **exact)
@@ -59,7 +57,7 @@ def _draw_courses(figure: SubFigure, data: xr.Dataset):
         axes.set_ylabel(panels.axis_label(data.exact_displacement, 24) if i == 0 else "")
 
 
-def _draw_range(figure: SubFigure, data: xr.Dataset):
+def _draw_range(figure, data: xr.Dataset):
     """Draw contraction factors over the tuning and the number of degenerate harmonics."""
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
@@ -117,7 +115,7 @@ def _draw_errors(axes, data: xr.Dataset):
     axes.set(xlabel="harmonics $h$", ylabel="largest error over the period")
 
 
-def _draw_resonance(figure: SubFigure, data: xr.Dataset):
+def _draw_resonance(figure, data: xr.Dataset):
     """Draw the displacement extrema of harmonic balance over those of exact sweeps."""
     axes = figure.subplots()
     for direction, (colour, marker) in _DIRECTIONS.items():

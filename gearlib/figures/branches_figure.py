@@ -2,7 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from gearlib.figures import panels, style
@@ -72,7 +71,7 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
             style.dots(axes, x[points], y[points], marker, colour, size, zorder=3)
 
 
-def entries(labels: ArrayLike, line="none") -> list[Line2D]:
+def entries(labels: ArrayLike, line="none") -> list:
     """Return legend handles of branches, and of special points (codes in `labels`) with `line`."""
     handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
     for code, (name, colour, marker) in SPECIAL_POINTS.items():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.lines import Line2D
 
 from gearlib.data.motions import contact_loss_fraction
 from gearlib.figures import schematic, style
@@ -46,7 +45,7 @@ def mesh_frequency(diagram: xr.Dataset) -> float:
     return 1e-3 * float(diagram.natural_frequency[0] / diagram.critical_speed[0, 0]) / order
 
 
-def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list[Line2D]:
+def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     """Draw natural frequencies, mesh orders and intersections up to the speed `stop` (rpm).
 
     Return the legend handles. `diagram` is that of `gearlib.studies.trains.campbell`; multiples of
@@ -71,12 +70,10 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list[Line2D]:
     axes.set(xlim=(0.0, stop), ylim=(0.0, top))
     axes.set(xlabel="speed of the reference pinion (rpm)", ylabel="frequency (kHz)")
     drawn = dict.fromkeys(map(str, diagram.mode_kind.values))
-    return [
-        *(style.entry(f"{kind} mode", kinds[kind]) for kind in drawn),
-        style.entry("mesh frequency", "0.3", linewidth=0.8),
-        style.entry("its multiple", "0.3", "--", linewidth=0.8),
-        *(
-            style.entry(name, line="none", marker="o", markerfacecolor=face, markersize=size)
-            for name, face, size in _INTERSECTIONS.values()
-        ),
-    ]
+    handles = [style.entry(f"{kind} mode", kinds[kind]) for kind in drawn]
+    handles.append(style.entry("mesh frequency", "0.3", linewidth=0.8))
+    handles.append(style.entry("its multiple", "0.3", "--", linewidth=0.8))
+    for name, face, size in _INTERSECTIONS.values():
+        options = {"marker": "o", "markerfacecolor": face, "markersize": size}
+        handles.append(style.entry(name, line="none", **options))
+    return handles

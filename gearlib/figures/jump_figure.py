@@ -1,7 +1,5 @@
 """Beside Fig. 6: where the motion from rest jumps, and how far each choice moves the jump."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import xarray as xr
 
@@ -23,7 +21,7 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 
 @style.styled()
-def draw(jumps: xr.Dataset, marked: Sequence[float] = ()):
+def draw(jumps: xr.Dataset, marked=()):
     """Return a figure of the orbit's height over the tuning, and of shifts of its jump.
 
     `jumps` is that of `gearlib.studies.jump.compute`; `marked` are up to two tunings to compare
@@ -46,7 +44,7 @@ def draw(jumps: xr.Dataset, marked: Sequence[float] = ()):
     return figure
 
 
-def _draw_scan(axes, jumps: xr.Dataset, marked: Sequence[float]):
+def _draw_scan(axes, jumps: xr.Dataset, marked):
     """Draw the orbit's height over the tuning, and the `marked` tunings as dashed lines."""
     tuning, base = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}

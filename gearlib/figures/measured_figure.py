@@ -1,10 +1,7 @@
 """Measured curves, time courses and mesh orders beside those of the model."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import xarray as xr
-from matplotlib.lines import Line2D
 
 from gearlib.figures import panels, style
 
@@ -16,7 +13,7 @@ _POINT_COLOUR = "#8C8C8C"
 _MEASURED = style.entry("measured", _POINT_COLOUR, "none", ".")
 
 
-def draw_curves(axes, curves: Sequence[xr.Dataset], names: tuple) -> list[Line2D]:
+def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
     `curves` are datasets of `gearlib.studies.measured`. Jumps are dotted lines; the limits of the

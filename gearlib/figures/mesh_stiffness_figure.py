@@ -3,7 +3,6 @@
 import math
 
 import xarray as xr
-from matplotlib.lines import Line2D
 
 from gearlib.figures import panels, style
 
@@ -40,7 +39,7 @@ def draw(stiffness: xr.Dataset):
     return figure
 
 
-def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list[Line2D]:
+def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
     """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
     for method in _UNCERTAIN:
         curve = pair.sel(stiffness_method=method)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.collections import QuadMesh
 
 from gearlib.figures import panels, style
 
@@ -45,7 +44,7 @@ def draw(chart: xr.Dataset, facts: xr.Dataset):
     return figure
 
 
-def _draw_tongues(axes, plane: xr.Dataset, largest: float) -> QuadMesh:
+def _draw_tongues(axes, plane: xr.Dataset, largest: float):
     """Draw growth and edges of tongues of one plane of parameters; return the image of growth.
 
     The colour scale ends at the growth `largest`; the tuning has a logarithmic scale.

@@ -52,9 +52,11 @@ def closed_orbit(run: xr.Dataset) -> np.ndarray:
     The curve has all complete orbits, or only the last one if the record ends within another.
     """
     orbit = np.array([run.displacement.values, run.velocity.values])
+    # `size` is the number of samples of one period; 0 if the motion has not settled.
     samples, size = orbit.shape[1], int(run.period) * round(2.0 * np.pi / np.diff(run.phase)[0])
     if not 0 < size <= samples:
         return orbit
+    # Below a visible change from one period to the next, the record counts as periodic.
     changes = np.abs(orbit[0, size:] - orbit[0, :-size])[-size:]
     if changes.max(initial=0.0) > SAME_ORBIT_TOLERANCE * np.ptp(orbit[0]):
         return orbit

@@ -52,9 +52,8 @@ def instant(layout: xr.Dataset, phase=0.0) -> Instant:
     meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
     axis_of = dict(zip(map(str, layout.body.values), axes, strict=True))
     circles, marks = [], []
-    for (name, radii), turns in zip(
-        circles_of(layout).items(), layout.body_turns.values, strict=True
-    ):
+    body_circles = circles_of(layout).items()
+    for (name, radii), turns in zip(body_circles, layout.body_turns.values, strict=True):
         circles += [(*map(float, axis_of[name]), radius, kind) for radius, kind in radii]
         if radii:
             radius, kind = max(radii)
@@ -75,6 +74,7 @@ def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
     circles = {str(name): {} for name in layout.body.values}
     for names, radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
         for name, radius in zip(map(str, names), map(float, radii), strict=True):
+            # Ring gears have negative radii; several meshes of a gear may share a circle.
             if not any(math.isclose(abs(radius), r, rel_tol=SAME_LENGTH) for r in circles[name]):
                 circles[name][abs(radius)] = "ring" if radius < 0.0 else "gear"
     carriers = {*map(str, layout.carried_by.values)}

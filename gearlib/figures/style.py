@@ -5,7 +5,6 @@ colour alone: every curve also has its marker and line style, for print in grey.
 """
 
 import re
-from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import cycle
@@ -99,7 +98,7 @@ def styled():
     matplotlib.interactive(interactive)
 
 
-def looks(names: Iterable, colours: dict | None = None) -> dict[Any, Look]:
+def looks(names, colours: dict | None = None) -> dict[Any, Look]:
     """Return a dict of a `Look` (colour, line style, marker) for each curve name, in this order.
 
     `colours` maps names to colours; the other curves take the colours of the palette in turn.
