@@ -47,7 +47,7 @@ class Body:
     base_radius: Annotated[
         float, parameters.LENGTH, "Base radius; for a carrier the radius of its pins"
     ]
-    teeth: Annotated[int | None, parameters.TEETH, "Number of teeth; None for a carrier"] = None
+    teeth: Annotated[int | None, parameters.TEETH, "Number of teeth; carriers have none"] = None
     mass: Annotated[float | None, parameters.MASS, "Mass; needed if the axis can move"] = None
     support_stiffness: Annotated[
         tuple, parameters.Two(parameters.SUPPORT), "Stiffness of the support along x and y"
