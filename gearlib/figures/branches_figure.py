@@ -81,7 +81,7 @@ def entries(labels: ArrayLike, line="none") -> list:
 
 
 def _draw_locus(axes, locus: xr.Dataset):
-    """Draw damping over tuning of one locus, as two halves that start at its special point."""
+    """Draw damping over tuning of one locus, as two halves that start at the branches' damping."""
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping = locus.damping_ratio.values
     starts = np.flatnonzero(np.isclose(damping, float(locus.own_damping), rtol=1e-12, atol=0.0))
@@ -92,6 +92,7 @@ def _draw_locus(axes, locus: xr.Dataset):
 def _write_tunings(axes, branches: xr.Dataset):
     """Write the tuning beside each special point of branches; close points share a text."""
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
+    # Positions are in sizes of a text.
     x = tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH
     positions = np.stack([x, height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT])
     points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
@@ -105,8 +106,8 @@ def _write_tunings(axes, branches: xr.Dataset):
         before = tuning[max(first - POINTS_BESIDE_FOLD, 0)]
         after = tuning[min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
         side = int(np.sign(tuning[first] - before) + np.sign(tuning[first] - after))
-        offset, anchor = {-2: ((-6, 0), "right center"), 2: ((6, 0), "left center")}.get(
-            side, ((0, 6), "center bottom")
-        )
+        offset, anchor = (0, 6), "center bottom"
+        if abs(side) == 2:
+            offset, anchor = (3 * side, 0), "left center" if side > 0 else "right center"
         point = tuning[first], height[first]
         style.note(axes, text, point, offset, anchor, white=(0.15, 0.85), zorder=2.5)

@@ -34,8 +34,8 @@ def draw(jumps: xr.Dataset, marked=()):
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     for i, kind in enumerate(kinds):
-        first = figure.axes[1] if i else None
-        axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first)
+        first_panel = figure.axes[1] if i else None
+        axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_panel)
         of_kind = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
         _draw_kind(axes, of_kind, np.array(marked) - float(jumps.jump[0]), *_KINDS[kind])
         axes.set_ylabel("shift of the jump\n(tuning)" if i % 2 == 0 else "")
@@ -74,8 +74,8 @@ def _draw_kind(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, s
     # Stems instead of a line: between the values the shift is not known.
     axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
     axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
-    several = jumps.switches.values > 1
-    for mask, marker, size in ((~several, "o", 3), (several, "x", 4)):
+    several_jumps = jumps.switches.values > 1
+    for mask, marker, size in ((~several_jumps, "o", 3), (several_jumps, "x", 4)):
         style.dots(axes, value[mask], shift[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
     # The x limits must include values without a jump.

@@ -39,7 +39,7 @@ _DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
-    """Return a variable's long name up to a comma or colon, in Greek letters, and its unit."""
+    """Return a variable's long name up to a comma or colon, "nu" as "ν" etc., and its unit."""
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
     greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
     name = re.sub(greek_words, lambda match: match[1] + _GREEK[match[2]], name)
