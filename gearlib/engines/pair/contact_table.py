@@ -8,9 +8,9 @@ X and S are tabulated at equal times, `PER_RADIAN` to 1 / W. Their Taylor polyno
 motion between the entries, so that an orbit needs neither exp nor sine nor cosine.
 
 Newton's method finds the loss of contact from the entry of the last one. No search has to show that
-a root is the first: from a start that falls, it is the first within half a turn of the oscillator,
-since the next descent starts at least half a turn after the first minimum; from another start,
-within a whole turn, since the second descent starts later. Undecided cases are left to the closed
+a root is the first: from a start that falls, it is the first within half an oscillation, since the
+next descent starts at least half an oscillation after the first minimum; from another start, within
+a whole oscillation, since the second descent starts later. Undecided cases are left to the closed
 forms of `events`.
 
 A level is a row of numbers, so that kernels select it by an index.
@@ -33,7 +33,7 @@ _MAX_ENTRY_DISTANCE = 0.75
 #: Factor of the bound on the amplitude that allows for rounding.
 MARGIN = 1.0 - 1e-12
 #: Largest curvature in a last Newton step, whose error, the fourth power, is then rounding.
-_MAX_LAST_BEND = 1e-4
+_MAX_LAST_CURVATURE = 1e-4
 _MAX_STEPS = 8
 #: Number of entries from one to the next that `lowest_entry` checks: a quarter of a radian.
 _STRIDE = 3
@@ -42,43 +42,20 @@ _STRIDE = 3
 # without a table. X2 to X8 and S2 to S8 are coefficients of the polynomials, the END columns X and
 # S over the whole segment. WITHIN_HALF and WITHIN_TURN: whether the segment is shorter than half a
 # turn and than a turn.
-(
-    LENGTH,
-    EQUILIBRIUM,
-    SQUARE,
-    TWICE_A,
-    RATE,
-    SPACING,
-    PER_TIME,
-    TURN,
-    BOUND,
-    LAST,
-    END_X,
-    END_S,
-    WITHIN_HALF,
-    WITHIN_TURN,
-    X2,
-    X3,
-    X4,
-    X5,
-    X6,
-    X7,
-    X8,
-    S2,
-    S3,
-    S4,
-    S5,
-    S6,
-    S7,
-    S8,
-) = range(28)
+LENGTH, EQUILIBRIUM, SQUARE, TWICE_A, RATE, SPACING, PER_TIME = range(7)
+TURN, BOUND, LAST, END_X, END_S, WITHIN_HALF, WITHIN_TURN = range(7, 14)
+X2, X3, X4, X5, X6, X7, X8 = range(14, 21)
+S2, S3, S4, S5, S6, S7, S8 = range(21, 28)
 LEVEL_COLUMNS = 28
 EMPTY, NONE = -1.0, -2.0
 
 
 @kernel
 def set_level(level, length, row):
-    """Fill the row of a `Level` whose segments have a `length` in phase; its table stays empty."""
+    """Fill `row`, shape (28,), with the constants of a stiffness `Level`; its table stays empty.
+
+    Segments of this stiffness have the phase length `length`.
+    """
     natural = math.sqrt(level.square)
     oscillates = level.kind == UNDERDAMPED
     row[LENGTH] = length
@@ -98,14 +75,18 @@ def set_level(level, length, row):
 
 @kernel
 def fill_table(level, row, table):
-    """Fill the table of X and S, shape (ENTRIES, 2), and the polynomials of a `Level`."""
+    """Tabulate the free motions X and S of a stiffness `Level` in contact at equal times.
+
+    Fills `table`, shape (ENTRIES, 2), and their Taylor coefficients in `row`, the constants of the
+    level, see `set_level`. X starts with displacement 1 and velocity 0, S with 0 and 1.
+    """
     twice_a, square, spacing = row[TWICE_A], row[SQUARE], row[SPACING]
-    # u'' = -2 a u' - W^2 u, coefficient by coefficient.
+    # Taylor coefficients follow from u'' = -2 a u' - W^2 u.
     x, next_x, s, next_s = 1.0, 0.0, 0.0, 1.0
     for n in range(7):
-        share = -1.0 / ((n + 1) * (n + 2))
-        x, next_x = next_x, share * (twice_a * (n + 1) * next_x + square * x)
-        s, next_s = next_s, share * (twice_a * (n + 1) * next_s + square * s)
+        factor = -1.0 / ((n + 1) * (n + 2))
+        x, next_x = next_x, factor * (twice_a * (n + 1) * next_x + square * x)
+        s, next_s = next_s, factor * (twice_a * (n + 1) * next_s + square * s)
         row[X2 + n], row[S2 + n] = next_x, next_s
     count = int(min(row[LENGTH] * row[PER_TIME] + 2.0, ENTRIES))
     row[LAST] = count - 1
@@ -119,25 +100,27 @@ def fill_table(level, row, table):
         else:
             # Products of two entries keep errors from adding up along the table.
             x, s = table[k - k % _DIRECT_ENTRIES, 0], table[k - k % _DIRECT_ENTRIES, 1]
-            y, r = table[k % _DIRECT_ENTRIES, 0], table[k % _DIRECT_ENTRIES, 1]
-            table[k, 0], table[k, 1] = x * y - square * s * r, x * r + s * (y - twice_a * r)
+            step_x, step_s = table[k % _DIRECT_ENTRIES, 0], table[k % _DIRECT_ENTRIES, 1]
+            table[k, 0] = x * step_x - square * s * step_s
+            table[k, 1] = x * step_s + s * (step_x - twice_a * step_s)
 
 
 @inlined
 def move_by(levels, i, u, v, x, s):
-    """Return displacement and velocity after a time at which X and S of level i are x and s.
+    """Return the displacement and velocity of a motion in contact at a later time.
 
-    The motion starts at (u, v), u being the displacement from the equilibrium. `levels` has a row
-    for each stiffness level.
+    It starts with displacement u from the equilibrium and velocity v. x and s are the values of the
+    free motions X and S at that time; row i of `levels` holds the constants of the stiffness level.
     """
     return u * x + v * s, v * (x - levels[i, TWICE_A] * s) - levels[i, SQUARE] * u * s
 
 
 @inlined
 def step_by_series(levels, i, u, v, t):
-    """Return displacement and velocity a short time t later or earlier, by Taylor polynomials.
+    """Return the displacement and velocity of a motion in contact a short time t later or earlier.
 
-    The motion starts at (u, v), u being the displacement from the equilibrium of level i.
+    It starts with displacement u from the equilibrium and velocity v. Row i of `levels` holds the
+    Taylor coefficients (X2 ... S8) of the free motions X and S of the stiffness level.
     """
     q = t * t
     x = levels[i, X6] + t * levels[i, X7] + q * levels[i, X8]
@@ -151,9 +134,9 @@ def step_by_series(levels, i, u, v, t):
 def provably_stays(half, turn, v, end_x, end_v):
     """Return whether a motion in contact provably has no minimum below the flank line.
 
-    `half` and `turn`: whether it takes less than half a turn, and than a turn; v and end_v are its
-    first and last velocity, end_x its last displacement. Before a minimum the motion falls, after
-    it it rises. Within a turn, a motion that rises first and falls last only has a maximum.
+    `half` and `turn` say whether it takes less than half an oscillation and less than a whole one;
+    v and end_v are its first and last velocity, end_x its last displacement, 0 being the flank
+    line. Within an oscillation, a motion that rises first and falls last only has a maximum.
     """
     if not end_x >= 0.0:
         return False
@@ -164,24 +147,26 @@ def provably_stays(half, turn, v, end_x, end_v):
 
 @inlined
 def _step_to_line(height, speed, acceleration, jerk, rate):
-    """Return (step, bend): the time until a height becomes zero, and the curvature of its series.
+    """Return (step, curvature): time until a height becomes zero, by its inverted Taylor series.
 
-    The series of the height is inverted; `rate` is a bound of the rates of the oscillator.
+    `height`, `speed`, `acceleration` and `jerk` are its value and derivatives; `rate` is an upper
+    bound of the rates of the oscillator. A large `curvature` means an inaccurate step.
     """
     inverse = 1.0 / speed
     r = -height * inverse
     q = 0.5 * acceleration * inverse * r
     correction = q * (2.0 * q - 1.0) - (1.0 / 6.0) * jerk * inverse * r * r
-    bend = abs(q) + rate * abs(r)
-    return (r * (1.0 + correction) if bend < 0.2 else r), bend
+    curvature = abs(q) + rate * abs(r)
+    return (r * (1.0 + correction) if curvature < 0.2 else r), curvature
 
 
 @inlined
 def first_loss_of_contact(levels, tables, i, u, v, k, horizon):
-    """Return (t, velocity, entry) of the first loss of contact within `horizon`.
+    """Return (time, velocity, table entry) of the first loss of contact within the time `horizon`.
 
-    The motion starts at (u, v), u being the displacement from the equilibrium of level i. Newton's
-    method starts from entry k of its table; t is -1 if it cannot prove that the loss is the first.
+    The motion starts with displacement u from the equilibrium of stiffness level i and velocity v.
+    Newton's method starts from entry k of `tables[i]`, the motion at equal times; `levels[i]` holds
+    the constants of the level. The time is -1 if the loss is not proven to be the first.
     """
     equilibrium = levels[i, EQUILIBRIUM]
     square = levels[i, SQUARE]
@@ -201,11 +186,12 @@ def first_loss_of_contact(levels, tables, i, u, v, k, horizon):
             above, speed = step_by_series(levels, i, above, speed, t)
             acceleration = -twice_a * speed - square * above
             jerk = -twice_a * acceleration - square * speed
-            more, bend = _step_to_line(equilibrium + above, speed, acceleration, jerk, rate)
-            speed += more * (acceleration + 0.5 * more * jerk)
-            t += k * levels[i, SPACING] + more
+            step, curvature = _step_to_line(equilibrium + above, speed, acceleration, jerk, rate)
+            speed += step * (acceleration + 0.5 * step * jerk)
+            t += k * levels[i, SPACING] + step
             turn = levels[i, TURN] if v >= 0.0 else 0.5 * levels[i, TURN]
-            if bend < _MAX_LAST_BEND and speed < 0.0 and 0.0 < t <= horizon and t <= turn:
+            is_accurate = curvature < _MAX_LAST_CURVATURE
+            if is_accurate and speed < 0.0 and 0.0 < t <= horizon and t <= turn:
                 return t, speed, k
             break
         if not abs(entries) <= ENTRIES:
@@ -216,29 +202,31 @@ def first_loss_of_contact(levels, tables, i, u, v, k, horizon):
 
 @inlined
 def lowest_entry(levels, tables, i, u, v):
-    """Return (k, below): the first entry checked below the flank line, or else the lowest entry.
+    """Return (k, is_below): the table entry where a motion in contact is lowest.
 
-    The motion starts at (u, v), u being the displacement from the equilibrium of level i.
+    It is the first entry below the flank line if there is one (`is_below`). Every third entry is
+    checked. The motion starts with displacement u from the equilibrium of stiffness level i and
+    velocity v; `levels[i]` holds constants of the level, `tables[i]` its motion at equal times.
     """
     line = -levels[i, EQUILIBRIUM]
-    lowest, at, k = math.inf, 0, 0
+    lowest, lowest_k, k = math.inf, 0, 0
     while k <= int(levels[i, LAST]):
         height = u * tables[i, k, 0] + v * tables[i, k, 1]
         if height < lowest:
-            lowest, at = height, k
+            lowest, lowest_k = height, k
             if height < line:
                 break
         k += _STRIDE
-    return at, lowest < line
+    return lowest_k, lowest < line
 
 
 @inlined
 def first_minimum_is_above(levels, tables, i, u, v, k):
-    """Return whether the first minimum, next to entry k, provably lies above the flank line.
+    """Return whether the first minimum of a motion in contact provably lies above the flank line.
 
-    The motion starts at (u, v), u being the displacement from the equilibrium of level i. A minimum
-    within a turn is the first one, and later ones are higher. Near zero velocity, v^2 / u'' is
-    twice the depth down to the minimum.
+    The motion starts with displacement u from the equilibrium of stiffness level i and velocity v;
+    `levels[i]` holds constants of the level, `tables[i]` its motion at equal times. The search
+    starts at entry k. A minimum within an oscillation is the first one, later ones are higher.
     """
     square, twice_a = levels[i, SQUARE], levels[i, TWICE_A]
     for _ in range(_MAX_STEPS):
@@ -255,6 +243,7 @@ def first_minimum_is_above(levels, tables, i, u, v, k):
             acceleration = -twice_a * speed - square * above
             t += k * levels[i, SPACING]
             at_minimum = acceleration > 0.0 and abs(speed) * levels[i, RATE] < 1e-2 * acceleration
+            # Near zero velocity, v^2 / u'' is twice the depth down to the minimum.
             lowest = levels[i, EQUILIBRIUM] * MARGIN + above - speed * speed / acceleration
             return at_minimum and 0.0 < t <= levels[i, TURN] and lowest > 0.0
         k += int(math.floor(entries + 0.5))

@@ -21,8 +21,9 @@ _MAX_EXPONENT = 700.0
 
 @inlined
 def decay(z):
-    """Return exp(-z) for z >= 0."""
+    """Return exp(-z) for z >= 0 to one unit in the last place, by arithmetic only."""
     z = z if z < _MAX_EXPONENT else _MAX_EXPONENT
+    # exp(-z) = 2^k exp(r), where k is an integer and |r| <= ln 2 / 2.
     rounded = _ROUNDING - z * _LOG2_E
     k = rounded - _ROUNDING
     r = (-z - k * _LN2_HIGH) - k * _LN2_LOW
@@ -39,11 +40,11 @@ def decay(z):
 
 @inlined
 def cos_sin(angle):
-    """Return (cos, sin) of an angle of at most 2^20 quarter turns."""
+    """Return (cosine, sine) of an angle in rad, at most 2^20 quarter turns, by arithmetic only."""
     rounded = angle * _TWO_OVER_PI + _ROUNDING
     k = rounded - _ROUNDING
     r = (angle - k * _QUARTER_HIGH) - k * _QUARTER_LOW
-    # Coefficients of the Sun library fdlibm for |r| <= pi / 4.
+    # The angle is k quarter turns plus r, |r| <= pi / 4. The coefficients are those of fdlibm.
     z = r * r
     s = 2.75573137070700676789e-06 + z * (
         -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
@@ -56,8 +57,8 @@ def cos_sin(angle):
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
     cosine = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * c))
     quarter = np.float64(rounded).view(np.int64)
-    odd = (quarter & 1) != 0
-    first, second = (sine, cosine) if odd else (cosine, sine)
-    first = -first if ((quarter + 1) & 2) != 0 else first
-    second = -second if (quarter & 2) != 0 else second
-    return first, second
+    is_odd = (quarter & 1) != 0
+    turned_cosine, turned_sine = (sine, cosine) if is_odd else (cosine, sine)
+    turned_cosine = -turned_cosine if ((quarter + 1) & 2) != 0 else turned_cosine
+    turned_sine = -turned_sine if (quarter & 2) != 0 else turned_sine
+    return turned_cosine, turned_sine

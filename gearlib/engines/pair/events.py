@@ -5,7 +5,7 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
     start (phase from the start of the mesh period), duration, contact code,
     stiffness level (0 C_min, 1 C_max), displacement and velocity at its start.
 
-The first crossing of a flank line is proven to be the first; nothing is sampled. In contact the
+The first crossing of a flank line is proven to be the first, without sampling. In contact the
 turning points are known in closed form and their depths decrease, so that the first minimum after
 the start is the deepest: the motion crosses the line once on the way to it, or never. In flight
 there is one lowest point, and likewise one descent and one climb.
@@ -34,10 +34,10 @@ _MAX_ITERATIONS = 480
 
 @kernel
 def descent_time(level, u, v, line, horizon):
-    """Return the first t in [0, horizon] at which a motion in contact falls through a line.
+    """Return the first time in [0, horizon] at which a motion in contact falls through a line.
 
-    It is infinity if there is none. u and `line` are displacements from the equilibrium of a
-    `Level`, v is the velocity. A start below the line has to fall.
+    The time is infinity if there is none. The motion starts with displacement u and velocity v, in
+    a stiffness `Level`; u and `line` count from its equilibrium. A start below the line must fall.
     """
     if u <= line and v < 0.0:
         return 0.0
@@ -72,7 +72,11 @@ def descent_time(level, u, v, line, horizon):
 
 @kernel
 def _descent_root(level, u, v, line, low, high):
-    """Return the root of u(t) = line on [low, high], where u(t) falls monotonically through it."""
+    """Return the time in [low, high] at which a motion in contact falls through a line.
+
+    The motion starts at time 0 with displacement u and velocity v, in a stiffness `Level`; u and
+    `line` count from its equilibrium. The motion falls monotonically between `low` and `high`.
+    """
     t = 0.5 * (low + high)
     for step in range(_MAX_ITERATIONS):
         height, speed = evolve(level, u, v, t)
@@ -82,11 +86,11 @@ def _descent_root(level, u, v, line, low, high):
             high = t
         if abs(height - line) <= 2e-16 * abs(line):
             break
-        new = t - (height - line) / speed if speed < 0.0 else low
-        if not low < new < high or step % 8 == 7:
-            new = 0.5 * (low + high)
-        step_size = abs(new - t)
-        t = new
+        new_t = t - (height - line) / speed if speed < 0.0 else low
+        if not low < new_t < high or step % 8 == 7:
+            new_t = 0.5 * (low + high)
+        step_size = abs(new_t - t)
+        t = new_t
         if step_size <= 2e-16 * high:
             break
     return t
@@ -94,10 +98,11 @@ def _descent_root(level, u, v, line, low, high):
 
 @kernel
 def landing(drag, load, gap, x, v):
-    """Return (t, side): the time and the flank at which a flight from (x, v) ends.
+    """Return (t, side): the duration of a flight through the backlash, and the flank it hits.
 
-    The flight starts at -gap <= x <= 0; `gap` > 0 may be infinite. `side` is 1 for the normal flank
-    (x = 0) and -1 for the far flank (x = -gap).
+    The flight x'' + 2 drag x' = load starts with displacement -gap <= x <= 0 and velocity v; the
+    backlash `gap` > 0 may be infinite. `side` is 1 for the drive-side flank (x = 0) and -1 for the
+    back-side flank (x = -gap).
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
@@ -110,17 +115,18 @@ def landing(drag, load, gap, x, v):
     return t + climb_time(drag, load, -lowest, 0.0), 1
 
 
+# Columns of an arc table, see the docstring of this module.
 START, DURATION, CONTACT, LEVEL, DISPLACEMENT, VELOCITY = range(6)
 ARC_COLUMNS = 6
 
 
 @kernel
 def next_event(mesh, level, contact, x, v, horizon):
-    """Return (duration, new contact, x, v): length of the next arc and the state at its end.
+    """Return (duration, new contact code, x, v): duration of an arc, and the state at its end.
 
-    The arc starts at (x, v) with a contact code, in a `Mesh` at a stiffness `Level`. It ends at the
-    first crossing of a flank line, where x is exact, or after `horizon`, where the contact code
-    does not change.
+    The arc starts with displacement x, velocity v and a contact code (1 drive side, 0 loss, -1 back
+    side), in a `Mesh` at a stiffness `Level`. It ends at the first crossing of a flank line, where
+    x is exact, or after the time `horizon`, where the contact code does not change.
     """
     if contact == BACKLASH:
         t, side = landing(mesh.drag, mesh.load, mesh.gap, x, v)
@@ -140,7 +146,7 @@ def next_event(mesh, level, contact, x, v, horizon):
                 return t, (INVERSE if mesh.gap == 0.0 else BACKLASH), 0.0, speed
         u, v = evolve(level, u, v, horizon)
         return horizon, contact, u + level.equilibrium, v
-    # In the inverse mesh, mirrored, contact ends when -u falls through the static deflection.
+    # Back-side contact is mirrored: it ends when -u falls through the static deflection.
     u = x + mesh.gap - level.equilibrium
     t = descent_time(level, -u, -v, level.equilibrium, horizon)
     if t <= horizon:
@@ -152,11 +158,12 @@ def next_event(mesh, level, contact, x, v, horizon):
 
 @kernel
 def march(mesh, level_index, start, length, contact, x, v, arcs, count, limit):
-    """Go through a segment of constant stiffness; return (contact, x, v, number of arcs).
+    """Run through a segment of constant stiffness; return (contact code, x, v, number of arcs).
 
-    The segment of a stiffness level (0 C_min, 1 C_max) begins at the phase `start` of the mesh
-    period. `arcs`, shape (n, 6), is filled from row `count` on; n may be 0. If more than `limit`
-    arcs are needed, the number is limit + 1.
+    The segment has stiffness level 0 (C_min) or 1 (C_max) and covers the phase `length` from phase
+    `start` of the mesh period; the motion enters it with a contact code, displacement x and
+    velocity v. Rows of the arc table `arcs`, shape (n, 6), are filled from row `count` on. If more
+    than `limit` arcs are needed, the number is limit + 1.
     """
     _, contact, x, v, count = march_on(
         mesh, level_index, start, 0.0, length, contact, x, v, arcs, count, limit, False
@@ -166,10 +173,11 @@ def march(mesh, level_index, start, length, contact, x, v, arcs, count, limit):
 
 @kernel
 def march_on(mesh, level_index, start, t, length, contact, x, v, arcs, count, limit, to_landing):
-    """Go on in a segment from t after its start; return (t, contact, x, v, number of arcs).
+    """Run through the rest of a segment of constant stiffness, from the phase t after its start.
 
-    The arguments are those of `march`; with `to_landing` the march ends at the next landing on the
-    normal flank.
+    Returns (t, contact code, x, v, number of arcs) at its end, or with `to_landing` at the next
+    landing on the drive-side flank. Other arguments as in `march`: stiffness level 0 or 1, phases
+    `start` and `length` of the segment, state (x, v), arc table, its rows in use, and their limit.
     """
     level = mesh.high if level_index == 1 else mesh.low
     while t < length:
@@ -196,7 +204,11 @@ def march_on(mesh, level_index, start, t, length, contact, x, v, arcs, count, li
 
 @kernel
 def march_period(mesh, contact, x, v, arcs, limit):
-    """Go through one mesh period from the middle of a C_max segment; return as `march`."""
+    """Run through one mesh period; return (contact code, x, v, number of arcs) at its end.
+
+    The motion starts with a contact code, displacement x and velocity v in the middle of the C_max
+    segment. The arc table `arcs`, shape (n, 6), is filled; `limit` is the largest number of arcs.
+    """
     count, start = 0, 0.0
     for segment in range(3):
         level_index = 1 - segment % 2

@@ -30,12 +30,13 @@ def run_many(
     ends,
     codes,
 ):
-    """Run a mesh at the tunings ``tunings[order]`` and fill a row of the tables for each.
+    """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
-    Each run starts from `state`, shape (2,), or with `carry` from the end of the last one unless
-    that has failed. A displacement beyond `bound` is an OVERFLOW. The tables are `summaries`, shape
-    (n, 9), final states `ends`, shape (n, 2), and period and status `codes`, shape (n, 2). The
-    other arguments are those of `pair_run.run` and `motion.mesh`.
+    `ratios` are the constants of the pair, see `mesh_at_tuning`. Each run starts from `state`,
+    shape (2,), or, with `carry`, from the end of the last run unless that has failed. It has
+    `periods` mesh periods, of which the last `record_periods` are summarised, each with at most
+    `limit` arcs. A displacement beyond `bound` gives the status OVERFLOW. The tables are
+    `summaries`, shape (n, 9), final states `ends`, (n, 2), and `codes`, (n, 2): period and status.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
@@ -61,9 +62,10 @@ def run_many(
 
 @kernel
 def skip_many(mesh, states, periods, limit, ends, statuses):
-    """Run states, shape (k, 2), through mesh periods from tau = 0 without a record.
+    """Run a `Mesh` from many `states`, shape (k, 2), through a number of mesh periods from tau = 0.
 
-    Fills `ends`, shape (k, 2), and `statuses`, shape (k,); a period has at most `limit` arcs.
+    Fills the final states `ends`, shape (k, 2), and `statuses`, shape (k,). A period with more than
+    `limit` arcs ends a run.
     """
     work = new_work()
     set_mesh(work, mesh)
@@ -80,11 +82,12 @@ def skip_many(mesh, states, periods, limit, ends, statuses):
 
 @kernel
 def section(mesh, states, settle, phase, limit, table, ends, statuses):
-    """Fill `table`, shape (n, periods, 2), with states of n orbits at a phase of every period.
+    """Fill `table`, shape (n, periods, 2), with states of n motions at one phase of each period.
 
-    The orbits start in `states`, shape (n, 2), at tau = 0 and settle for `settle` periods before;
-    `phase` is in [0, 2 pi). Fills the last states `ends`, shape (n, 2), and `statuses`, shape (n,);
-    rows after a failure stay unchanged.
+    The motions start from `states`, shape (n, 2), at tau = 0; `settle` periods pass before the
+    first row. `phase` lies in [0, 2 pi). Final states go to `ends`, shape (n, 2), and `statuses`,
+    shape (n,), are filled. A period with more than `limit` arcs ends a motion; its later rows stay
+    unchanged.
     """
     work = new_work()
     set_mesh(work, mesh)
@@ -96,7 +99,12 @@ def section(mesh, states, settle, phase, limit, table, ends, statuses):
 
 @kernel
 def _section_of(mesh, work, x, v, settle, phase, limit, table):
-    """Fill a table, shape (periods, 2), for one orbit of `section`; return (x, v, status)."""
+    """Fill `table`, shape (periods, 2), with states at one phase of each period of a motion.
+
+    It starts with displacement x and velocity v at tau = 0 and settles for `settle` periods. `work`
+    is storage prepared for the `Mesh`, `limit` the largest number of arcs of a period. Returns
+    (x, v, status) at the end.
+    """
     if not within_range(x, v):
         return x, v, OVERFLOW
     set_start(work, x, v)

@@ -33,15 +33,16 @@ def multiply(a, b, c, d, matrix):
 
 @kernel
 def follow_arcs(mesh, arcs, count, previous, matrix):
-    """Multiply `matrix`, shape (2, 2), by the maps of the first `count` arcs of a `Mesh`.
+    """Multiply `matrix`, shape (2, 2), from the left by the linearised maps of `count` arcs.
 
-    `arcs`, shape (n, 6), is a table of `events`, `previous` the contact code before its first arc.
-    Returns the contact code of the last arc.
+    `arcs`, shape (n, 6), is the arc table of a motion of the `Mesh`, and `previous` the contact
+    code before its first arc. Returns the contact code of the last arc.
     """
     for i in range(count):
         contact = int(arcs[i, CONTACT])
         level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
         if contact != previous:
+            # The saltation matrix: only the damping changes at a flank line.
             before = mesh.drag if previous == BACKLASH else level.a
             after = mesh.drag if contact == BACKLASH else level.a
             multiply(1.0, 0.0, -2.0 * (after - before), 1.0, matrix)
@@ -49,8 +50,9 @@ def follow_arcs(mesh, arcs, count, previous, matrix):
         t = arcs[i, DURATION]
         if contact == BACKLASH:
             decay = math.exp(-2.0 * mesh.drag * t)
-            reach = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag) if mesh.drag > 0.0 else t
-            multiply(1.0, reach, 0.0, decay, matrix)
+            # The displacement per initial velocity after the time t.
+            shift = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag) if mesh.drag > 0.0 else t
+            multiply(1.0, shift, 0.0, decay, matrix)
         else:
             c, s = propagators(level, t)
             multiply(c + level.a * s, s, -level.square * s, c - level.a * s, matrix)
@@ -59,10 +61,11 @@ def follow_arcs(mesh, arcs, count, previous, matrix):
 
 @kernel
 def fill_period_maps(mesh, x, v, periods, limit, matrices):
-    """Run through mesh periods from (x, v) at tau = 0, and fill their maps; return (x, v, status).
+    """Run through mesh periods and fill the Jacobian matrix of each; return (x, v, status).
 
-    `matrices`, shape (periods, 2, 2), get the derivative of the state at the end of each period by
-    that at its start.
+    The motion starts with displacement x and velocity v at tau = 0. `matrices`, shape (periods, 2,
+    2), receive the derivatives of the state at the end of each period with respect to the state at
+    its start. `limit` is the largest number of arcs of a period.
     """
     arcs = np.empty((64, ARC_COLUMNS))
     contact = contact_of(mesh.gap, x, v)

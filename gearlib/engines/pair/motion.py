@@ -45,7 +45,10 @@ class Level(NamedTuple):
 
 @kernel
 def level_at_tuning(stiffness, damping, tuning):
-    """Return the `Level` of stiffness c = C / C_s, damping ratio beta and tuning nu."""
+    """Return the constants of motion at a stiffness level, a `Level`.
+
+    `stiffness` is c = C / C_s, `damping` the damping ratio beta, and `tuning` nu.
+    """
     a = damping / tuning
     natural = math.sqrt(stiffness) / tuning
     # The product does not lose digits near critical damping, as W^2 - a^2 would.
@@ -56,7 +59,10 @@ def level_at_tuning(stiffness, damping, tuning):
 
 @inlined
 def propagators(level, t):
-    """Return C(t) and S(t) of the oscillator of a `Level`, see the docstring of this module."""
+    """Return the free motions C and S of a stiffness `Level` after the time t.
+
+    Under-damped they are C = exp(-a t) cos(w t) and S = exp(-a t) sin(w t) / w.
+    """
     if level.kind == UNDERDAMPED:
         decay = math.exp(-level.a * t)
         return decay * math.cos(level.w * t), decay * math.sin(level.w * t) / level.w
@@ -71,9 +77,10 @@ def propagators(level, t):
 
 @inlined
 def evolve(level, u, v, t):
-    """Return displacement and velocity after the time t of a motion in contact from (u, v).
+    """Return the displacement and velocity of a motion in contact after the time t.
 
-    u is the displacement from the equilibrium of the `Level`.
+    It starts with displacement u and velocity v; displacements count from the equilibrium of the
+    stiffness `Level`.
     """
     c, s = propagators(level, t)
     return u * c + (v + level.a * u) * s, v * c - (level.a * v + level.square * u) * s
@@ -81,10 +88,10 @@ def evolve(level, u, v, t):
 
 @kernel
 def turning_time(level, u, v):
-    """Return the first t > 0 at which a motion in contact from (u, v) turns, infinity if none.
+    """Return the first time t > 0 at which a motion in contact has zero velocity, or infinity.
 
-    Turning points of an under-damped motion follow each other at pi / w; an over-damped or critical
-    motion has at most one.
+    It starts with displacement u from the equilibrium of the stiffness `Level` and velocity v. An
+    under-damped motion turns at intervals pi / w, an over-damped or critical one at most once.
     """
     q = level.a * v + level.square * u
     if v == 0.0:
@@ -116,10 +123,11 @@ class Mesh(NamedTuple):
 
 @kernel
 def mesh_at_tuning(ratios, tuning):
-    """Return the `Mesh` at one tuning from its dimensionless ratios.
+    """Return the constants of a gear pair at one tuning nu, a `Mesh`.
 
-    `ratios`, shape (7,): C_max / C_s, C_min / C_s, half the C_max segment, the C_min segment, beta,
-    beta_m, backlash in static deflections.
+    `ratios`, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max segment
+    and of the C_min segment, damping ratios beta in contact and beta_m in flight, and the backlash
+    in static deflections.
     """
     return Mesh(
         level_at_tuning(ratios[1], ratios[4], tuning),
@@ -135,17 +143,20 @@ def mesh_at_tuning(ratios, tuning):
 
 @kernel
 def contact_of(gap, x, v):
-    """Return the contact code of the displacement x with the velocity v and the backlash `gap`.
+    """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
 
-    On a flank line it is that of the motion just after; the load acts upwards, so that a state at
-    rest moves up.
+    `gap` is the backlash. On a flank line the code is valid just after; the load acts upwards, so
+    that a mesh at rest moves up.
     """
     return contact_between(0.0, -gap, x, v)
 
 
 @kernel
 def contact_between(upper, lower, x, v):
-    """Return the contact code of a state (x, v) with flank lines at `upper` and `lower`."""
+    """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
+
+    The drive-side flanks touch at x = `upper`, the back-side flanks at x = `lower`.
+    """
     if x > upper or (x == upper and v >= 0.0):
         return NORMAL
     if x < lower or (x == lower and v < 0.0):
@@ -164,7 +175,10 @@ _MAX_ITERATIONS = 60
 
 @inlined
 def _phi_series(z):
-    """Return (phi1, phi2, phi3) of a small z by Taylor series, cut where z^13 / 15! < 1e-16."""
+    """Return phi1, phi2 and phi3 at a small z >= 0 by Taylor series, cut where z^13 / 15! < 1e-16.
+
+    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z.
+    """
     r = 1.0 / 87178291200.0
     r = 1.0 / 6227020800.0 - z * r
     r = 1.0 / 479001600.0 - z * r
@@ -183,14 +197,17 @@ def _phi_series(z):
 
 @kernel
 def phi(z):
-    """Return (exp(-z), phi1(z), phi2(z)) for z >= 0."""
+    """Return exp(-z), phi1 = (1 - exp(-z)) / z and phi2 = (1 - phi1) / z for z >= 0."""
     decay, first, second, _ = phis(z)
     return decay, first, second
 
 
 @inlined
 def phis(z):
-    """Return (exp(-z), phi1(z), phi2(z), phi3(z)), phi3(z) = (1/2 - phi2(z)) / z, for z >= 0."""
+    """Return exp(-z), phi1, phi2 and phi3 for z >= 0, without loss of digits at small z.
+
+    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z.
+    """
     if z < _SERIES_BELOW:
         first, second, third = _phi_series(z)
         return 1.0 - z * first, first, second, third
@@ -202,9 +219,9 @@ def phis(z):
 
 @kernel
 def fly(drag, load, x, v, t):
-    """Return displacement and velocity after the time t of a flight from (x, v).
+    """Return the displacement and velocity of a flight after the time t.
 
-    The equation of motion is x'' + 2 drag x' = load.
+    The flight x'' + 2 drag x' = load starts with displacement x and velocity v.
     """
     decay, first, second = phi(2.0 * drag * t)
     return x + t * (v * first + load * t * second), v * decay + load * t * first
@@ -212,7 +229,7 @@ def fly(drag, load, x, v, t):
 
 @kernel
 def lowest_time(drag, load, v):
-    """Return the time of the lowest point of a flight that starts downwards (v < 0)."""
+    """Return the time of the lowest point of x'' + 2 drag x' = load with initial velocity v < 0."""
     if drag == 0.0:
         return -v / load
     return math.log1p(-2.0 * drag * v / load) / (2.0 * drag)
@@ -220,10 +237,10 @@ def lowest_time(drag, load, v):
 
 @kernel
 def climb_time(drag, load, depth, v):
-    """Return the time in which a flight with velocity v >= 0 climbs `depth` >= 0.
+    """Return the time in which the flight x'' + 2 drag x' = load climbs by `depth` >= 0.
 
-    The undamped time is a lower bound, from which Newton's method reaches the root after at most
-    one overshoot, since the height is convex or concave throughout.
+    It starts with velocity v >= 0. Newton's method starts from the undamped time, a lower bound,
+    and overshoots at most once, since the height is convex or concave throughout.
     """
     if depth <= 0.0:
         return 0.0
@@ -241,10 +258,10 @@ def climb_time(drag, load, depth, v):
 
 @kernel
 def fall_time(drag, load, depth, v):
-    """Return the time in which a flight with velocity v < 0 falls `depth` > 0, if it does.
+    """Return the time in which the flight x'' + 2 drag x' = load falls by `depth` > 0.
 
-    The height is convex on the way down and the start lies above the root, so that Newton's method
-    approaches it from one side and cannot overshoot.
+    It starts with velocity v < 0 and must fall that far. The height is convex on the way down, so
+    that Newton's method approaches the root from one side and cannot overshoot.
     """
     t = 0.0
     for _ in range(_MAX_ITERATIONS):
@@ -260,10 +277,10 @@ def fall_time(drag, load, depth, v):
 
 @inlined
 def _scaled_flight_time(q):
-    """Return the duration of a return flight times -load / v, as a function of Q <= 1/2.
+    """Return the duration T of a flight back to its starting height, scaled as -T load / v.
 
-    It is a Chebyshev series in powers of 4 Q - 1, whose remainder is below 1e-17; Q = -2 drag v /
-    load.
+    The flight x'' + 2 drag x' = load starts with v < 0; q = -2 drag v / load is at most 1/2. The
+    polynomial is a Chebyshev series in powers of 4 q - 1 with a remainder below 1e-17.
     """
     t = 4.0 * q - 1.0
     s = t * t
@@ -281,11 +298,11 @@ def _scaled_flight_time(q):
 
 @inlined
 def return_flight(drag, load, v):
-    """Return (duration, landing velocity) of a flight from x = 0 with v < 0 back to x = 0.
+    """Return (duration T, landing velocity) of a flight from x = 0 with v < 0 back to x = 0.
 
-    The drag impulses of the way down and the way up cancel, so that the landing velocity is v +
-    load T. With z = 2 drag T and Q = -2 drag v / load the duration obeys z = (1 + Q) (1 - exp(-z)),
-    one function of Q for all flights.
+    The equation of motion is x'' + 2 drag x' = load. The drag impulses of the way down and up
+    cancel, so that the landing velocity is v + load T. With z = 2 drag T and Q = -2 drag v / load,
+    T obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
     """
     if drag == 0.0:
         return -2.0 * v / load, -v

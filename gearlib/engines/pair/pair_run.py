@@ -41,9 +41,10 @@ _END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 
 @kernel
 def outcome(x, v, count, limit):
-    """Return OK, EVENT_LIMIT or OVERFLOW for a run that ended in (x, v) after `count` arcs.
+    """Return the status of a run after a mesh period: OK, EVENT_LIMIT or OVERFLOW.
 
-    `limit` is the largest number of arcs of a period.
+    x and v are displacement and velocity at its end, `count` is the number of its arcs, at most
+    `limit`.
     """
     if count > limit:
         return EVENT_LIMIT
@@ -52,9 +53,11 @@ def outcome(x, v, count, limit):
 
 @inlined
 def whole_period(mesh, work, n, contact, x, v, limit, arcs):
-    """Go through mesh period n and keep all its arcs, in a table enlarged as needed.
+    """Run through mesh period n of a `Mesh` and keep all its arcs, in a table enlarged as needed.
 
-    Returns (contact, x, v, number of arcs, arc table); arguments as in `whole_periods.advance`.
+    The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
+    for the mesh, `limit` the largest number of arcs, `arcs`, shape (k, 6), an arc table. Returns
+    (contact code, x, v, number of arcs, arc table) at the end of the period.
     """
     memory, start = work.memory, (contact, x, v)
     flight = memory[0], memory[1], memory[2], memory[3]
@@ -70,9 +73,10 @@ def whole_period(mesh, work, n, contact, x, v, limit, arcs):
 def skip(mesh, work, contact, x, v, periods, limit):
     """Run through mesh periods from tau = 0 without a record, at most `limit` arcs in each.
 
-    Returns (contact, x, v, status, repeat, on_orbit). `repeat` is the period of the orbit if the
-    run has settled, otherwise 0; a settled run has gone through at least the last `repeat` periods.
-    `on_orbit`: whether its distance from the orbit is rounding.
+    The motion starts with a contact code, displacement x and velocity v; `work` is storage prepared
+    for the `Mesh`. Once it has settled, remaining periods are replaced by the linearised map.
+    Returns (contact code, x, v, status, repeat, on_orbit): `repeat` is the period of the settled
+    orbit or 0, `on_orbit` whether the distance from the orbit is rounding.
     """
     n, next_check, pause = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, on_orbit = not_settled(), False
@@ -112,10 +116,10 @@ def skip(mesh, work, contact, x, v, periods, limit):
 
 @kernel
 def run(mesh, x, v, periods, record_periods, samples, events, limit, summary):
-    """Run one mesh from the state (x, v) at tau = 0, in static deflections and dx/dtau.
+    """Run a `Mesh` from displacement x, in static deflections, and velocity v = dx/dtau at tau = 0.
 
-    The last `record_periods` of its `periods` are recorded: `samples`, shape (record_periods * n,
-    6), get n equal steps a period, n may be 0; `events`, shape (k, 5), are enlarged as needed
+    The last `record_periods` of its `periods` are recorded. `samples`, shape (record_periods * n,
+    6), receive n equal steps per period, n may be 0; `events`, shape (k, 5), are enlarged as needed
     unless k = 0; `summary`, shape (9,), is filled. A period has at most `limit` arcs.
 
     Returns (x, v, period, events, rows, status): the last state, the proven period of the orbit in
@@ -128,7 +132,12 @@ def run(mesh, x, v, periods, record_periods, samples, events, limit, summary):
 
 @kernel
 def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, summary):
-    """Run one mesh as `run` does, with storage `work` that `set_mesh` has prepared."""
+    """Run a `Mesh` as `run` does, with storage `work` prepared by `set_mesh`.
+
+    x and v are displacement and velocity at tau = 0. `samples`, `events` and `summary` receive the
+    record of the last `record_periods`; `limit` is the largest number of arcs of a period. Returns
+    (x, v, period of the orbit or 0, event table, its rows in use, status).
+    """
     if not within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
     contact = contact_of(mesh.gap, x, v)
@@ -159,9 +168,9 @@ def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, su
                 arcs, count, previous, n, events, event_rows
             )
         if per_period > 0:
-            rows = samples[i * per_period : (i + 1) * per_period]
-            orbit.fill_sample_phases(rows, orbit.SAMPLE_PHASE, 2.0 * math.pi)
-            recorded_arcs.sample_arcs(mesh, arcs, count, rows)
+            period_samples = samples[i * per_period : (i + 1) * per_period]
+            orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+            recorded_arcs.sample_arcs(mesh, arcs, count, period_samples)
         previous = last
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / computed
@@ -179,10 +188,11 @@ def run_at(mesh, work, x, v, periods, record_periods, samples, events, limit, su
 
 @kernel
 def _proven_period(mesh, work, n, contact, x, v, limit, summary):
-    """Return the period of the orbit to which the motion converges after n periods, or 0.
+    """Return the proven period of the orbit to which a motion converges after n periods, or 0.
 
-    The states of `work` repeat in a transient as well, so that the period has to be proven. `limit`
-    is the largest number of arcs of a period; `summary` is that of the recorded periods.
+    After n periods it has a contact code, displacement x and velocity v. Stored states in `work`
+    may repeat in a transient as well, so that a proof is needed. `limit` is the largest number of
+    arcs of a period; `summary`, shape (9,), describes the recorded periods.
     """
     period, tolerance = repeat_of(mesh, work, n, _SAME_STATE), _END_DISTANCE
     if summary[orbit.TIME_BACKLASH] == 0.0 and summary[orbit.TIME_INVERSE] == 0.0:
@@ -201,10 +211,11 @@ def _proven_period(mesh, work, n, contact, x, v, limit, summary):
 
 @kernel
 def _recorded_period(mesh, work, periods, unrecorded, end, repeat, summary):
-    """Return the period of an orbit from its stored states up to that after period `end`.
+    """Return the period of an orbit by comparison of its states after each mesh period.
 
-    If the run has settled, states before the recorded periods and after `end` repeat those between;
-    `repeat` is then its period, otherwise 0.
+    `work` stores the states after periods `unrecorded` to `end` of a run of `periods`. If the run
+    has settled, its period is `repeat` (else 0) and other states are repetitions of stored states.
+    `summary`, shape (9,), gives the height of the orbit.
     """
     strobe_count = min(periods, orbit.STROBE_PERIODS)
     strobes = np.empty((strobe_count + 1, 2))

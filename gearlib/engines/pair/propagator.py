@@ -11,9 +11,9 @@ from gearlib.engines.protocol import Base
 
 
 def ratios(pair):
-    """Return the dimensionless ratios of a `GearPair`, shape (7,), in the order of `motion.mesh`.
+    """Return the dimensionless ratios of a `GearPair`, shape (7,), for `mesh_at_tuning`.
 
-    If the numbers of the pair are arrays of shape (k,), the shape is (7, k).
+    If the parameters of the pair are arrays of shape (k,), the shape is (7, k).
     """
     return np.array(
         [
@@ -27,11 +27,12 @@ def ratios(pair):
 
 
 class Propagator(Base):
-    """A `GearPair` at one tuning."""
+    """Runs a `GearPair` at one tuning by closed forms."""
 
     chunk_size, proves_periods = 2048, True
 
     def __init__(self, model, tuning, other=None):
+        """Prepare runs of a `GearPair`; `other` is a propagator of the same pair to share data."""
         super().__init__(model, tuning)
         self.ratios = other.ratios if other else ratios(model)
         self.mesh = mesh_at_tuning(self.ratios, tuning)
@@ -41,23 +42,38 @@ class Propagator(Base):
         return type(self)(self.model, tuning, self)
 
     def fill_record(self, z, span, samples, events, summary, first):
-        """Run from z and fill the tables; see `Base.fill_record`."""
+        """Run from state z, shape (2,), which changes, and return the `Record` of the run.
+
+        `span` gives the numbers of mesh periods; tables `samples`, `events` and `summary` are
+        filled. See `Base.fill_record`; `first` is not used.
+        """
         tables = samples, events, span.max_events, summary
         result = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
         *z[:], period, events, count, code = result
         return Record(z, z, period, samples, events[:count], summary, code)
 
     def sweep(self, tunings, order, state, carry, span, rows):
-        """Run many tunings in one call of the kernel; see `Base.sweep`."""
+        """Run at the tunings ``tunings[order]`` in one call of the kernel, and fill `rows`.
+
+        Each run starts from `state`, or with `carry` from the end of the last one. `span` gives the
+        numbers of mesh periods; see `Base.sweep`.
+        """
         many_runs.run_many(self.ratios, tunings, order, np.array(state), carry, *span, *rows)
 
     def fill_maps(self, z, periods, max_events, maps, first):
-        """Fill the maps of mesh periods and move z to the end; return the status."""
+        """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrices of mesh periods.
+
+        State z, shape (2,), changes to the state at the end; returns the status. A period has at
+        most `max_events` arcs; `first` is not used, see `Base.fill_maps`.
+        """
         *z[:], code = fill_period_maps(self.mesh, *z, periods, max_events, maps)
         return code
 
     def many(self, states, periods, max_events):
-        """Return (ends, statuses) of runs from many states, in one call of the kernel."""
+        """Return final states, shape (k, 2), and statuses of runs from `states`, shape (k, 2).
+
+        A mesh period has at most `max_events` arcs.
+        """
         states = np.ascontiguousarray(states)
         ends, codes = np.empty(states.shape), np.empty(len(states), np.int64)
         many_runs.skip_many(self.mesh, states, periods, max_events, ends, codes)

@@ -28,7 +28,10 @@ from gearlib.engines.pair.motion import UNDERDAMPED, evolve, fly, lowest_time, t
 
 @kernel
 def _add_displacement(mesh, level, contact, x, summary):
-    """Add a displacement, and the mesh force of a contact there, to the extrema of the summary."""
+    """Update the extrema in `summary`, shape (9,), by a displacement x and its mesh force.
+
+    The force follows from the contact code and the stiffness `Level` of the `Mesh`.
+    """
     summary[X_MAX] = max(summary[X_MAX], x)
     summary[X_MIN] = min(summary[X_MIN], x)
     force = 0.0
@@ -42,14 +45,19 @@ def _add_displacement(mesh, level, contact, x, summary):
 
 @kernel
 def add_arcs(mesh, arcs, count, summary):
-    """Add the extrema and contact times of the first `count` arcs to the summary."""
+    """Add extrema and contact times of arcs of a `Mesh` to `summary`, shape (9,).
+
+    The first `count` rows of the arc table `arcs`, shape (n, 6), are used.
+    """
     for i in range(count):
         contact = int(arcs[i, CONTACT])
         level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
         duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
         _add_displacement(mesh, level, contact, x, summary)
         has_next = i + 1 < count
-        end, end_v = (arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]) if has_next else (0.0, 0.0)
+        end, end_v = 0.0, 0.0
+        if has_next:
+            end, end_v = arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]
         if contact == BACKLASH:
             summary[TIME_BACKLASH] += duration
             if v < 0.0 and not (has_next and end_v < 0.0):
@@ -71,7 +79,7 @@ def add_arcs(mesh, arcs, count, summary):
             end, end_v = evolve(level, x - shift, v, duration)
             end += shift
         # The first two turning points are the highest and the lowest, since amplitudes never grow.
-        # Within half a turn there is at most one, after which the velocity has another sign.
+        # Within half an oscillation there is at most one, and the velocity changes its sign.
         if not (v * end_v > 0.0 and level.w * duration < math.pi):
             t = turning_time(level, x - shift, v)
             for _ in range(2):
@@ -90,8 +98,9 @@ def add_arcs(mesh, arcs, count, summary):
 def add_events(arcs, count, previous, period, events, rows):
     """Append the changes of contact between successive arcs to the event table.
 
-    `previous` is the contact code before the first arc, `period` the number of the mesh period,
-    `rows` the number of rows in use. Returns (events, rows in use, contact code of the last arc).
+    The first `count` rows of the arc table `arcs`, shape (n, 6), belong to mesh period number
+    `period`; `previous` is the contact code before them, `rows` the number of rows of `events` in
+    use. Returns (events, rows in use, contact code of the last arc).
     """
     for i in range(count):
         contact = int(arcs[i, CONTACT])
@@ -105,7 +114,11 @@ def add_events(arcs, count, previous, period, events, rows):
 
 @kernel
 def count_bounces(arcs, count, previous):
-    """Return (number of losses of normal contact, contact code of the last arc)."""
+    """Return (number of losses of drive-side contact, contact code of the last arc).
+
+    The first `count` rows of the arc table `arcs`, shape (n, 6), are used; `previous` is the
+    contact code before them.
+    """
     bounces = 0
     for i in range(count):
         contact = int(arcs[i, CONTACT])
@@ -117,7 +130,10 @@ def count_bounces(arcs, count, previous):
 
 @inlined
 def in_arc(mesh, arc, t):
-    """Return (x, v, acceleration, force) at a phase t of the mesh period, which lies in the arc."""
+    """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
+
+    `arc`, shape (6,), is the row of the arc table of a `Mesh` in which the phase lies.
+    """
     contact = int(arc[CONTACT])
     level = mesh.high if arc[LEVEL] == 1.0 else mesh.low
     x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
@@ -136,9 +152,10 @@ def in_arc(mesh, arc, t):
 
 @kernel
 def sample_arcs(mesh, arcs, count, samples):
-    """Fill `samples`, shape (n, 6), with the states at the phases in their column SAMPLE_PHASE.
+    """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 
-    At an event or a stiffness switch the state just after it is taken.
+    The motion of the `Mesh` is given by the first `count` rows of the arc table `arcs`. At a switch
+    the state just after it is used.
     """
     i = 0
     for k in range(samples.shape[0]):

@@ -63,16 +63,16 @@ def not_settled():
 
 @kernel
 def _size(mesh, x, v):
-    """Return the norm of a state or deviation, in static deflections."""
+    """Return the norm, in static deflections, of a state with displacement x and velocity v."""
     return math.hypot(x, mesh.tuning * v)
 
 
 @kernel
 def repeat_of(mesh, work, n, share):
-    """Return the smallest number of periods after which the stored states repeat, 0 if none.
+    """Return the smallest number of mesh periods after which stored states repeat, 0 if none.
 
-    The state after n periods is compared with earlier ones in `Work`, within `share` of its size or
-    of a static deflection if that is larger.
+    The state after n periods is compared with earlier states in `work`. The tolerance is `share`
+    times the size of the state or one static deflection, whichever is larger.
     """
     x, v = work.states[n % STORED_PERIODS, 0], work.states[n % STORED_PERIODS, 1]
     tolerance = share * max(1.0, _size(mesh, x, v))
@@ -88,9 +88,10 @@ def repeat_of(mesh, work, n, share):
 
 @kernel
 def _is_off_grazing(line, x, speed, distance, share):
-    """Return whether a state is off a line, or so fast that it crosses the line without grazing.
+    """Return whether a motion at displacement x with a `speed` does not graze the flank at `line`.
 
-    `distance` is the smallest distance from the line, `share` the distance D from an orbit.
+    It is farther from the line than `distance`, or crosses it fast enough. `share` is the distance
+    from the orbit over which the proof must hold.
     """
     return abs(x - line) > distance or abs(speed) > max(
         _GRAZING_SPEED, _SPEED_OVER_DISTANCE * share
@@ -99,9 +100,10 @@ def _is_off_grazing(line, x, speed, distance, share):
 
 @kernel
 def all_arcs_off_grazing(mesh, arcs, count, share):
-    """Return whether no arc comes close to a tangency with a flank line, for D up to `share`.
+    """Return whether no arc of a motion of a `Mesh` comes close to grazing a flank line.
 
-    The ends of the arcs and the points within them nearest to a line are checked.
+    The ends and turning points of the first `count` rows of the arc table `arcs`, shape (n, 6), are
+    checked. `share` is the distance from the orbit over which the proof must hold.
     """
     distance = max(_GRAZING_DISTANCE, 10.0 * share)
     for i in range(count):
@@ -150,14 +152,17 @@ def product(a, b):
 
 @inlined
 def _norm(mesh, a):
-    """Return the Frobenius norm of a map with the rows a, velocities counting as displacements."""
+    """Return the Frobenius norm of a 2 x 2 map a, a tuple by rows, with scaled velocities."""
     upper, lower = a[1] / mesh.tuning, a[2] * mesh.tuning
     return math.sqrt(a[0] * a[0] + upper * upper + lower * lower + a[3] * a[3])
 
 
 @kernel
 def sum_of_powers(mesh, matrix):
-    """Return a bound of 1 + |M| + |M^2| + ..., infinity if M does not contract well enough."""
+    """Return an upper bound of 1 + |M| + |M^2| + ..., infinity if M hardly contracts.
+
+    `matrix` is the 2 x 2 map M, a tuple by rows.
+    """
     total = 1.0
     for _ in range(_DOUBLINGS):
         # The sum of twice as many powers is at most the sum times 1 + |power|.
@@ -170,8 +175,10 @@ def sum_of_powers(mesh, matrix):
 def check_settled(mesh, work, n, contact, x, v, repeat, limit, share):
     """Run through `repeat` periods and try to prove that the motion converges to an orbit.
 
-    The distance D from the orbit may be `share` of the state. Returns (contact, x, v, number of
-    arcs, `Settled`); the arguments are those of `whole_periods.advance`.
+    The motion has a contact code, displacement x and velocity v after n mesh periods; `work` is
+    storage prepared for the `Mesh`, `limit` the largest number of arcs of a period. The distance
+    from the orbit may be `share` of the state. Returns (contact code, x, v, number of arcs,
+    `Settled`), with the state at the end of the run.
     """
     arcs, derivative = np.empty((_MAX_ARCS, ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous = x, v, contact
@@ -193,8 +200,9 @@ def check_settled(mesh, work, n, contact, x, v, repeat, limit, share):
     if not sum_of_powers(mesh, matrix) * _size(mesh, dx, dv) <= tolerance:
         return contact, x, v, count, not_settled()
     a, b, c, d = 1.0 - matrix[0], -matrix[1], -matrix[2], 1.0 - matrix[3]
-    share = 1.0 / (a * d - b * c)
-    dx, dv = share * (d * dx - b * dv), share * (a * dv - c * dx)
+    # The deviation d = (dx, dv) is replaced by (I - M)^-1 d, with I - M = [[a, b], [c, d]].
+    factor = 1.0 / (a * d - b * c)
+    dx, dv = factor * (d * dx - b * dv), factor * (a * dv - c * dx)
     ex = -(matrix[0] * dx + matrix[1] * dv)
     ev = -(matrix[2] * dx + matrix[3] * dv)
     return contact, x, v, count, Settled(repeat, ex, ev, matrix)
@@ -202,7 +210,7 @@ def check_settled(mesh, work, n, contact, x, v, repeat, limit, share):
 
 @kernel
 def after_repeats(settled, k):
-    """Return M^k e, the distance of a settled run from its orbit after k >= 0 repeats."""
+    """Return the deviation (x, v) of a `Settled` run from its orbit after k >= 0 repeats, M^k e."""
     x, v, power = settled.x, settled.v, settled.matrix
     while k > 0:
         if k % 2 == 1:

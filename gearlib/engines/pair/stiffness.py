@@ -13,12 +13,12 @@ import math
 
 
 def mean_over_max(contact_ratio, stiffness_ratio):
-    """Return the mean mesh stiffness over its maximum, C_s / C_max, Eq. (2)."""
+    """Return the mean mesh stiffness C_s / C_max, Eq. (2); `stiffness_ratio` is C_min / C_max."""
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
 
 def force_note(stiffness_ratio):
-    """Return a sentence that warns of the force jumps of a rectangular mesh stiffness, or ''."""
+    """Return a warning of the force jumps of a rectangular stiffness, '' if C_min / C_max is 1."""
     if stiffness_ratio == 1.0:
         return ""
     return (
@@ -29,15 +29,17 @@ def force_note(stiffness_ratio):
 
 
 def levels(contact_ratio, stiffness_ratio):
-    """Return both stiffness levels over the mean, (C_max / C_s, C_min / C_s)."""
-    high = 1.0 / mean_over_max(contact_ratio, stiffness_ratio)
-    return high, stiffness_ratio * high
+    """Return both stiffness levels over the mean, (C_max / C_s, C_min / C_s).
+
+    `stiffness_ratio` is C_min / C_max.
+    """
+    maximum = 1.0 / mean_over_max(contact_ratio, stiffness_ratio)
+    return maximum, stiffness_ratio * maximum
 
 
 def segment_lengths(contact_ratio):
-    """Return the phase lengths of half a C_max segment and a C_min segment.
+    """Return the phase lengths, in rad, of half a C_max segment and of a C_min segment.
 
-    One mesh period from tau = 0 consists of half a C_max segment, the C_min segment, and the other
-    half.
+    One mesh period, 2 pi, consists of half a C_max segment, the C_min segment, and the other half.
     """
     return math.pi * (contact_ratio - 1.0), 2.0 * math.pi * (2.0 - contact_ratio)

@@ -71,7 +71,7 @@ class Work(NamedTuple):
 
 @kernel
 def new_work():
-    """Return storage for runs, to be prepared by `set_mesh`."""
+    """Return empty storage for runs through whole periods, to be prepared by `set_mesh`."""
     return Work(
         np.zeros((2, LEVEL_COLUMNS)),
         np.zeros((2, ENTRIES, 2)),
@@ -82,14 +82,14 @@ def new_work():
 
 @kernel
 def set_mesh(work, mesh):
-    """Set the levels of `work` to those of a mesh."""
+    """Prepare storage `work` for runs of a `Mesh`: set the constants of its stiffness levels."""
     set_level(mesh.low, mesh.whole_low, work.levels[0])
     set_level(mesh.high, mesh.half_high, work.levels[1])
 
 
 @kernel
 def set_start(work, x, v):
-    """Clear the memory of `work` for a run from (x, v), which no earlier run may affect."""
+    """Prepare storage `work` for a new run from displacement x and velocity v at tau = 0."""
     work.memory[REMAINING] = -1.0
     work.memory[ENTRY:] = 0.0
     work.states[0, 0], work.states[0, 1] = x, v
@@ -97,7 +97,11 @@ def set_start(work, x, v):
 
 @inlined
 def _write(arcs, count, start, duration, contact, level, x, v):
-    """Write row `count` of the arc table, if it has that row; return the number of arcs so far."""
+    """Write an arc to row `count` of the arc table, if it has this row; return `count` + 1.
+
+    The arc has a `start` phase, `duration`, contact code, stiffness level (0 C_min, 1 C_max) and
+    starts with displacement x and velocity v.
+    """
     if count < arcs.shape[0]:
         arcs[count, 0], arcs[count, 1], arcs[count, 2] = start, duration, contact
         arcs[count, 3], arcs[count, 4], arcs[count, 5] = level, x, v
@@ -106,12 +110,12 @@ def _write(arcs, count, start, duration, contact, level, x, v):
 
 @kernel
 def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
-    """Go through mesh periods n, n + 1 ... of a `Mesh` from (x, v) at tau = 2 pi n.
+    """Run through `periods` mesh periods of a `Mesh` from tau = 2 pi n.
 
-    Returns (contact, x, v, count): contact code and state at the end, which may be out of range,
-    see `within_range`, and the number of arcs of the last period, more than `limit` if more were
-    needed. `work` has been prepared for the mesh and carries a flight from one call to the next.
-    `arcs`, shape (k, 6), gets the arcs of the last period; k may be 0.
+    The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
+    for the mesh; it keeps a flight from one call to the next. `arcs`, shape (k, 6), receives the
+    arcs of the last period; k may be 0. Returns (contact code, x, v, count) at the end, which may
+    be out of range; `count` is the number of arcs of the last period, above `limit` after an abort.
     """
     levels, tables, memory, states = work
     escape_square = 2.0 * mesh.load * mesh.gap * MARGIN
@@ -212,20 +216,10 @@ def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
                     arcs[count - 1, 1] = loss_time
                 if speed * speed >= escape_square:
                     # The far flank may be reached: march event by event to the next landing.
+                    t += loss_time
                     flying = BACKLASH if mesh.gap > 0.0 else INVERSE
                     t, contact, x, v, count = march_on(
-                        mesh,
-                        i,
-                        start,
-                        t + loss_time,
-                        length,
-                        flying,
-                        0.0,
-                        speed,
-                        arcs,
-                        count,
-                        limit,
-                        True,
+                        mesh, i, start, t, length, flying, 0.0, speed, arcs, count, limit, True
                     )
                     if t >= length or count > limit:
                         break
