@@ -16,7 +16,11 @@ _bar_shown = threading.Lock()
 
 @contextmanager
 def bar(noun, total, done):
-    """Show how many of `total` things are done, as the function `done` says, from a thread."""
+    """Show a progress bar in Jupyter, updated by a thread, while the context lasts.
+
+    `noun` is the plural noun of the items, `total` is their number, and the function `done`
+    returns how many are finished.
+    """
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel") or not _bar_shown.acquire(blocking=False):
         yield
@@ -34,26 +38,32 @@ def bar(noun, total, done):
 
 
 def _update(noun, total, done, ended):
-    """Update a bar until the event `ended`, then empty it."""
+    """Display and update a progress bar until the event `ended` is set, then clear it.
+
+    `done` returns how many of the `total` items, named by the plural `noun`, are finished.
+    """
     from IPython.display import display
 
-    start, handle = time.monotonic(), None
+    start_time, handle = time.monotonic(), None
     while not ended.wait(STEP if handle else DELAY):
         count = done()
-        text = f"{count} of {total} {noun}, {time.monotonic() - start:.0f} s"
+        text = f"{count} of {total} {noun}, {time.monotonic() - start_time:.0f} s"
         html = f'<progress value="{count}" max="{total}"></progress> {text}'
-        shown = {"text/plain": text, "text/html": html}
+        content = {"text/plain": text, "text/html": html}
         if handle:
-            handle.update(shown, raw=True)
+            handle.update(content, raw=True)
         else:
-            handle = display(shown, raw=True, display_id=True)
+            handle = display(content, raw=True, display_id=True)
     if handle:
         handle.update({"text/plain": "", "text/html": ""}, raw=True)
 
 
 @contextmanager
 def telling(noun, total, tell=None):
-    """Yield a function that takes how many things are newly done, shows it and calls `tell`."""
+    """Show a progress bar; yield a function to call with the number of newly finished items.
+
+    `noun` is the plural noun of the items; `tell`, if any, is called with the same number.
+    """
     done = 0
 
     def add(count):
@@ -67,7 +77,7 @@ def telling(noun, total, tell=None):
 
 
 def counted(noun, items, total):
-    """Yield the `total` items, and show how many have been worked on."""
+    """Yield `items`, with a progress bar of how many of `total` are finished, named by `noun`."""
     with telling(noun, total) as add:
         for item in items:
             yield item

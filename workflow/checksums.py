@@ -23,13 +23,13 @@ _LINE = re.compile(r"^wrote sha256 ([0-9a-f]{64}) at ([0-9]+) ns: (.+)$", re.M)
 
 
 def record(log, outputs):
-    """Return the lines with the checksums of the outputs of a job, and record them."""
+    """Return lines with the checksums of a job's outputs for its log, and record them."""
     lines = "".join(
         f"wrote sha256 {_digest(path)} at {path.stat().st_mtime_ns} ns: {path}\n"
         for path in outputs
         if path.is_file()
     )
-    # Recorded before the log has them, so that a job killed in between does not count as foreign.
+    # They are recorded before the log gets them: a job killed in between is not foreign then.
     path = RECORDS / os.path.relpath(log)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(lines, encoding="utf-8")
@@ -37,7 +37,7 @@ def record(log, outputs):
 
 
 def foreign(results):
-    """Return the data files whose jobs did not run in this folder, sorted."""
+    """Return the sorted data files below `results` that came from another folder."""
     paths = set()
     for log in results.rglob("logs/**/*.log"):
         recorded = _checksums(RECORDS / log) if (RECORDS / log).is_file() else set()
@@ -46,7 +46,7 @@ def foreign(results):
 
 
 def replaced(results):
-    """Return the data files that somebody changed after their jobs had written them."""
+    """Return the sorted data files below `results` that were changed after their jobs had ended."""
     paths = set()
     for log in results.rglob("logs/**/*.log"):
         for digest, time, path in _checksums(log):
@@ -56,10 +56,10 @@ def replaced(results):
 
 
 def _checksums(log):
-    """Return the set of (digest, time, path) of the data files in a log."""
+    """Return the set of (SHA-256, modification time in ns, path) of the data files in a log."""
     lines = _LINE.findall(log.read_text(encoding="utf-8", errors="replace"))
-    rows = {(digest, int(time), Path(name)) for digest, time, name in lines}
-    return {row for row in rows if row[-1].suffix not in DRAWN}
+    entries = {(digest, int(time), Path(name)) for digest, time, name in lines}
+    return {entry for entry in entries if entry[-1].suffix not in DRAWN}
 
 
 def _digest(path):

@@ -16,26 +16,27 @@ RECORD = "gears.json"
 
 
 def name_of(config, base, given, files):
-    """Return the name of the project, "" for the paper's.
+    """Return the name of the project, or "" for the gears of the paper.
 
-    `config` is the whole configuration, `base` that of the paper, `given` what was laid over it.
-    The last of the `files` with that gives the name if its machine is another one.
+    `config` is the whole configuration: that of the paper, `base`, with the changes `given` by
+    configuration `files`. If the changes describe other gears, the last file gives the name.
     """
     if config.get("project") or "cases" in config or not files:
         return config.get("project", "")
-    other = any(_differs(given[key], base.get(key)) for key in _MACHINE if key in given)
-    return re.sub("[^A-Za-z0-9_-]", "_", Path(files[-1]).stem) if other else ""
+    sections = [section for section in _MACHINE if section in given]
+    other_gears = any(_differs(given[section], base.get(section)) for section in sections)
+    return re.sub("[^A-Za-z0-9_-]", "_", Path(files[-1]).stem) if other_gears else ""
 
 
 def _differs(given, base):
-    """Return whether a configuration, laid over another one, changes it."""
+    """Return whether merging the values `given` into the configuration `base` would change it."""
     if isinstance(given, dict) and isinstance(base, dict):
         return any(_differs(value, base.get(key)) for key, value in given.items())
     return given != base
 
 
 def machines(folder, config):
-    """Return folder -> its machine; None instead of a machine where the configuration is wrong."""
+    """Return result folder -> gears of each case, with None if the configuration is invalid."""
     if "cases" not in config:
         return {folder: _machine(config)}
     common = {key: value for key, value in config.items() if key != "cases"}
@@ -49,26 +50,26 @@ def machines(folder, config):
 
 
 def _machine(settings):
-    """Return the name of a machine and the numbers that tell it from others."""
+    """Return the name and parameters of configured gears, or None if they are invalid."""
     try:
-        c = configuration.load(settings)
+        loaded = configuration.load(settings)
     except configuration.ConfigError:
         return None
-    mesh = gear_names.PAPER.keys()
-    gears = (
-        c.gears.model_dump(exclude=_OPERATED) if c.gears else c.gear_pair.model_dump(include=mesh)
-    )
-    return {"name": gear_names.of_pair(c), "gears": json.loads(json.dumps(gears))}
+    if loaded.gears:
+        gears = loaded.gears.model_dump(exclude=_OPERATED)
+    else:
+        gears = loaded.gear_pair.model_dump(include=gear_names.PAPER.keys())
+    return {"name": gear_names.of_pair(loaded), "gears": json.loads(json.dumps(gears))}
 
 
 def _recorded(folder):
-    """Return the machine whose results a folder holds by its record, None without a record."""
+    """Return the recorded gears of a result folder, or None without a record."""
     path = folder / RECORD
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def of_others(machines):
-    """Return a sentence for each folder -> machine that holds the results of another machine."""
+    """Return an error message for each folder -> gears whose folder has results of other gears."""
     sentences = []
     for folder, machine in machines.items():
         known = machine and _recorded(folder)
@@ -82,7 +83,7 @@ def of_others(machines):
 
 
 def record(machines):
-    """Write into each folder -> machine the record of the machine, if it has changed."""
+    """Write the gears in `machines`, folder -> gears, as JSON into their folders if changed."""
     for folder, machine in machines.items():
         folder.mkdir(parents=True, exist_ok=True)
         if _recorded(folder) != machine:
@@ -91,9 +92,10 @@ def record(machines):
 
 
 def compared(folders, others):
-    """Return the characteristics in label -> folder, of this run and of others.
+    """Return the paths of the resonance datasets to compare.
 
-    Refused if there is only one, or one of the others is missing, which this run cannot compute.
+    `folders` and `others` map labels to result folders of this run and of other projects. The
+    workflow ends with a message if a dataset of `others` is missing or there is only one.
     """
     missing = [name for name, path in others.items() if not (path / "resonance.nc").exists()]
     if missing or len(folders | others) < 2:
@@ -106,7 +108,10 @@ def compared(folders, others):
 
 
 def names_of(folders, machines):
-    """Return the gears of each label -> folder as text, by folder -> machine or its record."""
+    """Return a text with the label and gears of each folder.
+
+    `folders` maps labels to folders, `machines` folders to gears; other folders have a record.
+    """
     names = []
     for label, folder in folders.items():
         machine = machines.get(folder) or _recorded(folder) or {"name": "unknown"}

@@ -24,7 +24,10 @@ PACKAGES = (
 
 
 def write(results, root):
-    """Write the file if any job is newer than it; return whether it was written."""
+    """Write provenance.json into `results` if a job is newer; return whether it was written.
+
+    `root` is the folder of the git repository.
+    """
     target = results / "provenance.json"
     jobs = sorted((results / "benchmarks").rglob("*.tsv"))
     newest = max((path.stat().st_mtime for path in jobs), default=0.0)
@@ -49,7 +52,7 @@ def write(results, root):
 
 
 def _git(root, *arguments):
-    """Return the output of git, None outside a repository."""
+    """Return the output of a git command in the folder `root`, or None if git fails."""
     try:
         command = ["git", "-C", root, *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
@@ -67,7 +70,7 @@ def _versions():
 
 
 def _processor():
-    """Return the name of the processor."""
+    """Return the model name of the processor, from /proc/cpuinfo where it exists."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         line = next(line for line in lines if line.startswith("model name"))
@@ -76,7 +79,10 @@ def _processor():
 
 
 def _job(path, folder):
-    """Return name, seconds and memory of a job from Snakemake's benchmark file."""
+    """Return name, run time and peak memory of a job from Snakemake's benchmark file `path`.
+
+    `folder` is the folder of all benchmark files; the relative path is the name of the job.
+    """
     with path.open(encoding="utf-8") as file:
         row = next(csv.DictReader(file, delimiter="\t"))
     return {
@@ -87,6 +93,6 @@ def _job(path, folder):
 
 
 def _number(text):
-    """Return a number, None where Snakemake could not measure it."""
+    """Return a text as float, or None for the texts that Snakemake writes without a measurement."""
     with suppress(ValueError):
         return float(text)

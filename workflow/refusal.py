@@ -9,7 +9,7 @@ WRONG_INPUT = 2
 
 
 def interrupted(kind, error, trace):
-    """Print that Snakemake was interrupted before any job; for `sys.excepthook`."""
+    """Print a message for an interrupt before any job, else the traceback; for `sys.excepthook`."""
     if issubclass(kind, KeyboardInterrupt):
         print("Interrupted before any job.", file=sys.stderr)
     else:
@@ -17,6 +17,6 @@ def interrupted(kind, error, trace):
 
 
 def refuse(sentence):
-    """Print a sentence and end Snakemake, which would print a traceback of an exception."""
+    """Log an error message and exit; an exception would make Snakemake print a traceback."""
     logger.error(str(sentence))
     sys.exit(WRONG_INPUT)

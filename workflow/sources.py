@@ -29,26 +29,26 @@ _IMPORT = re.compile(
 
 
 def sources(script, root, loaded=()):
-    """Return a script and every module of the package that it imports, directly or not.
+    """Return the files of a script and of all package modules that it imports, also indirectly.
 
-    `loaded` names modules that the script loads by name. ``gearlib/__init__.py`` does not count: it
-    is a table of lazy names, so that scripts and modules import submodules by their full names.
-    ImportError if a file imports a lazy name, or loads modules by name without naming them.
+    `root` is the folder of the package; `loaded` names modules that the script loads dynamically.
+    ``gearlib/__init__.py`` does not count: it only has lazy names, so that scripts and modules
+    import submodules by full names. ImportError for lazy names and undeclared dynamic imports.
     """
     script, root = os.fspath(script), os.fspath(root)
-    files, waiting = set(), [script]
+    files, pending = set(), [script]
     for name in loaded:
-        waiting += _module_files(name, os.path.dirname(script), root, script)
-    while waiting:
-        path = waiting.pop()
+        pending += _module_files(name, os.path.dirname(script), root, script)
+    while pending:
+        path = pending.pop()
         if path not in files:
             files.add(path)
-            waiting += _imported_files(path, root)
+            pending += _imported_files(path, root)
     return sorted(map(Path, files))
 
 
 def listed(script, files):
-    """Return the path of the list of the sources of a script, written if it has changed."""
+    """Write the list of a script's source `files` with checksums if it changed; return its path."""
     names = [_relative_path(os.fspath(file)) for file in files]
     digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{digest}.txt"
@@ -57,7 +57,7 @@ def listed(script, files):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
         temporary.write_text(text, encoding="utf-8")
-        # Snakemake judges results by dates if it does not know their jobs.
+        # Snakemake compares dates if it does not know the job of a result.
         newest = max(map(_modified, names))
         os.utime(temporary, ns=(newest, newest))
         os.replace(temporary, path)
@@ -65,7 +65,7 @@ def listed(script, files):
 
 
 def read(path):
-    """Return the source files of a list."""
+    """Return the source files in the list at `path`, without their checksums."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
     return [line.split("  ", 1)[1] for line in lines]
 
@@ -87,18 +87,18 @@ def _checksum(path):
 
 @cache
 def _imported_files(path, root):
-    """Return the files that a file imports, of the package or beside it."""
+    """Return the files that a Python file imports from the package or from its own folder."""
     return list(_follow_imports(path, root))
 
 
 def _follow_imports(path, root):
-    """Yield the same, one after the other."""
+    """Yield each file that a Python file imports from the package or from its own folder."""
     with open(path, encoding="utf-8") as file:
         text = file.read()
     if ("import_module" in text or "__import__" in text) and "if TYPE_CHECKING:" not in text:
         raise ImportError(f"{path}: import under TYPE_CHECKING what is loaded by name")
     folder = os.path.dirname(path)
-    for modules, origin, inside, beside in _IMPORT.findall(text):
+    for modules, origin, in_brackets, without_brackets in _IMPORT.findall(text):
         for name in _names(modules):
             if name == PACKAGE:
                 raise ImportError(f"{path}: import {name}: import modules by full names")
@@ -108,18 +108,21 @@ def _follow_imports(path, root):
         if origin.startswith("."):
             raise ImportError(f"{path}: from {origin}: import {PACKAGE} modules by full names")
         yield from _module_files(origin, folder, root, path)
-        for name in _names(re.sub("#.*", "", inside) or beside):
+        for name in _names(re.sub("#.*", "", in_brackets) or without_brackets):
             name, optional = f"{origin}.{name}", origin != PACKAGE
             yield from _module_files(name, folder, root, path, optional)
 
 
 def _names(text):
-    """Return the names in the text of an import, without "as ..."."""
-    return [part.split()[0] for part in text.split(",") if part.strip()]
+    """Return the imported names in the text of an import statement, without "as ..."."""
+    return [name.split()[0] for name in text.split(",") if name.strip()]
 
 
 def _module_files(name, folder, root, importer, optional=False):
-    """Return the files that ``import name`` runs, of the package or in the importer's folder."""
+    """Return the files that ``import name`` runs, from the package or the importer's `folder`.
+
+    ImportError if the package has no such module, unless it is `optional`.
+    """
     files = _files(name, root) if name.split(".")[0] == PACKAGE else _beside(name, folder)
     if None in files and not optional:
         raise ImportError(f"{importer}: {name} is no module of {PACKAGE}; import by full names")
@@ -128,14 +131,14 @@ def _module_files(name, folder, root, importer, optional=False):
 
 @cache
 def _beside(name, folder):
-    """Return the file of a module in a folder, in a list that is empty if there is none."""
+    """Return a list with the file of the module `name` in a folder, empty if there is none."""
     path = os.path.join(folder, f"{name}.py")
     return [path] if os.path.isfile(path) else []
 
 
 @cache
 def _files(name, root):
-    """Return a file for each part of a dotted name below the package, None if there is none."""
+    """Return the file of each module in a dotted name, with None for a missing one."""
     parts = name.split(".")
     folders = [os.path.join(root, *parts[:depth]) for depth in range(2, len(parts) + 1)]
     candidates = [(f"{folder}.py", os.path.join(folder, "__init__.py")) for folder in folders]

@@ -33,9 +33,9 @@ _sources = sorted(Path(__file__).parents[1].rglob("*.py"))
 
 @contextmanager
 def replacing(path):
-    """Give a temporary path beside `path` to write to; on success it takes the place of `path`.
+    """Yield a temporary path to write to, and on success rename it to `path` in one step.
 
-    The folder is made if need be. The temporary name keeps the suffix.
+    A missing folder is created. The temporary name has the suffix of `path`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,9 +48,9 @@ def replacing(path):
 
 
 def remove_leftovers(folder):
-    """Remove the temporary files below `folder` of processes that were killed while they wrote.
+    """Remove temporary files that killed processes left in `folder` or below.
 
-    No other process may be writing there: its temporary files would go as well.
+    No other process may write there meanwhile, because its temporary files are removed too.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):
@@ -58,15 +58,15 @@ def remove_leftovers(folder):
 
 
 def write_table(rows, path):
-    """Write rows, the first of them the names of the columns, as CSV in one step."""
+    """Write rows of cells to a CSV file in one step; the first row has the column names."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def write_table_page(csv_path, path, gears=""):
-    """Write the table of a CSV file as an HTML page with the name of its gears, in one step.
+    """Write the table of a CSV file as an HTML page in one step, with the name `gears` on top.
 
-    The first row names the columns; ``_`` in names is shown as a space.
+    The first row has the column names, in which ``_`` becomes a space.
     """
 
     def row(tag, cells):
@@ -83,7 +83,7 @@ def write_table_page(csv_path, path, gears=""):
 
 
 def canonical_json(value):
-    """Return JSON with sorted keys, the same text for the same content; infinity becomes text."""
+    """Return a value as compact JSON with sorted keys; infinite numbers become "inf" or "-inf"."""
 
     def plain(value):
         if isinstance(value, dict):
@@ -98,12 +98,12 @@ def canonical_json(value):
 
 
 def declare_sources(paths):
-    """State that results of this process depend on these files; order counts, folders do not."""
+    """Set the source files whose contents, in this order, determine the hash of `source_hash`."""
     _sources[:] = map(Path, paths)
 
 
 def source_hash():
-    """Return the hash (16 hex digits) of the declared sources, else of the whole library."""
+    """Return 16 hex digits of the SHA-256 of the declared source files or of the whole library."""
     digest = hashlib.sha256()
     for path in _sources:
         digest.update(path.name.encode() + path.read_bytes())

@@ -24,11 +24,11 @@ _SHOWN_COURSES = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
-    """Return the result of `gearlib.sweep` over (damping, direction, tuning).
+    """Return one dataset over (damping, direction, tuning) from partial results of `gearlib.sweep`.
 
-    Shards are sweeps over a window of tunings, with scalar coordinates `damping` and `direction`.
-    Where a downward sweep has gone on below the others these are NaN, with the status `NO_START`.
-    ValueError if their tunings differ otherwise.
+    Each shard is a sweep over a window of tunings, with scalar coordinates `damping` and
+    `direction`. If downward sweeps reach lower tunings than the other sweeps, these are NaN there,
+    with the status `NO_START`. ValueError if tunings differ in another way.
     """
     curves = []
     for damping in _groups(shards, "damping"):
@@ -41,46 +41,47 @@ def gather_resonance(shards):
 
 
 def _widened(curve, longest):
-    """Return a curve over the tunings of a downward sweep that has gone on below it."""
-    tunings, wider = curve.tuning.values, longest.tuning.values
-    if longest.direction != "down" or not np.array_equal(tunings, wider[-tunings.size :]):
+    """Return a sweep extended to the lower tunings of `longest`, if that is a downward sweep."""
+    tunings, all_tunings = curve.tuning.values, longest.tuning.values
+    same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
+    if longest.direction != "down" or not same_end:
         return curve
     fill = {"period": np.int32(0), "status": np.int8(status.NO_START)}
-    widened = curve.reindex(tuning=wider, fill_value=fill)
+    widened = curve.reindex(tuning=all_tunings, fill_value=fill)
     return widened.assign({name: longest[name] for name in TUNING_SCALES & set(curve)})
 
 
 def gather_phase_planes(shards):
-    """Return displacement, velocity and contact over (damping, tuning, phase), and the summaries.
+    """Return displacement, velocity and contact over (damping, tuning, phase), with summaries.
 
-    Shards are results of `gearlib.simulate` with a scalar coordinate `damping`. The phase counts
-    from the start of the record. ValueError if dampings do not share their tunings, or runs their
-    recorded phases.
+    Each shard is a dataset of `gearlib.simulate` with a scalar coordinate `damping`. The phase is 0
+    at the start of the record. ValueError if tunings differ between dampings, or recorded phases
+    between runs.
     """
     return _stack_by_damping([_phase_plane(shard) for shard in shards], "tuning", PAIR_SCALES)
 
 
 def _phase_plane(run):
-    """Return the part of a run that a phase plane shows, its tuning as a coordinate."""
-    courses = {name for name in run.data_vars if {"phase", "event"} & set(run[name].dims)}
+    """Return the variables of a run for a phase plane, with the tuning as a coordinate."""
+    time_histories = {n for n in run.data_vars if {"phase", "event"} & set(run[n].dims)}
     phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
     phase.attrs["long_name"] = "mesh phase from the start of the record"
-    shown = run.drop_encoding().drop_vars(courses - _SHOWN_COURSES)
+    shown = run.drop_encoding().drop_vars(time_histories - _SHOWN_COURSES)
     return shown.set_coords("tuning").assign_coords(phase=phase)
 
 
 def gather_failures(columns):
-    """Return the matrix of failures over (problem, trial); facts of a problem have no trial.
+    """Return the failures over (problem, trial) as one dataset, from one dataset per trial.
 
-    Columns are results of `gearlib.studies.trials.failures.compute`, one for each trial, in the
-    order of the figure. ValueError if they do not share their problems.
+    Each column is a result of `gearlib.studies.trials.failures.compute`, in the order of the
+    figure. ValueError if the trials have different problems.
     """
     shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _stack(columns, "trial", shared)
 
 
 def _groups(datasets, coordinate):
-    """Return the datasets in groups of equal scalar coordinate, in order of appearance."""
+    """Return lists of the datasets of equal scalar coordinate, in order of appearance."""
     groups = {}
     for dataset in datasets:
         groups.setdefault(dataset[coordinate].item(), []).append(dataset)
@@ -88,15 +89,18 @@ def _groups(datasets, coordinate):
 
 
 def _stack_by_damping(datasets, dim, shared):
-    """Return the datasets of each damping side by side along `dim`, and these along `damping`."""
-    rows = [_stack(group, dim, shared) for group in _groups(datasets, "damping")]
-    return _stack(rows, "damping", PAIR_SCALES | TUNING_SCALES)
+    """Concatenate datasets along `dim` for each damping, then along `damping`.
+
+    `shared` names variables that do not vary along `dim`.
+    """
+    stacks = [_stack(group, dim, shared) for group in _groups(datasets, "damping")]
+    return _stack(stacks, "damping", PAIR_SCALES | TUNING_SCALES)
 
 
 def _stack(datasets, dim, shared):
-    """Return the datasets side by side along `dim`; variables in `shared` must agree and stay.
+    """Concatenate datasets along `dim`, except for variables in `shared`, which must be equal.
 
-    By its own rule xarray would choose the variables with the new dimension by their values.
+    By default xarray would decide by the values which variables get the new dimension.
     """
     names = [name for name in datasets[0].data_vars if name in shared]
     scales = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]

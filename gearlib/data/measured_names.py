@@ -55,9 +55,12 @@ _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
 def of(name):
-    """Return (CF units, description) of an observableId, None where it is unknown."""
-    fits = [known for known in KNOWN if name == known or name.startswith(f"{known}_")]
-    longest = max(fits, key=len, default=None)
+    """Return (CF units, description) of an observableId, or None if it is unknown.
+
+    An observable may have a suffix, as in ``acceleration_bearing_2``.
+    """
+    matches = [known for known in KNOWN if name == known or name.startswith(f"{known}_")]
+    longest = max(matches, key=len, default=None)
     if longest is None or (longest != name and longest not in OBSERVABLES):
         return None
     units, description = KNOWN[longest]
@@ -65,7 +68,12 @@ def of(name):
 
 
 def dimensions(units):
-    """Return (CF units, written units) that a channel may have; "1": over that of the model."""
+    """Return pairs (CF units, units as users write them) that a measured channel may have.
+
+    `units` are the CF units of the observable, "" for an amplitude of any kind. The unit "1" means
+    that values are relative to the scale of the model.
+    """
     allowed = _AMPLITUDE_UNITS if units == "" else (units,)
-    relative = ("1",) * (units in ("m", "N", "m s-1", "m s-2"))
-    return [(unit, _WRITTEN_UNITS.get(unit, unit)) for unit in (*allowed, *relative)]
+    if units in ("m", "N", "m s-1", "m s-2"):
+        allowed = (*allowed, "1")
+    return [(unit, _WRITTEN_UNITS.get(unit, unit)) for unit in allowed]

@@ -11,7 +11,7 @@ MAX_GROWTH = 1e3
 
 
 def float_array(numbers):
-    """Return an array of float of the same shape; of shape (0,) where it cannot be one."""
+    """Return numbers as an array of floats, or an empty array if they cannot be converted."""
     try:
         return np.asarray(numbers, float)
     except (TypeError, ValueError):
@@ -19,13 +19,17 @@ def float_array(numbers):
 
 
 def true_intervals(condition):
-    """Return the (first, last) index of every stretch in which `condition`, shape (n,), holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(condition, np.int8), [0]])))
+    """Return the (first, last) indices of each run of true values in `condition`, shape (n,)."""
+    padded = np.concatenate([[0], np.asarray(condition, np.int8), [0]])
+    edges = np.flatnonzero(np.diff(padded))
     return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def contact_loss_fraction(fraction_normal):
-    """Return the share of time without drive-side contact, 0 where it is rounding."""
+    """Return the share of time without drive-side contact, 0 where only rounding makes it differ.
+
+    `fraction_normal` is the share of time with drive-side contact, from 0 to 1.
+    """
     loss = 1.0 - fraction_normal
     return loss * (loss > FRACTION_TOLERANCE)
 
@@ -33,10 +37,12 @@ def contact_loss_fraction(fraction_normal):
 def without_growth(curve, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion grows.
 
-    `extent` is the largest length of the model in static deflections, see `Model.extent`.
+    `extent` is the largest length of the model in static deflections, see `Model.extent`; motions
+    beyond `MAX_GROWTH` times this length grow.
     """
-    reach = np.maximum(abs(curve.displacement_max), abs(curve.displacement_min))
-    bounded = reach.max([dim for dim in reach.dims if dim != "tuning"]) <= MAX_GROWTH * extent
+    largest = np.maximum(abs(curve.displacement_max), abs(curve.displacement_min))
+    other_dims = [dim for dim in largest.dims if dim != "tuning"]
+    bounded = largest.max(other_dims) <= MAX_GROWTH * extent
     return curve.assign(
         {
             name: values.where(bounded)
@@ -47,39 +53,42 @@ def without_growth(curve, extent):
 
 
 def spread(run):
-    """Return the largest distance between mesh periods of a record over the height of the orbit.
+    """Return how much the displacement differs between mesh periods, over the orbit's height.
 
-    A spread below `LINE_WIDTH` is a single line in a plot.
+    `run` is a dataset of `gearlib.simulate`. A spread below `LINE_WIDTH` is a single line in plots.
     """
-    x, share = run.displacement.values, run.phase.values / (2.0 * np.pi) % 1.0
-    group = np.unique(np.round(share, 9) % 1.0, return_inverse=True)[1]
-    highest, lowest = np.full((2, group.max() + 1), [[-np.inf], [np.inf]])
-    np.maximum.at(highest, group, x)
-    np.minimum.at(lowest, group, x)
-    return float((highest - lowest).max() / np.ptp(x))
+    displacements, period_shares = run.displacement.values, run.phase.values / (2.0 * np.pi) % 1.0
+    # Samples at the same share of a mesh period form a group.
+    groups = np.unique(np.round(period_shares, 9) % 1.0, return_inverse=True)[1]
+    highest = np.full(groups.max() + 1, -np.inf)
+    lowest = np.full(groups.max() + 1, np.inf)
+    np.maximum.at(highest, groups, displacements)
+    np.minimum.at(lowest, groups, displacements)
+    return float((highest - lowest).max() / np.ptp(displacements))
 
 
 def not_settled(run):
-    """Return the sentence part that the motion of a run has not settled."""
+    """Return a phrase that the motion of a run of `gearlib.simulate` has not settled."""
     return f"not settled after {int(run.followed)} mesh periods"
 
 
 def ending(run):
-    """Return on which orbit a run settles, as text, or that it has not settled."""
-    if not (period := int(run.period)):
+    """Return a phrase with the period on which a run settles, or that it has not settled."""
+    period = int(run.period)
+    if not period:
         return not_settled(run)
-    return f"settles later on {period} mesh period{'s'[: period > 1]}"
+    return f"settles later on {period} mesh period" + ("s" if period > 1 else "")
 
 
 def steadiness(run):
-    """Return as text whether a record is a single line in a plot, and where the motion settles."""
+    """Return a phrase on whether a run's mesh periods coincide in a plot, and how it settles."""
     if spread(run) > LINE_WIDTH:
         return f"unsteady, {ending(run)}"
     return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {ending(run)}"
 
 
 def description(run):
-    """Return a sentence about the motion of a run of `gearlib.simulate`."""
+    """Return a sentence on the period and contact loss of a run of `gearlib.simulate`."""
     if int(run.status):
         return run.status.attrs["message"]
     period, bounces = int(run.period), f"{float(run.bounces):.3g} times"

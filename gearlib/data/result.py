@@ -20,7 +20,7 @@ _contacts: ContextVar[list | None] = ContextVar("_contacts", default=None)
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Collect the numbers of contact events of all datasets of models that are made meanwhile."""
+    """Yield a list that collects the contact event counts of each dataset made in this context."""
     counts: list = []
     before = _contacts.set(counts)
     try:
@@ -30,25 +30,30 @@ def counting_contacts() -> Iterator[list]:
 
 
 def stacked(axes, call, *inner):
-    """Return name -> (dims, values) of a call for each combination of the values of some axes.
+    """Call a function on a grid of values; return a dict of variable name -> (dims, values).
 
-    `axes` has dimension -> values; `call` gets one value of each and returns name -> number, text
-    or array; `inner` names the dimensions of arrays, of which smaller arrays have the last ones.
+    `axes` maps dimension names to values. `call` takes one value of each dimension and returns a
+    dict of variable name -> number, text or array; `inner` names the dimensions of these arrays,
+    and an array of fewer dimensions has the last of them.
     """
-    rows = [call(*values) for values in product(*axes.values())]
+    results = [call(*values) for values in product(*axes.values())]
     shape = tuple(map(len, axes.values()))
 
     def column(name):
-        kind = object if isinstance(rows[0][name], str) else None
-        values = np.array([row[name] for row in rows], kind)
+        dtype = object if isinstance(results[0][name], str) else None
+        values = np.array([variables[name] for variables in results], dtype)
         inner_dims = inner[len(inner) - values.ndim + 1 :]
         return (*axes, *inner_dims), values.reshape(shape + values.shape[1:])
 
-    return {name: column(name) for name in rows[0]}
+    return {name: column(name) for name in results[0]}
 
 
 def result(title, model, data, coords=None, *, method, **parameters):
-    """Return the dataset of a model, described, with the parameters of model and call as JSON."""
+    """Return a dataset with units and descriptions, and with model and parameters as JSON.
+
+    `data` is a dataset or, with `coords`, its variables; `method` names the engine; `parameters`
+    are the arguments of the public call.
+    """
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)
     dataset.attrs = _origin(title.replace("a gear mesh", model.title_noun), method) | {
@@ -65,7 +70,10 @@ def result(title, model, data, coords=None, *, method, **parameters):
 
 
 def result_of_many(title, data, coords, method=None, /, **attributes):
-    """Return a described dataset of several models; attributes become text or JSON."""
+    """Return a dataset of several models with units, descriptions and extra attributes.
+
+    Attributes that are no text are stored as JSON; `method` names the engine, if there is one.
+    """
     dataset = describe(xr.Dataset(data, coords))
     dataset.attrs = _origin(title, method) | {
         name: value if isinstance(value, str) else canonical_json(value)
@@ -75,6 +83,6 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
 
 
 def _origin(title, method):
-    """Return the attributes that every dataset has."""
+    """Return the attributes of every dataset: CF version, title, and library version as source."""
     source = f"gearlib {__version__}" + (f", method {method}" if method else "")
     return {"Conventions": "CF-1.11", "title": title, "source": source}

@@ -49,7 +49,7 @@ MESSAGES = {
 
 
 def flags_of(names, first=0):
-    """Return the CF flag attributes of a variable with the codes `first`, `first` + 1, ..."""
+    """Return the CF flag attributes that name the integer codes `first`, `first` + 1, ..."""
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
     codes = np.arange(first, first + len(names), dtype=np.int8)
     return {"flag_values": codes, "flag_meanings": meanings}

@@ -14,13 +14,13 @@ from gearlib.version import __version__
 def write(dataset, path):
     """Write a dataset to a netCDF file, replacing it in one step; OSError if it cannot be written.
 
-    A dataset that was gathered keeps the source hash of what computed it. The history that CF asks
-    for names no time, which would change the bytes.
+    A dataset that already has a source hash keeps it. The history attribute, which the CF
+    conventions require, has no time stamp, so that equal data give equal bytes.
     """
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
     sources = dataset.attrs.get("source_hash") or source_hash()
     dataset = dataset.assign_attrs(source_hash=sources, history=history)
-    # xarray would give NaN as fill value to every float, which CF forbids for coordinates.
+    # By default xarray writes NaN as fill value of floats, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():
         if variable.ndim and variable.dtype.kind in "if":
@@ -29,19 +29,20 @@ def write(dataset, path):
         try:
             dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
         except (OSError, RuntimeError) as error:
-            # On a full disk netCDF says no more than "HDF error".
+            # On a full disk the message of netCDF is only "HDF error".
             free = shutil.disk_usage(Path(path).parent).free // 1024
             raise OSError(f"{path} cannot be written ({error}); {free} kB are free there") from None
 
 
 def write_rows(dataset, dim, path):
-    """Write the variables of a dataset over one dimension as CSV, in one step.
+    """Write the variables of a dataset that have the dimension `dim` to a CSV file, in one step.
 
-    Each variable has a column for each of its entries over other dimensions. The first line has
+    A variable with other dimensions has a column for each of their entries. The first line has
     names and units, as in ``mesh_force sun 1 [N]``. OSError if it cannot be written.
     """
     columns = {}
-    for name in [dim] * (dim in dataset.coords) + [*dataset.data_vars]:
+    coordinates = [dim] if dim in dataset.coords else []
+    for name in coordinates + [*dataset.data_vars]:
         if dim not in dataset[name].dims:
             continue
         variable = dataset[name].transpose(dim, ...)

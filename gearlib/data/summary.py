@@ -8,11 +8,12 @@ from gearlib.engines import orbit
 
 
 def variables(model, dims, table, ends, codes, record_periods):
-    """Return name -> (dims, values) of orbits, whose variables lead with `dims`, () for one run.
+    """Return the summary variables of one or more runs as a dict of name -> (dims, values).
 
-    `table`, shape (..., 9) or (..., meshes, 10), has the summaries of `Model.empty_record` over the
-    recorded periods; `ends`, shape (..., k), are final states; `codes`, shape (..., 2), are periods
-    of the orbits and statuses.
+    `dims` are the dimensions over the runs, () for one run. `table`, shape (..., 9), for trains
+    (..., meshes, 10), has the extrema and times in contact over `record_periods` mesh periods, see
+    `Model.empty_record`; `ends`, shape (..., k), are final states; `codes`, shape (..., 2), are the
+    period of each orbit and the status of each run.
     """
     span = 2.0 * math.pi * record_periods
     columns = {
@@ -37,5 +38,5 @@ def variables(model, dims, table, ends, codes, record_periods):
 
 
 def reach(table):
-    """Return the largest distance from the flank line in a summary, of all meshes."""
+    """Return the largest absolute displacement of all meshes in a summary table."""
     return float(np.abs(table[..., [orbit.X_MAX, orbit.X_MIN]]).max())

@@ -375,7 +375,11 @@ _CODES = {
 
 
 def _description(name, is_text):
-    """Return (CF units, long_name) of a variable, of the range of one, or of a plain text."""
+    """Return (CF units, long_name) of a variable by its name.
+
+    Names that end in ``_low`` or ``_high`` are the range of a variable over several starts; a text
+    variable without a description is described by its name.
+    """
     base, _, ending = name.rpartition("_")
     if name not in DESCRIPTIONS and ending in _RANGES:
         units, long_name = DESCRIPTIONS[base]
@@ -388,8 +392,8 @@ def _description(name, is_text):
 def describe(dataset, model=None):
     """Give every variable of `dataset` its units, long_name and flags; return the dataset.
 
-    A model that is no gear mesh names its variables itself, in ``long_names``. Variables that have
-    units already keep their attributes. KeyError if numbers have no description.
+    ``model.long_names`` replaces descriptions. Variables that already have units keep their
+    attributes. KeyError if a numeric variable has no description.
     """
     names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():

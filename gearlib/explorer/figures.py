@@ -10,9 +10,9 @@ from bokeh.plotting import figure
 from gearlib.explorer.view import LOADS, SAMPLES, SHOWN, View
 from gearlib.figures.style import PALETTE
 
-#: Share of the window's height and least height, px, of the characteristic and of other figures.
+#: Share of the window's height and minimum height, px, of the resonance curve and other figures.
 _LARGE, _SMALL = (0.55, 300), (0.45, 250)
-#: Least width of a figure, width of its ordinate, height of heading and note, px.
+#: Minimum width of a figure, width of its y-axis labels, height of heading and note, px.
 _MIN_WIDTH, _ORDINATE, _HEAD = 260, 65, 200
 #: Smallest amplitude that is drawn, over the mean force.
 _MIN_AMPLITUDE = 1e-6
@@ -36,39 +36,40 @@ class Figures:
         first = [beside(self.table, *self.teeth_panes)] if self.drawn else []
         return [*first, beside(pane(self.resonance, _LARGE)), beside(*map(pane, self._motion()))]
 
-    def draw(self, seen: View) -> str:
-        """Show a view, and return it in words."""
-        rpm, tuning = float(seen.pair.speed(1.0)), float(seen.run.tuning)
-        for name, curve in (("up", seen.up), ("down", seen.down)):
+    def draw(self, view: View) -> str:
+        """Draw the results of a view into all figures, and return its message."""
+        rpm, tuning = float(view.pair.speed(1.0)), float(view.run.tuning)
+        for name, curve in (("up", view.up), ("down", view.down)):
             x = curve.tuning.values * (rpm if self.drawn else 1.0)
             self._show(name, x, curve.displacement_max.values)
             self._show(f"{name}_min", x, curve.displacement_min.values)
-        course = seen.run.isel(phase=slice(-SHOWN * SAMPLES, None))
+        course = view.run.isel(phase=slice(-SHOWN * SAMPLES, None))
         phase, displacement = course.phase.values, course.displacement.values
         self._show("plane", displacement, course.velocity.values)
         self._show("course", phase - phase[0], displacement)
         self._show("force", phase - phase[0], course.dynamic_force.values)
-        self._show("roots", seen.multipliers.real, seen.multipliers.imag)
-        if seen.orders is not None:
-            self._show("orders", *_stems(seen.orders))
-        self.marker.location = float(seen.run.speed) if self.drawn else tuning
+        self._show("roots", view.multipliers.real, view.multipliers.imag)
+        if view.orders is not None:
+            self._show("orders", *_stems(view.orders))
+        self.marker.location = float(view.run.speed) if self.drawn else tuning
         if self.drawn:
-            self._draw_teeth(seen)
-        return seen.message if self.drawn else f"{rpm * tuning:.0f} rpm. {seen.message}"
+            self._draw_teeth(view)
+        return view.message if self.drawn else f"{rpm * tuning:.0f} rpm. {view.message}"
 
-    def _draw_teeth(self, seen: View) -> None:
-        lines = [f"| {name} | {value} |" for name, value in derived(seen)]
+    def _draw_teeth(self, view: View) -> None:
+        """Show the derived quantities, the Harris map and the load share of drawn gears."""
+        lines = [f"| {name} | {value} |" for name, value in derived(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
-        for one in self.teeth_panes:
-            one.visible = seen.error is not None
-        if seen.error is None:
+        for teeth_pane in self.teeth_panes:
+            teeth_pane.visible = view.error is not None
+        if view.error is None:
             return
-        # After the last mesh period it closes where it began; several, if there are pitch errors.
-        count = len(seen.mesh.pitch_errors)
-        phase = np.append(seen.error.phase.values / math.tau, count)
-        for name, curve in zip(self.harris, seen.error.transmission_error.values, strict=True):
+        # With pitch errors the curves span several mesh periods; their first point closes them.
+        count = len(view.mesh.pitch_errors)
+        phase = np.append(view.error.phase.values / math.tau, count)
+        for name, curve in zip(self.harris, view.error.transmission_error.values, strict=True):
             self._show(name, phase, 1e6 * np.append(curve, curve[0]))
-        period = seen.error.isel(torque=-1, phase=slice(0, seen.error.phase.size // count))
+        period = view.error.isel(torque=-1, phase=slice(0, view.error.phase.size // count))
         position, share = 1e3 * period.path_position.values, period.load_share.values
         inside = np.isfinite(position)
         order = np.argsort(position[inside])
@@ -78,16 +79,20 @@ class Figures:
         self.sources[name].data = {"x": x, "y": y}
 
     def _plot(self, title: str, x: str, y: str, *lines, **options):
-        """Return a figure of lines, each a name, a number of a colour and options of the line."""
+        """Return a figure with axis labels `x` and `y`.
+
+        Each line is (source name, colour index, line options). Options are those of `figure`.
+        """
         settings = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
         settings |= {"toolbar_location": None, "title": title} | options
         plot = figure(x_axis_label=x, y_axis_label=y, **settings)
-        for name, number, more in lines:
-            plot.line("x", "y", source=self.sources[name], color=PALETTE[number], **more)
+        for name, colour, line_options in lines:
+            source = self.sources[name]
+            plot.line("x", "y", source=source, color=PALETTE[colour], **line_options)
         return plot
 
     def _characteristic(self):
-        """Return the figure of the resonance characteristic and the marker of the setting."""
+        """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
         labels = {name: {"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS}
         lines = [(name, 0 if "up" in name else 4, label) for name, label in labels.items()]
         x = "speed of the pinion, rpm" if self.drawn else "tuning ν"
@@ -99,7 +104,7 @@ class Figures:
         return plot, marker
 
     def _motion(self) -> list:
-        """Return phase plane, time course, multipliers and order spectrum."""
+        """Return figures of phase plane, time history, Floquet multipliers and order spectrum."""
         plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", ("plane", 0, {}))
         displacement = ("course", 0, {"legend_label": "displacement"})
         force, title = ("force", 4, {"legend_label": "dynamic force / load"}), "Time course"
@@ -116,7 +121,7 @@ class Figures:
         return [plane, course, roots, spectrum]
 
     def _of_teeth(self) -> list:
-        """Return the Harris map and the load share of a pair of teeth."""
+        """Return figures of the Harris map and of the load share of a pair of teeth."""
         lines = [(name, 3, {"legend_label": name}) for name in self.harris[:-1]]
         lines.append(("chosen", 0, {"line_width": 3, "legend_label": "1"}))
         title = "Harris map"
@@ -128,20 +133,21 @@ class Figures:
 
 
 def _stems(spectrum):
-    """Return the force amplitudes of an order spectrum as stems over the mesh order."""
+    """Return x and y of vertical lines, separated by NaN, for a spectrum's force amplitudes."""
     amplitude = spectrum.force_amplitude.values
-    seen = amplitude > _MIN_AMPLITUDE * amplitude[0]
-    # Order 0 is the mean.
-    seen[0] = False
-    ground = np.full(seen.sum(), _MIN_AMPLITUDE * amplitude[0])
-    ends = np.column_stack([ground, amplitude[seen], np.full(seen.sum(), np.nan)])
-    return np.repeat(spectrum.mesh_order.values[seen], 3), ends.ravel()
+    is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
+    # Order 0 is the mean force, which is no vibration.
+    is_shown[0] = False
+    feet = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
+    gaps = np.full(is_shown.sum(), np.nan)
+    ends = np.column_stack([feet, amplitude[is_shown], gaps])
+    return np.repeat(spectrum.mesh_order.values[is_shown], 3), ends.ravel()
 
 
-def derived(seen: View) -> list[tuple[str, str]]:
-    """Return what the drawing comes to, as pairs of texts."""
-    mesh, pair = seen.mesh, seen.pair
-    found = [
+def derived(view: View) -> list[tuple[str, str]]:
+    """Return (name, value with unit) of quantities that follow from the drawing of the gears."""
+    mesh, pair = view.mesh, view.pair
+    quantities = [
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
         ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
@@ -154,19 +160,23 @@ def derived(seen: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
     ]
-    if seen.error is not None:
-        static = seen.error.isel(torque=-1)
-        found.append(("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm"))
-        found.append(("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}"))
-    return found
+    if view.error is not None:
+        static = view.error.isel(torque=-1)
+        quantities.append(
+            ("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm")
+        )
+        quantities.append(
+            ("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}")
+        )
+    return quantities
 
 
-def pane(plot, room=_SMALL):
-    """Return the pane of a figure, which grows with the window."""
-    share, least = room
+def pane(plot, size=_SMALL):
+    """Return the pane of a figure, whose `size` is (share of window height, minimum px)."""
+    share, min_height = size
     styles = {
         "height": f"calc({share} * (100vh - {_HEAD}px))",
-        "min-height": f"{least}px",
+        "min-height": f"{min_height}px",
         "flex": f"1 1 {_MIN_WIDTH}px",
         "min-width": "0",
     }
@@ -174,5 +184,5 @@ def pane(plot, room=_SMALL):
 
 
 def beside(*panes):
-    """Return panes beside each other; those for which the window is too narrow come below."""
+    """Return a row of panes that wraps in narrow windows."""
     return pn.FlexBox(*panes, sizing_mode="stretch_width")

@@ -18,7 +18,7 @@ class Page:
     def __init__(self, mapping: dict, damping: str):
         self.gears = Sliders(mapping, damping)
         self.figures = Figures(self.gears.drawn)
-        self.sliders = {name: _widget(one) for name, one in self.gears.sliders.items()}
+        self.sliders = {name: _widget(slider) for name, slider in self.gears.sliders.items()}
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(
             callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
@@ -30,25 +30,25 @@ class Page:
         self.update()
 
     def pick(self, event) -> None:
-        """Show the motion where the resonance characteristic is clicked."""
+        """Move the speed or tuning slider to the position clicked in the resonance curve."""
         widget = self.sliders[self.gears.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
 
     def configuration(self) -> dict:
-        """Return the configuration that the sliders make."""
+        """Return the configuration with the present values of all sliders."""
         values = {}
-        for name, one in self.gears.sliders.items():
-            # Rounded, so that 40 um is written as 4e-05; what was not moved keeps its last digit.
+        for name, slider in self.gears.sliders.items():
+            # Moved values are rounded to 12 digits; sliders not moved keep the exact value.
             value = self.sliders[name].value
-            moved = value != _shown(one)
-            values[name] = float(f"{value * one.unit:.12g}") if moved else one.start
-            if isinstance(one.start, int):
+            moved = value != _shown(slider)
+            values[name] = float(f"{value * slider.unit:.12g}") if moved else slider.start
+            if isinstance(slider.start, int):
                 values[name] = int(values[name])
         return self.gears.configuration(values)
 
     def update(self, *_) -> None:
-        """Compute and draw what the sliders say, or say why it cannot be."""
+        """Compute and draw the results for the slider values, or show why they are invalid."""
         start, visible = time.perf_counter(), True
         try:
             note = self.figures.draw(look(self.configuration(), self.gears.damping))
@@ -58,12 +58,12 @@ class Page:
         self.note.object, self.shown.visible, self.button.disabled = note, visible, not visible
 
     def file(self) -> io.BytesIO:
-        """Return the config.yaml of what is seen, as a file object."""
+        """Return the present configuration as a file object in YAML, for the download button."""
         text = yaml.safe_dump(self.configuration(), sort_keys=False, allow_unicode=True)
         return io.BytesIO(f"# Saved by gearlib explore.\n{text}".encode())
 
     def layout(self):
-        """Return the page."""
+        """Return the Panel layout of the page: heading, sliders, note and figures."""
         controls = pn.Column(*self.sliders.values(), self.button, styles={"flex": "0 0 300px"})
         figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
         # In a narrow window the figures come below the sliders.
@@ -73,12 +73,12 @@ class Page:
 
 
 def _shown(slider: Slider) -> float:
-    """Return the value of a slider at the start, in its unit."""
+    """Return the initial value of a slider in its displayed unit, rounded to 12 digits."""
     return float(f"{slider.start / slider.unit:.12g}")
 
 
 def _widget(slider: Slider):
-    """Return the widget of a slider."""
+    """Return the Panel widget of a slider."""
     range_of_values = {"start": slider.low, "end": slider.high, "step": slider.step}
     return pn.widgets.FloatSlider(
         label=slider.label, value=_shown(slider), format="0[.][00000]", **range_of_values
@@ -86,13 +86,14 @@ def _widget(slider: Slider):
 
 
 def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None:
-    """Serve the page of a configuration and one of its dampings until interrupted.
+    """Serve the explorer page on this machine until interrupted.
 
-    On this machine; port 0 takes any free one, `show` opens a browser.
+    `mapping` is a configuration and `damping` the name of one of its dampings. Port 0 takes any
+    free port; `show` opens a browser.
     """
     pn.extension()
-    # The first view loads the compiled kernels, which is nothing to wait for while dragging.
+    # Computing one view loads the compiled kernels before the first slider is moved.
     Page(mapping, damping)
     settings = {"title": "gearlib explorer", "address": "127.0.0.1", "port": port, "show": show}
-    # Every visitor has sliders of his own.
+    # Each browser session gets its own sliders.
     pn.serve(lambda: Page(mapping, damping).layout(), **settings)

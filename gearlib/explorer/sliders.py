@@ -33,27 +33,35 @@ class Slider(NamedTuple):
 
 
 def slider(label: str, start: float, low: float, high: float, unit: float = 1.0) -> Slider:
-    """Return a slider in round steps whose ends, in SI, hold the value at the start."""
-    low, high, first = low / unit, high / unit, start / unit
-    rough = (high - low) / _MIN_STEPS
-    power = 10.0 ** math.floor(math.log10(rough) + _ROUNDING)
-    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1.0 + _ROUNDING))
-    low = min(math.floor(low / step + _ROUNDING) * step, first)
-    high = max(math.ceil(high / step - _ROUNDING) * step, first)
+    """Return a slider with steps of 1, 2 or 5 times a power of ten and ends rounded outwards.
+
+    Initial value `start` and ends `low` and `high` are in SI; `unit` is the displayed unit in SI.
+    """
+    low, high, initial = low / unit, high / unit, start / unit
+    max_step = (high - low) / _MIN_STEPS
+    power = 10.0 ** math.floor(math.log10(max_step) + _ROUNDING)
+    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _ROUNDING))
+    low = min(math.floor(low / step + _ROUNDING) * step, initial)
+    high = max(math.ceil(high / step - _ROUNDING) * step, initial)
     low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
     return Slider(label, start, low, high, step, unit)
 
 
 def of_field(thing, name: str, start: float, low: float, high: float) -> Slider:
-    """Return the slider of a parameter that a class declares, in the unit of its example."""
-    kind, (_, words) = declared(thing)[name].kind, named(thing)[name]
+    """Return the slider of the parameter `name` of the class `thing`, in the unit of its example.
+
+    Initial value and ends are in SI.
+    """
+    kind, (_, parameter_name) = declared(thing)[name].kind, named(thing)[name]
     written = getattr(kind, "example", "").partition(" ")[2]
     # Forces are written in N.
     written = kind.unit if written.startswith("k") else written
     unit = units.read(f"1 {written}", kind.unit) if written else 1.0
     for letter, greek in _GREEK.items():
-        words = words.replace(letter, greek)
-    label = f"{words}, {_SYMBOLS.get(written, written)}" if written else words
+        parameter_name = parameter_name.replace(letter, greek)
+    label = parameter_name
+    if written:
+        label += f", {_SYMBOLS.get(written, written)}"
     return slider(label, start, low, high, unit)
 
 
@@ -73,16 +81,16 @@ class Sliders:
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
         self.sliders = self._of_drawing(settings) if self.drawn else self._of_pair(settings)
-        for name, words, ratio in zip(
+        for name, symbol, ratio in zip(
             ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
         ):
-            self.sliders[name] = slider(f"damping ratio {words}", ratio, 0.0, max(0.3, 2 * ratio))
+            self.sliders[name] = slider(f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio))
         self.abscissa = "speed" if self.drawn else "tuning"
 
     def _of_pair(self, settings) -> dict[str, Slider]:
-        """Return the sliders of a gear pair that is given by its numbers."""
+        """Return name -> slider of a gear pair without drawing: tuning and parameters."""
         pair, grid = self.pair, settings.resonance
-        # Without a far flank: four static deflections.
+        # Infinite backlash is shown as four static deflections.
         gap = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
         self.heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
         fields = {
@@ -96,7 +104,7 @@ class Sliders:
         return {"tuning": tuning} | sliders
 
     def _of_drawing(self, settings) -> dict[str, Slider]:
-        """Return the sliders of drawn gears."""
+        """Return name -> slider of drawn gears: geometry, backlash, torque and speed."""
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
@@ -131,31 +139,35 @@ class Sliders:
         return sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
-        """Return the configuration of the sliders' values, SI.
+        """Return the configuration with slider name -> value, in SI.
 
-        What was not moved stays as it is given. ValueError if there cannot be such gears.
+        Entries of sliders that were not moved stay unchanged. ValueError if no gears can have these
+        values.
         """
-        moved = {name for name, one in self.sliders.items() if values[name] != one.start}
-        whole = copy.deepcopy(self.mapping)
+        moved = {name for name, s in self.sliders.items() if values[name] != s.start}
+        changed = copy.deepcopy(self.mapping)
         if moved - {"tuning", "speed"}:
             ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
-            whole["dampings"][self.damping] = ratios
+            changed["dampings"][self.damping] = ratios
         if self.drawn:
-            # What else the configuration has suits the gears at the start.
-            whole = {"gears": whole["gears"], "dampings": whole["dampings"]}
-            self._draw(whole["gears"], values, moved)
-            settings = config.load(whole)
+            # The other sections fit the initial gears only.
+            changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
+            self._draw(changed["gears"], values, moved)
+            settings = config.load(changed)
             pair = GearPair(**settings.pair_parameters(self.damping))
             tuning = float(pair.tuning_at(values["speed"]))
         else:
             for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:
-                whole["gear_pair"][name] = values[name]
+                changed["gear_pair"][name] = values[name]
             tuning = values["tuning"]
-        whole["phase_planes"] = {**whole.get("phase_planes", {}), "tunings": [tuning]}
-        return whole
+        changed["phase_planes"] = {**changed.get("phase_planes", {}), "tunings": [tuning]}
+        return changed
 
     def _draw(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
-        """Change the drawing: tips stay as high above the shift, in modules."""
+        """Write the values of moved sliders into the `gears` section of the configuration.
+
+        Tip diameters follow module, teeth and shift, so that the addendum in modules stays.
+        """
         for name in moved & {"module", "width", "helix_angle"}:
             gears["pinion"][name] = values[name]
             gears["wheel"].pop(name, None)
@@ -180,7 +192,7 @@ class Sliders:
             gears.pop("centre_distance", None)
         if "backlash" in moved:
             gears["backlash"] = values["backlash"]
-        # With power, another speed would be another torque.
+        # With a given power, another speed would change the torque.
         if "torque" in moved or ("speed" in moved and "power" in gears):
             gears.pop("power", None)
             gears["torque"] = values["torque"]
@@ -190,7 +202,7 @@ class Sliders:
             self._relieve(gears, values["tip_relief"])
 
     def _relieve(self, gears: dict, amount: float) -> None:
-        """Change the reliefs of the drawing in proportion; else give both gears the longest one."""
+        """Scale tip reliefs to the largest `amount`, m; gears without any get the longest one."""
         largest = self.sliders["tip_relief"].start
         if not largest:
             length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")

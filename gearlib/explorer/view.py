@@ -38,16 +38,16 @@ class View(NamedTuple):
     down: xr.Dataset
     run: xr.Dataset  #: of `gearlib.simulate` at the tuning; of drawn gears by pairs of teeth
     multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
-    message: str  #: what the motion is, in words
+    message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, if there is a motion to the end
     mesh: Any = None  #: of drawn gears
     error: xr.Dataset | None = None  #: of `Mesh.transmission_error` of spur gears at several loads
 
 
 def look(mapping: dict, damping: str) -> View:
-    """Return the `View` of a configuration with one of its dampings, at its first tuning.
+    """Return the results of a configuration with the named damping, at its first tuning.
 
-    Of drawn gears the tuning is that of their speed. ValueError if there cannot be such gears.
+    Drawn gears are computed at their speed. ValueError if the gears are impossible.
     """
     settings = config.load(mapping)
     pair = GearPair(**settings.pair_parameters(damping))
@@ -64,50 +64,53 @@ def look(mapping: dict, damping: str) -> View:
     speed = float(pair.speed(tuning))
     ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)
     grid = pair.tuning_at(np.linspace(*ends, _POINTS))
-    # After so many mesh periods the same teeth meet again.
+    # The number of mesh periods after which the same teeth meet again.
     count = len(mesh.pitch_errors)
     error = None
     if not mesh.pinion.helix_angle:
         phases = max(_FEWEST, min(_PHASES, _ALL_PHASES // count))
         torques = [*(load * torque for load in LOADS), torque]
         error = mesh.transmission_error(torques, phases=phases, stiffness=teeth.stiffness)
-    found = _motion(pair, teeth, grid, float(teeth.tuning_at(speed)), count)
-    return found._replace(mesh=mesh, error=error)
+    view = _motion(pair, teeth, grid, float(teeth.tuning_at(speed)), count)
+    return view._replace(mesh=mesh, error=error)
 
 
 def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> View:
-    """Return the view of a pair, and of the model that moves, whose errors repeat so often."""
+    """Return the resonance curves of `pair` over `grid` and the motion of `moving` at a tuning.
+
+    The pitch errors of `moving` repeat after `repeats` mesh periods.
+    """
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
 
     def curve(direction):
         if moving is not pair and direction == "down":
-            found, jumped = sweep_down(pair, grid, LOWEST_SHARE * grid[0], **settings)
+            swept, jumped = sweep_down(pair, grid, LOWEST_SHARE * grid[0], **settings)
         else:
-            found, jumped = sweep(pair, grid, direction=direction, **settings), True
-        return without_growth(found, pair.extent), jumped
+            swept, jumped = sweep(pair, grid, direction=direction, **settings), True
+        return without_growth(swept, pair.extent), jumped
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
         (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
-    # A revolution, which has a spectrum; of gears with errors until the same teeth meet again.
+    # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(moving.periods_per_revolution), min(repeats, _LONGEST))
     periods = {"periods": _SETTLE + recorded, "record_periods": recorded}
     run = simulate(moving, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
-    words = (
+    message = (
         f"{motions.description(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed"
     )
-    words += f" of the characteristic for {_PERIODS}."
+    message += f" of the characteristic for {_PERIODS}."
     if not jumped:
-        words += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
+        message += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
     roots = _multipliers(moving, run)
     if roots.size:
         sizes = ", ".join(f"{abs(root):.4g}" for root in roots)
-        words += f" Floquet multipliers in magnitude: {sizes}."
-    return View(pair, up, down, run, roots, words, None if int(run.status) else orders(run))
+        message += f" Floquet multipliers in magnitude: {sizes}."
+    return View(pair, up, down, run, roots, message, None if int(run.status) else orders(run))
 
 
 def _multipliers(model, run: xr.Dataset) -> np.ndarray:
-    """Return the Floquet multipliers of the orbit on which a run ends, empty if there is none."""
+    """Return the Floquet multipliers of the orbit on which a run settles, empty without orbit."""
     if not int(run.period):
         return np.empty(0)
     try:

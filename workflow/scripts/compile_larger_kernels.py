@@ -11,7 +11,7 @@ from joblog import redirect_output
 
 
 def models():
-    """Yield a model for Taylor steps, then one for matrices."""
+    """Yield a model that uses the Taylor kernels, then one that uses the matrix kernels."""
     pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash=4.0)
     yield OneDegreePair(pair=pair, cubic_damping=1.0)
     gears = {"base_radii": (1.0,) * 2, "inertias": (2.0,) * 2, "masses": (5.0,) * 2}
@@ -19,7 +19,7 @@ def models():
 
 
 def run(model):
-    """Run two mesh periods of a model and compute their maps, without `simulate`."""
+    """Compile the kernels of a model by a run of two mesh periods and the period maps."""
     propagator = model.propagator(0.9)
     start = propagator.start((0.0, 0.0))
     propagator.run(start, Span(2, 1, 100), keep_events=False)

@@ -9,7 +9,7 @@ from joblog import redirect_output
 
 
 def main(job):
-    """Call the function of a job, and store the dataset or datasets that it returns."""
+    """Call the function of a Snakemake job and write the datasets it returns to its outputs."""
     redirect_output(job.log[0])
     excluded = ("script", "function")
     arguments = {name: value for name, value in job.params.items() if name not in excluded}

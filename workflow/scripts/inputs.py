@@ -4,9 +4,9 @@ from gearlib.data import storage
 
 
 def datasets(files):
-    """Return name -> dataset of the named inputs of a job, or a list if a name has several files.
+    """Return input name -> dataset of a job, or -> list of datasets for several files.
 
-    Lists of sources and stamps of compiled kernels are no netCDF files and are left out.
+    `files` are the named inputs. Only netCDF files are read, not source lists and stamps.
     """
     return {
         name: storage.read(paths) if isinstance(paths, str) else [*map(storage.read, paths)]

@@ -14,10 +14,10 @@ from workflow.checksums import record
 
 
 def redirect_output(path):
-    """Send standard output and standard error, of Python and of compiled code, to a file.
+    """Redirect standard output and error of Python and compiled code to the log file `path`.
 
-    At the end of the job the file gets the checksums of its outputs for `workflow.checksums`. The
-    source files of the job are declared, since netCDF files hold their hash.
+    At the end of the job its outputs' checksums are appended for `workflow.checksums`. The job's
+    source files are declared, because netCDF files store their hash.
     """
     declare_sources(sources.read(__main__.snakemake.input.sources))
     sys.stdout.flush()
@@ -36,7 +36,10 @@ def _record_outputs(log):
 
 
 def _report(terminal, kind, error, trace):
-    """Print what stopped the job: a sentence for disks and damaged files, else a traceback."""
+    """Report an exception: the message of an OSError also on the terminal, else a traceback.
+
+    `terminal` is the file descriptor of the original standard error.
+    """
     if not issubclass(kind, OSError):
         traceback.print_exception(kind, error, trace)
         return
