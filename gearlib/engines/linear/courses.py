@@ -1,4 +1,4 @@
-"""Runs through a course of speed and load: run-ups, run-downs, steps and ramps of torque.
+"""Runs along a speed and a load profile: run-ups, run-downs, steps and ramps of torque.
 
 Between switches of stiffness the equations of motion in theta, the time of the model, do not depend
 on the speed: a piece of constant acceleration has the matrices of a run at constant speed and
@@ -33,30 +33,31 @@ _UNREACHABLE_COST = 2**62
 
 
 class Piece(NamedTuple):
-    """A piece of a course on which speed and load are linear in theta."""
+    """An interval of a speed and load profile in which both are linear in theta."""
 
-    start: float  #: theta
-    length: float  #: theta
-    phase: float  #: tau at its start
-    speed: float  #: nu at its start
-    acceleration: float  #: dnu/dtheta
-    load: float  #: share of the load at its start
-    slope: float  #: of that share, by theta
+    start: float  #: theta at its start
+    length: float  #: its duration in theta
+    phase: float  #: mesh phase tau at its start, rad
+    speed: float  #: tuning nu at its start
+    acceleration: float  #: dnu/dtheta, constant
+    load: float  #: load at its start, as a share of the nominal load
+    slope: float  #: derivative of the load by theta
 
-    def speed_at(self, phase):
-        """Return the tuning nu at a mesh phase tau of the piece (float or array)."""
-        square = self.speed**2 + 2.0 * self.acceleration * (phase - self.phase)
-        return np.sqrt(np.maximum(square, 0.0))
+    def speed_at(self, phase: float | np.ndarray) -> np.ndarray:
+        """Return the tuning nu at mesh phases tau (rad) within the piece."""
+        squared_speed = self.speed**2 + 2.0 * self.acceleration * (phase - self.phase)
+        return np.sqrt(np.maximum(squared_speed, 0.0))
 
-    def by(self, theta):
-        """Return (nu, tau, share of the load) at theta (float or array)."""
-        t = theta - self.start
-        speed = np.maximum(self.speed + self.acceleration * t, 0.0)
-        return speed, self.phase + 0.5 * (self.speed + speed) * t, self.load + self.slope * t
+    def by(self, theta: float | np.ndarray) -> tuple:
+        """Return (tuning nu, mesh phase tau, share of the nominal load) at times theta."""
+        elapsed = theta - self.start
+        speed = np.maximum(self.speed + self.acceleration * elapsed, 0.0)
+        phase = self.phase + 0.5 * (self.speed + speed) * elapsed
+        return speed, phase, self.load + self.slope * elapsed
 
 
 class Stretch(NamedTuple):
-    """Record of k intervals of a run: mesh periods, cut where pieces of the course end."""
+    """Record of k intervals of a run: mesh periods, cut where pieces of the profiles end."""
 
     piece: Piece
     phase: np.ndarray  #: tau at the bounds of the intervals, shape (k + 1,)
@@ -70,21 +71,22 @@ class Stretch(NamedTuple):
     status: int
 
 
-def pieces_of(model, speeds, loads):
-    """Return the pieces of a course of speed and load, a list of `Piece`.
+def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[Piece]:
+    """Split a speed and a load profile of a model into pieces on which both are linear.
 
-    Speeds, shape (j, 2), have rows of seconds and rpm; loads, shape (k, 2), rows of seconds and
-    share of the load. Two loads at one time are a step; the last load holds to the end of the
-    speeds.
+    `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, shape (k, 2), time
+    in s and share of the nominal load. Two loads at one time are a step; the last load holds to
+    the end of the speeds.
     """
-    units = np.array([float(model.mesh_frequency(1.0)), 1.0])
-    speeds, loads = speeds * units, loads * units
+    scales = np.array([float(model.mesh_frequency(1.0)), 1.0])  # theta for one second, and 1
+    speeds, loads = speeds * scales, loads * scales
     speeds[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
-    marks = np.union1d(speeds[:, 0], loads[:, 0])
-    marks = marks[(marks >= speeds[0, 0]) & (marks <= speeds[-1, 0])]
+    times = np.union1d(speeds[:, 0], loads[:, 0])
+    times = times[(times >= speeds[0, 0]) & (times <= speeds[-1, 0])]
     pieces, phase = [], 0.0
-    for start, end in zip(marks[:-1].tolist(), marks[1:].tolist(), strict=True):
-        (speed, acceleration), (load, slope) = _line(speeds, start), _line(loads, start)
+    for start, end in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
+        speed, acceleration = _value_and_slope(speeds, start)
+        load, slope = _value_and_slope(loads, start)
         piece = Piece(start, end - start, phase, speed, acceleration, load, slope)
         pieces.append(piece)
         phase += piece.length * (speed + 0.5 * acceleration * piece.length)
@@ -92,31 +94,35 @@ def pieces_of(model, speeds, loads):
 
 
 def start_course(model, speeds, loads, state):
-    """Return (propagator, pieces, state z with rates by theta) at the start of a course."""
+    """Return (propagator, list of `Piece`, state z) at the start of a speed and load profile.
+
+    `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
+    velocities by theta in z.
+    """
     runner, pieces = propagator_of(model), pieces_of(model, speeds, loads)
     z = np.array(runner.start(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
 
 
-def _line(rows, start):
-    """Return (value, slope) of a piecewise linear course just after the time `start`."""
-    i = int(np.searchsorted(rows[:, 0], start, side="right")) - 1
+def _value_and_slope(profile: np.ndarray, time: float) -> tuple[float, float]:
+    """Return value and slope, just after `time`, of a piecewise linear profile of (time, value)."""
+    i = int(np.searchsorted(profile[:, 0], time, side="right")) - 1
     if i < 0:
-        return float(rows[0, 1]), 0.0
-    if i == len(rows) - 1:
-        return float(rows[-1, 1]), 0.0
-    (t, value), (end, after) = rows[i : i + 2].tolist()
-    slope = (after - value) / (end - t)
-    return value + slope * (start - t), slope
+        return float(profile[0, 1]), 0.0
+    if i == len(profile) - 1:
+        return float(profile[-1, 1]), 0.0
+    (start, value), (end, end_value) = profile[i : i + 2].tolist()
+    slope = (end_value - value) / (end - start)
+    return value + slope * (time - start), slope
 
 
 def run_course(runner, pieces, state, samples, limit, inertia, teeth):
-    """Yield the `Stretch`es of a run through pieces, up to the first that fails.
+    """Run the propagator `runner` through a list of `Piece`; yield `Stretch`es up to a failure.
 
-    The state, shape (2 N,), has rates by theta and changes in place. Each mesh period has `samples`
-    samples at equal steps of time and at most `limit` events. `inertia`, shape (N,), has the
-    accelerations by theta for a unit of d2tau/dtheta2. A block, for which there is a summary, has
+    `state`, shape (2 N,), has velocities by theta and changes in place. Each mesh period has
+    `samples` samples at equal steps of time and at most `limit` contact events. `inertia`, shape
+    (N,), is the acceleration by theta that d2tau/dtheta2 = 1 causes. A summary is made for every
     `teeth` mesh periods.
     """
     for piece in pieces:
@@ -141,28 +147,30 @@ class Cut(NamedTuple):
     begins: bool  #: whether the first interval begins with the piece
     ends: bool  #: whether the last interval ends with the piece
 
-    def speeds(self, piece):
-        """Return the tuning nu at the bounds of the segments, shape (p + 1,)."""
+    def speeds(self, piece: Piece) -> np.ndarray:
+        """Return the tuning nu at the bounds of the p segments in a `Piece`, shape (p + 1,)."""
         speeds = piece.speed_at(self.offset + self.phase)
-        # Near standstill the root of a difference loses half of its digits.
+        # Near standstill the root of a difference loses half of its digits, so that the speeds at
+        # the ends of the piece are computed without it.
         if self.begins:
             speeds[0] = piece.speed
         if self.ends:
             speeds[-1] = max(piece.speed + piece.acceleration * piece.length, 0.0)
         return speeds
 
-    def lengths(self, piece):
-        """Return the lengths of the segments in theta, shape (p,)."""
-        speed = self.speeds(piece)
-        total = speed[:-1] + speed[1:]
-        if total.any():
-            return 2.0 * np.diff(self.phase) / total
+    def lengths(self, piece: Piece) -> np.ndarray:
+        """Return the durations in theta of the p segments in a `Piece`, shape (p,)."""
+        speeds = self.speeds(piece)
+        speed_sums = speeds[:-1] + speeds[1:]
+        if speed_sums.any():
+            return 2.0 * np.diff(self.phase) / speed_sums
         return np.array([piece.length])
 
-    def within(self, length):
-        """Return theta from the start of its interval at the start and the end of each segment.
+    def within(self, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (starts, ends) of all segments in theta since the start of their interval.
 
-        Each interval is summed on its own, so that rounding does not grow with the run.
+        `length`, shape (p,), has the durations of the segments. Each interval is summed on its own,
+        so that rounding does not grow with the run.
         """
         position = np.arange(length.size) - np.repeat(self.first[:-1], np.diff(self.first))
         end = length.copy()
@@ -171,8 +179,8 @@ class Cut(NamedTuple):
             end[later] += end[later - 1]
         return np.where(position > 0, np.roll(end, 1), 0.0), end
 
-    def bounds(self, piece, length):
-        """Return theta at the bounds of the intervals, shape (k + 1,)."""
+    def bounds(self, piece: Piece, length: np.ndarray) -> np.ndarray:
+        """Return theta at the bounds of the k intervals, from the segments' `length`s, (k + 1,)."""
         start = piece.start
         if not self.begins:
             phase = self.offset + self.phase[0]
@@ -181,10 +189,13 @@ class Cut(NamedTuple):
 
 
 def _cuts(runner, piece, teeth):
-    """Yield the intervals of a piece as `Cut`s, a limited number of mesh periods at a time."""
+    """Yield the intervals of a `Piece` as `Cut`s, a limited number of mesh periods at a time.
+
+    `runner` is the propagator; `teeth` is the number of mesh periods of a summary block.
+    """
     base, long = runner.laws, runner.long
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
-    tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1
+    tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1  # tau: one mesh period in rad
     tolerance = _SAME_PHASE_TOLERANCE * max(end, 1.0)
     count = _PERIODS_AT_A_TIME if long else max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
     first, is_first = int((piece.phase + tolerance) / tau) // count * count, True
@@ -239,39 +250,46 @@ class _Course:
         return len(self.laws.drive_lines)
 
     def ahead(self, first, done, spans):
-        """Return (system, grid, number of periods they last for): those of the present `Cut`."""
+        """Return (system, grid, number of mesh periods they hold for) of the present `Cut`.
+
+        The arguments are those of `Propagator.ahead`; only the number of periods, spans[0], counts.
+        """
         return self.system, self.grid, spans[0]
 
-    def enter(self, piece, inertia):
-        """Set the loads and the acceleration of a piece."""
+    def enter(self, piece: Piece, inertia: np.ndarray) -> None:
+        """Set the loads and the acceleration of a `Piece`; `inertia` is as in `run_course`."""
         self.loaded = _loaded(self.bare, piece, inertia)
         if self.laws.harmonics.size:
             self.loaded.base_matrix[self.model.size, -1] = piece.acceleration
-        # The number of components may differ from that of the tables so far.
+        # The old tables may have another number of state components.
         self.spare, self.large = [], []
 
     @cached_property
     def laws(self):
-        """The system of the model, before loads and segments of the course are set."""
+        """`TrainSystem` of the model before loads and segments of the profiles are set."""
         return self.system
 
     @cached_property
     def bare(self):
-        """The same system, with harmonics of a phase that is quadratic in theta, if it has any."""
+        """`laws`; its harmonics, if any, follow a phase that is quadratic in theta."""
         if not self.laws.harmonics.size:
             return self.laws
         first = (0, self.laws.first_segment.size - 1) if self.long else ()
         return _chirped(self.laws, self.model.system(2.0, *first), self.model.size)
 
     def taken(self):
-        """Return tables for one run; harmonics on a course have no modes, only series."""
+        """Return mode tables for one run; while harmonics change speed, only series apply."""
         tables = super().taken()  # type: ignore[misc]
         if self.laws.harmonics.size:
             tables.mode_cost[0] = _UNREACHABLE_COST
         return tables
 
-    def _driven_components(self, piece, cut, theta):
-        """Return the state components between rates and constant at the start of a `Cut`."""
+    def _driven_components(self, piece: Piece, cut: Cut, theta: float) -> list[float]:
+        """Return the state components between velocities and constant at the start of a `Cut`.
+
+        These are the speed and the harmonics, if there are any, and the change of the load since
+        the start of the `Piece`, if it has a slope; `theta` is the time there.
+        """
         turns = round(cut.offset / math.tau) % self.model.repeats
         values, phase = [], cut.phase[0] + math.tau * turns
         if self.laws.harmonics.size:
@@ -285,7 +303,10 @@ class _Course:
         return values
 
     def _set_segments(self, cut, length, sample_starts):
-        """Set the segments of a `Cut`, their lengths in theta and the first samples of periods."""
+        """Set system and grid to the p segments of a `Cut`, whose durations `length` are in theta.
+
+        `sample_starts` has the index of the first sample of each interval.
+        """
         system, starts = self.loaded, np.concatenate([[0.0], np.cumsum(length)])
         tables = {
             name: np.ascontiguousarray(getattr(cut.source, name)[:, cut.segments])
@@ -307,18 +328,25 @@ class _Course:
         self.components = len(system.base_matrix)
 
     def _add_chirps(self, raw, piece, columns):
-        """Add to the accelerations of samples the terms of harmonics, which no matrix contains."""
-        pace, rate = self.model.size, self.grid.drive_rates
+        """Add the terms of the changing harmonics, in no matrix, to the sampled accelerations.
+
+        `raw` has states in its rows; `columns`, shape (samples, meshes, 6), changes in place.
+        """
+        speed_index, rate = self.model.size, self.grid.drive_rates
         for j, w in enumerate(self.laws.harmonics):
-            i = pace + 1 + 4 * j
+            i = speed_index + 1 + 4 * j
+            # Cosine, sine and their derivatives by theta.
             c, s, c_rate, s_rate = raw[:, i : i + 4].T
-            twice = -w * (piece.acceleration * s + raw[:, pace] * s_rate)
-            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 2]
-            twice = w * (piece.acceleration * c + raw[:, pace] * c_rate)
-            columns[..., orbit.SAMPLE_A] += twice[:, None] * rate[:, i + 3]
+            cosine_term = -w * (piece.acceleration * s + raw[:, speed_index] * s_rate)
+            columns[..., orbit.SAMPLE_A] += cosine_term[:, None] * rate[:, i + 2]
+            sine_term = w * (piece.acceleration * c + raw[:, speed_index] * c_rate)
+            columns[..., orbit.SAMPLE_A] += sine_term[:, None] * rate[:, i + 3]
 
     def through(self, piece, state, cut, samples, limit):
-        """Run through the intervals of a `Cut`, changing the state; return a `Stretch`."""
+        """Run through the intervals of a `Cut` of a `Piece`; return their record, a `Stretch`.
+
+        `state` changes in place; `samples` and `limit` are those of `run_course`.
+        """
         length, count = cut.lengths(piece), len(cut.block)
         interval_lengths = cut.within(length)[1][cut.first[1:] - 1]
         sample_times = (interval_lengths[:, None] * np.arange(samples) / max(samples, 1)).ravel()
@@ -347,29 +375,29 @@ class _Course:
 
 
 class _Train(_Course, propagator.Propagator):
-    """A gear train on a course of speed and load."""
+    """A gear train along a speed and load profile."""
 
 
 class CoursePair(_Course, one_mesh.Propagator):
-    """A model with one mesh on a course of speed and load."""
+    """A model with one mesh along a speed and load profile."""
 
     def start(self, state):
-        """Return the state without the deviations of the flanks; see `Base.start`."""
+        """Return the state z for a `state` (see `Base.start`), less the flank deviations."""
         return super().start(state) - self.shift
 
 
 def propagator_of(model):
-    """Return the propagator, with time theta, of a model on a course."""
+    """Return the propagator, with time theta, of a model along speed and load profiles."""
     runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)
     runner.description = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
 
 
 def _loaded(system, piece, inertia):
-    """Return a `TrainSystem` with the load and the inertia of a piece of a course.
+    """Return a `TrainSystem` with the load and the acceleration of a `Piece`.
 
-    A changing load adds one component. `inertia`, shape (N,), has the accelerations by theta for a
-    unit of d2tau/dtheta2.
+    A changing load adds one component to the state. `inertia`, shape (N,), is the acceleration by
+    theta that d2tau/dtheta2 = 1 causes.
     """
     n, half = len(system.base_matrix), inertia.size
     constant, rows = n - 1, slice(half, 2 * half)
@@ -379,43 +407,43 @@ def _loaded(system, piece, inertia):
     if piece.slope == 0.0:
         return system._replace(base_matrix=matrix)
 
-    def wider(array):
+    def with_zero_column(array):
         return np.insert(array, constant, 0.0, axis=-1)
 
-    matrix = np.insert(wider(matrix), constant, 0.0, axis=0)
+    matrix = np.insert(with_zero_column(matrix), constant, 0.0, axis=0)
     matrix[constant, constant + 1], matrix[rows, constant] = piece.slope, load
     names = "drive_lines", "coast_lines", "force_input", "force_output"
-    wide = {name: wider(getattr(system, name)) for name in names}
+    wide = {name: with_zero_column(getattr(system, name)) for name in names}
     return system._replace(base_matrix=matrix, **wide)
 
 
 def _chirped(system, twice, size):
-    """Return a system whose harmonics have a phase that is quadratic in theta.
+    """Return a `TrainSystem` whose harmonics have a phase that is quadratic in theta.
 
-    Behind coordinates and rates come dtau/dtheta and, for each harmonic, cosine, sine and their
-    rates by theta, on which damping acts. The shares of the rates are the difference between
-    `twice`, the system of tuning 2, and that of tuning 1. `sparse_series` computes the rates of
-    these components.
+    Behind `size` displacements and velocities come dtau/dtheta and, for each harmonic, cosine, sine
+    and their derivatives by theta, on which damping acts. The coefficients of these derivatives are
+    the difference between `twice`, the system at tuning 2, and `system`, at tuning 1.
+    `sparse_series` computes the derivatives of the new components.
     """
     h = system.harmonics.size
-    size_after = size + 2 + 4 * h
+    size_after = size + 2 + 4 * h  # speed, four components a harmonic, constant
     first_columns = [size + 1 + 4 * j for j in range(h)]
 
-    def moved(array, other):
+    def with_chirps(array, array_at_2):
         result = np.zeros((*array.shape[:-1], size_after))
         result[..., :size], result[..., -1] = array[..., :size], array[..., size]
         for j, (i, w) in enumerate(zip(first_columns, system.harmonics, strict=True)):
             cosine, sine = (size + 1 + 2 * j + k for k in range(2))
-            rate = other - array
+            rate = array_at_2 - array
             result[..., i] = array[..., cosine] - rate[..., cosine]
             result[..., i + 1] = array[..., sine] - rate[..., sine]
             result[..., i + 2], result[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
         return result
 
     names = "drive_lines", "coast_lines", "force_input", "force_output"
-    lines = {name: moved(getattr(system, name), getattr(twice, name)) for name in names}
+    lines = {name: with_chirps(getattr(system, name), getattr(twice, name)) for name in names}
     matrix = np.zeros((size_after, size_after))
-    matrix[:size] = moved(system.base_matrix[:size], twice.base_matrix[:size])
+    matrix[:size] = with_chirps(system.base_matrix[:size], twice.base_matrix[:size])
     for i in first_columns:
         matrix[i, i + 2] = matrix[i + 1, i + 3] = 1.0
     return system._replace(base_matrix=matrix, harmonics=np.empty(0), **lines)

@@ -2,7 +2,8 @@
 
 The amplitudes of the modes bound a distance while the contacts stay. Mostly this proves that no
 line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
-zero is isolated: nothing is sampled. A `combination` is a row of `Modes`, or SERIES.
+zero is isolated: nothing is sampled. In all functions `tables` are the `Modes` of a run, `work` is
+its `Work`, `grid` its `Grid`, and a `combination` of contacts is a row of `tables`, or SERIES.
 """
 
 import math
@@ -14,13 +15,16 @@ from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
 from gearlib.engines.linear.train_system import next_contact
 from gearlib.engines.polynomial import BINOMIALS, first_fall_from
 
-#: Rounding of a distance, as a share of its terms.
+#: Largest rounding error of a distance, as a share of the sum of its terms' magnitudes.
 _ROUNDING = 1e-15
 
 
 @inlined_uncounted
 def fill_amplitudes(tables, combination, y, amplitudes):
-    """Fill `amplitudes` with the magnitudes of pairs and real modes in y; return their number."""
+    """Fill `amplitudes` with the magnitudes of the modes in the modal state y; return their number.
+
+    `tables` are `Modes`, `combination` is a row of them. Oscillating pairs come before real modes.
+    """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
         u, v = y[2 * k], y[2 * k + 1]
@@ -32,16 +36,19 @@ def fill_amplitudes(tables, combination, y, amplitudes):
 
 @inlined_uncounted
 def _can_reach(grid, j, code, line):
-    """Return whether mesh j with contact `code` may reach a flank line, 1 drive or -1 coast side.
+    """Return whether mesh j with a contact `code` may reach a flank line (1 drive, -1 coast side).
 
-    A mesh in contact on one side reaches the other side only if it may jam.
+    A mesh in contact on one side reaches the other side only if it may jam. `grid` is a `Grid`.
     """
     return not ((code == -line and not grid.may_jam[j]) or (line == -1 and grid.no_coast_side[j]))
 
 
 @inlined_uncounted
 def _distance_sign(code, line):
-    """Return the sign, 1 or -1, of the distance from a flank line in a contact."""
+    """Return the sign that the displacement relative to a flank line has in a contact state.
+
+    `code` is the contact code; `line` is 1 for the drive side and -1 for the coast side.
+    """
     return -1.0 if ((code != NORMAL) if line == 1 else (code == INVERSE)) else 1.0
 
 
@@ -67,10 +74,10 @@ def _dot_of_first(a, b, count):
 
 @inlined_uncounted
 def largest_deviation(tables, combination, line, j, work, count):
-    """Return a bound of the deviation of a distance from its constant part.
+    """Return the largest deviation of mesh j's distance from a flank line from its constant part.
 
-    It holds as long as the contacts stay, for the `count` amplitudes of `Work` and a distance that
-    is bounded. `line` is 0 for the coast side and 1 for the drive side.
+    It holds until a contact changes, for a row `combination` of `tables` (`Modes`) and the first
+    `count` mode amplitudes of `work` (`Work`). `line` is 0 for the coast and 1 for the drive side.
     """
     deviation = _dot_of_first(tables.mode_shares[combination, line, j], work.amplitudes, count)
     return deviation + _ROUNDING * (deviation + abs(tables.slow_distance[combination, line, j]))
@@ -78,10 +85,10 @@ def largest_deviation(tables, combination, line, j, work, count):
 
 @inlined_uncounted
 def stays_off_lines(tables, combination, j, grid, work, count):
-    """Return whether mesh j provably stays off its flank lines as long as the contacts stay.
+    """Return whether mesh j provably reaches no flank line until a contact changes.
 
-    `count` is the number of amplitudes in `Work`. A combination without modes is checked over the
-    length of its series.
+    `combination` is a row of `tables` (`Modes`); if it is SERIES, the proof holds as long as the
+    Taylor series in `work`. `count` is the number of mode amplitudes in `work`, a `Work`.
     """
     deviation, code = 0.0, work.contact[j]
     for line in (1, -1):
@@ -111,7 +118,7 @@ def stays_off_lines(tables, combination, j, grid, work, count):
 
 @inlined_uncounted
 def _curve(curves, y, b, points):
-    """Fill b, shape (points,), with the products of `curves`, shape (n, points), and y."""
+    """Fill b, shape (points,), with the product y @ curves; `curves` has the shape (n, points)."""
     i, n = 0, curves.shape[0]
     for r in range(points):
         b[r] = 0.0
@@ -131,11 +138,12 @@ def _curve(curves, y, b, points):
 
 @inlined_uncounted
 def fill_curve(curves, y, b):
-    """Fill b, shape (degree + 1,), with the Bernstein coefficients of a distance in the state y.
+    """Fill b, shape (degree + 1,), with the Bernstein coefficients of a distance over a piece.
 
-    `curves`, shape (n, degree + 1), has those of each component of y.
+    They are the sum over the components of the modal state y, shape (n,), times the rows of
+    `curves`, shape (n, degree + 1).
     """
-    # The compiler unrolls loops whose length it knows.
+    # The compiler unrolls loops of constant length.
     if b.shape[0] == LOW_DEGREE + 1:
         _curve(curves, y, b, LOW_DEGREE + 1)
     else:
@@ -144,7 +152,7 @@ def fill_curve(curves, y, b):
 
 @inlined_uncounted
 def _fill_signed_distance(curve, shift, sign, b, points):
-    """Fill b with sign * (curve + shift); return its smallest coefficient."""
+    """Fill b with the first `points` values of sign * (curve + shift); return the smallest."""
     lowest = math.inf
     for k in range(points):
         b[k] = sign * (curve[k] + shift)
@@ -154,7 +162,7 @@ def _fill_signed_distance(curve, shift, sign, b, points):
 
 @uncounted
 def distance_rounding(curves, y):
-    """Return a bound of the rounding of a distance that is the product of `curves` and y."""
+    """Return the largest rounding error of a distance with Bernstein coefficients y @ curves."""
     magnitude, last = 0.0, curves.shape[1] - 1
     for i in range(curves.shape[0]):
         magnitude += max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2])) * abs(
@@ -165,7 +173,10 @@ def distance_rounding(curves, y):
 
 @uncounted
 def restrict_to_start(b, share, n):
-    """Turn Bernstein coefficients b of degree n on [0, 1] into those on [0, share], in place."""
+    """Change Bernstein coefficients b of degree n from the interval [0, 1] to [0, share], in place.
+
+    This is de Casteljau's algorithm.
+    """
     if share == 1.0:
         return
     for j in range(1, n + 1):
@@ -175,25 +186,27 @@ def restrict_to_start(b, share, n):
 
 @uncounted
 def _falls_from_rest(b, zeros, noise):
-    """Return whether a distance falls that starts at rest on its line.
+    """Return whether a distance that starts at zero with zero slope decreases from there.
 
-    The sign of its first derivative that is not zero, of order `zeros`, decides.
+    The sign of its derivative of order `zeros`, the first that is not zero, decides. b has its
+    Bernstein coefficients, and `noise` is their rounding error.
     """
-    derivative, size = 0.0, 0.0
+    derivative, weight_sum = 0.0, 0.0
     for i in range(zeros + 1):
-        share = BINOMIALS[zeros, i]
-        derivative += share * b[i] if (zeros - i) % 2 == 0 else -share * b[i]
-        size += share
-    return derivative < -noise * size
+        weight = BINOMIALS[zeros, i]
+        derivative += weight * b[i] if (zeros - i) % 2 == 0 else -weight * b[i]
+        weight_sum += weight
+    return derivative < -noise * weight_sum
 
 
 @inlined_uncounted
 def find_first_events(tables, combination, grid, work, end):
-    """Find the first crossing of a flank line by each mesh on a piece up to the share `end`.
+    """Find the first crossing of a flank line by each mesh; return the instant of the earliest.
 
-    `combination` is a row of the tables or SERIES. Fills event_share, contact_after and
-    share_rounding of `Work`. Returns the smallest share, 2 if there is no crossing, -1 if rounding
-    hides whether there is one.
+    Instants are shares of the piece of time over which the polynomials of the distances hold; the
+    search ends at the share `end`. The result is 2 if there is no crossing and -1 if rounding
+    hides whether there is one. `combination` is a row of `tables` (`Modes`) or SERIES. The fields
+    event_share, contact_after and share_rounding of `work` are filled.
     """
     first_share, curve, b = 2.0, work.curve, work.search[0]
     for j in range(work.contact.shape[0]):

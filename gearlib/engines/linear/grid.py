@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.engines.linear.modal_arcs import HIGH_DEGREE
 from gearlib.engines.linear.sparse_series import mode_cost_of, sparse_fields
-from gearlib.engines.linear.train_system import may_close
+from gearlib.engines.linear.train_system import TrainSystem, may_close
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
 # Entries of `Work.counters`: rows in use of the event table, mesh period, segment (-1: at the
@@ -20,8 +20,8 @@ class Grid(NamedTuple):
 
     lengths: np.ndarray  #: theta of the segments, shape (p,)
     length_index: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
-    drive_rates: np.ndarray  #: functionals: rates of `drive_lines` by theta, shape (m, n)
-    coast_rates: np.ndarray  #: functionals: rates of `coast_lines` by theta, shape (m, n)
+    drive_rates: np.ndarray  #: row vectors: derivatives of `drive_lines` by theta, shape (m, n)
+    coast_rates: np.ndarray  #: row vectors: derivatives of `coast_lines` by theta, shape (m, n)
     no_coast_side: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
     may_jam: np.ndarray  #: bool, whether both of its flanks may touch at once, shape (m,)
     constant_gap: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
@@ -43,7 +43,7 @@ class Work(NamedTuple):
 
     contact: np.ndarray  #: int, contact codes, shape (m,)
     zero_order: np.ndarray  #: int, 0: off the lines; k: on one, first k derivatives zero, (m,)
-    start_line: np.ndarray  #: int, which line that is: 1 drive side, -1 coast side, shape (m,)
+    start_line: np.ndarray  #: int, that line: 1 drive side, -1 coast side, shape (m,)
     effects: np.ndarray  #: int, effects of the meshes, shape (m,)
     stays_off: np.ndarray  #: bool, whether a mesh provably reaches no flank line, shape (m,)
     event_share: np.ndarray  #: instant of the next event, as a share of a piece, shape (m,)
@@ -67,10 +67,10 @@ class Work(NamedTuple):
     to_bernstein: np.ndarray  #: matrix from powers to Bernstein coefficients, (degree + 1,) * 2
 
 
-def grid_of(system):
-    """Return the `Grid` of a system, whose segments have ``length_index.max() + 1`` lengths."""
+def grid_of(system: TrainSystem) -> Grid:
+    """Return the `Grid` of a `TrainSystem`: lengths of its segments and facts about its meshes."""
     lengths = np.diff(system.starts) / system.tuning
-    # Lengths that differ by rounding get the same number.
+    # Lengths that differ only by rounding get the same index.
     order = np.argsort(lengths, kind="stable")
     is_new = np.concatenate([[True], np.diff(lengths[order]) > 1e-13 * lengths[order][1:]])
     length_index = np.empty(lengths.size, np.int64)
@@ -93,9 +93,10 @@ def grid_of(system):
 
 
 def new_work(n, padded, m, degree=HIGH_DEGREE, with_series=False):
-    """Return the `Work` of n components, padded to `padded`, m meshes and polynomials of a degree.
+    """Return an empty `Work` for n state components, stored in `padded` numbers, and m meshes.
 
-    It has storage for series where modes may cost more than a series, or if `with_series`.
+    Distances are polynomials of `degree`. There is storage for Taylor series if n is so large that
+    they may cost less than modes, or if `with_series`.
     """
     series = with_series or mode_cost_of(n) > 0
     series_terms = np.zeros((degree + 1 if series else 0, padded))

@@ -66,7 +66,10 @@ class Modes(NamedTuple):
 
 
 def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_BYTES):
-    """Return empty `Modes` for `lengths` lengths of segments, in at most `memory` bytes."""
+    """Return empty `Modes` for n state components, at most `combinations` rows and `memory` bytes.
+
+    `meshes` is the number of meshes, `lengths` the number of different lengths of segments.
+    """
     padded = round_up_to_eight(n)
     degree = HIGH_DEGREE if n >= _HIGH_DEGREE_COMPONENTS else LOW_DEGREE
     numbers_per_combination = 2 * n * padded + n * n + meshes * n * (2 * degree + 4)
@@ -99,14 +102,17 @@ def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_B
     )
 
 
-def round_up_to_eight(count):
+def round_up_to_eight(count: int) -> int:
     """Return the smallest multiple of eight that is not below `count`."""
     return (count + 7) // 8 * 8
 
 
 @uncounted
 def find_slot(slots, keys, effects):
-    """Return the hash slot of a combination of effects, shape (m,), or the free slot for it."""
+    """Return the hash slot of a combination of mesh effects, or the free slot for it.
+
+    `slots` has the row in `keys`, shape (c, m), by slot, or -1; `effects`, int, has the shape (m,).
+    """
     mask, hashed, m = slots.shape[0] - 1, 0, effects.shape[0]
     for j in range(m):
         # Multiplicative hashing by an odd number near the golden ratio; the product may overflow.
@@ -122,23 +128,23 @@ def find_slot(slots, keys, effects):
     return slot
 
 
-def clear_tables(tables):
-    """Mark all rows of the tables as unused."""
+def clear_tables(tables: Modes) -> None:
+    """Mark all rows of the `Modes` in `tables` as unused."""
     tables.used[:] = 0
     tables.hash_slots[:] = -1
     tables.series_steps[:] = 0
     tables.turn_index[:] = -1
 
 
-def clear_segment_factors(tables):
-    """Mark the factors of whole segments as unused, since they depend on the tuning."""
+def clear_segment_factors(tables: Modes) -> None:
+    """Mark the mode factors of whole segments, which depend on the tuning, as unused."""
     tables.used[1] = 0
     tables.turn_index[:] = -1
 
 
 @inlined_uncounted
 def multiply(columns, row, z, out):
-    """Fill `out` with the matrix columns[row].T times z; `columns` has the shape (c, n, w)."""
+    """Fill `out`, shape (w,), with columns[row].T @ z; `columns` has the shape (c, n, w)."""
     n, w = columns.shape[1], columns.shape[2]
     for r in range(w):
         out[r] = 0.0
@@ -159,24 +165,26 @@ def multiply(columns, row, z, out):
 
 @inlined_uncounted
 def fill_mode_factors(tables, combination, t, factors):
-    """Fill `factors`, shape (n,), by which the modes of a combination change in the time t.
+    """Fill `factors`, shape (n,), by which modes change in a time t, from a row of the `Modes`.
 
-    A pair has the real and the imaginary part of exp(lambda t), a real mode has exp(lambda t).
+    An oscillating pair has the real and the imaginary part of exp(lambda t), a real mode has
+    exp(lambda t). `combination` is the row of `tables`.
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
-        size = math.exp(tables.rates[combination, k, 0] * t)
+        growth = math.exp(tables.rates[combination, k, 0] * t)
         angle = tables.rates[combination, k, 1] * t
-        factors[2 * k], factors[2 * k + 1] = size * math.cos(angle), size * math.sin(angle)
+        factors[2 * k], factors[2 * k + 1] = growth * math.cos(angle), growth * math.sin(angle)
     for k in range(tables.real_counts[combination]):
         factors[2 * pair_count + k] = math.exp(tables.rates[combination, pair_count + k, 0] * t)
 
 
 @inlined_uncounted
 def find_segment_factors(tables, combination, length_index, t):
-    """Return the row of ``turn_factors`` for a segment of length t, computed at first use.
+    """Return the row of ``tables.turn_factors`` with the mode factors over a whole segment.
 
-    `length_index` is the number of that length.
+    They are computed at first use. `combination` is a row of `tables` (`Modes`); t is the duration
+    of the segment and `length_index` its index among the different durations.
     """
     if tables.turn_index[combination, length_index] < 0:
         row = tables.used[1]
@@ -190,7 +198,8 @@ def find_segment_factors(tables, combination, length_index, t):
 def advance(tables, combination, factors, t, y, term, image):
     """Advance the modal state y, shape (n,) or longer, by the time t, in place.
 
-    `factors` are those of `fill_mode_factors` for t; `term` and `image` are storage.
+    `combination` is a row of `tables` (`Modes`), `factors` are those of `fill_mode_factors` for t;
+    `term` and `image`, shape (n,), are overwritten.
     """
     pair_count = tables.pair_counts[combination]
     real_count = tables.real_counts[combination]
@@ -207,7 +216,10 @@ def advance(tables, combination, factors, t, y, term, image):
 
 @inlined_uncounted
 def advance_in_time(tables, combination, work, t, y):
-    """Advance the modal state y by the time t, in place, with the storage in `Work`."""
+    """Advance the modal state y by the time t, in place, with temporary arrays of `work`.
+
+    `combination` is a row of `tables` (`Modes`).
+    """
     fill_mode_factors(tables, combination, t, work.mode_factors)
     advance(tables, combination, work.mode_factors, t, y, work.term, work.image)
 
@@ -216,7 +228,8 @@ def advance_in_time(tables, combination, work, t, y):
 def _advance_block(block, size, rate, t, y, term, image):
     """Advance the slow components y, shape (size,), by the time t with the series of exp(block t).
 
-    The time is split into steps of at most 1 / `rate`, so that the series ends soon.
+    `block` is their matrix. The time is split into steps of at most 1 / `rate`, so that the series
+    converges quickly; `term` and `image`, shape (size,), are overwritten.
     """
     # A block of one component holds the constant, which does not change.
     steps = max(math.ceil(t * rate), 1.0) if size > 1 else 0.0

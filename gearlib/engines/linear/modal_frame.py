@@ -44,14 +44,14 @@ class Basis(NamedTuple):
     rates: np.ndarray  #: complex, of pairs and real modes, (growth + i angular frequency)
     pairs: int  #: number of oscillating pairs
     block: np.ndarray  #: matrix of the slow motions, dy/dtheta = block y
-    rows: np.ndarray  #: distances from the far and near lines as functionals of y, (2, m, n)
+    rows: np.ndarray  #: row vectors of coast-side and drive-side distances in y, (2, m, n)
 
 
 @cache
-def _exponentials(degree):
-    """Return the matrix, (_TERM_COUNT, degree + 1), from powers x^k to Bernstein coefficients.
+def _bernstein_of_powers(degree):
+    """Return the Bernstein coefficients of the powers x^k on [-1, 1], (_TERM_COUNT, degree + 1).
 
-    The interval is [-1, 1]; powers are approximated by Chebyshev polynomials up to the degree.
+    Powers above `degree` are replaced by their Chebyshev expansion, cut behind that degree.
     """
     chebyshev = []
     for n in range(degree + 1):
@@ -89,14 +89,14 @@ class Frame:
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):
-        """Set the coordinates of r modes, (n, r), with frequencies by theta, and k rigid motions.
+        """Set up the transformation between coordinates of the train and of its modes.
 
-        The rigid motions have the shape (n, k). The mass matrix, (n, n), gives the transformation
-        from coordinates of the train to those of the frame.
+        `frequencies`, shape (r,), by theta, and `shapes`, (n, r), are those of r elastic modes;
+        `rigid`, (n, k), are free rotations and `mass`, (n, n), is the mass matrix.
         """
         (n, r), k, omega = shapes.shape, rigid.shape[1], frequencies
         self.elastic = e = 2 * r
-        self._known: dict[bytes, Basis] = {}
+        self._known_bases: dict[bytes, Basis] = {}
         #: Tables between two runs, see `propagator.Propagator`.
         self.spare: list[tuple] = []
         self.from_frame, self.to_frame, self.base_matrix = np.zeros((3, 2 * n, 2 * n))
@@ -109,74 +109,82 @@ class Frame:
 
     def __getstate__(self):
         # Tables and bases are large, and another process computes its own.
-        return vars(self) | {"_known": {}, "spare": []}
+        return vars(self) | {"_known_bases": {}, "spare": []}
 
     @classmethod
     def of_mesh(cls, model, system):
-        """Return the frame of a model with one mesh."""
+        """Return the frame of a model with one mesh and its `TrainSystem`."""
         frame = cls(*model.linear(system))
         size, e = len(frame.from_frame), frame.elastic
         r = e // 2
-        rows = np.r_[r:e, e + size // 2 - r : size]
-        known = [*range(e), *rows[r:]]
-        whole = frame.to_frame @ system.base_matrix[:size, :size] @ frame.from_frame
+        velocity_rows = np.r_[r:e, e + size // 2 - r : size]
         # The angles of free rotations cause no forces.
-        frame.base_matrix[np.ix_(rows, known)] = whole[np.ix_(rows, known)]
+        columns = [*range(e), *velocity_rows[r:]]
+        entries = np.ix_(velocity_rows, columns)
+        matrix = frame.to_frame @ system.base_matrix[:size, :size] @ frame.from_frame
+        frame.base_matrix[entries] = matrix[entries]
         return frame
 
     @classmethod
     def of_train(cls, train, system):
-        """Return the frame of a gear train."""
-        parts, unit = train.scaled(system.tuning), train.stiffness_scale
-        squares, shapes = train.linear_modes
+        """Return the frame of a gear train and its `TrainSystem`."""
+        scaled, stiffness_scale = train.scaled(system.tuning), train.stiffness_scale
+        squared_frequencies, shapes = train.linear_modes
         omega = train.reference_angular_frequency
-        shapes, rigid = (x * (math.sqrt(unit) / omega) for x in (shapes, train.free_motions))
-        w = np.sqrt(squares) / omega
-        frame = cls(w, shapes, rigid, parts.mass)
+        shapes, rigid = (
+            x * (math.sqrt(stiffness_scale) / omega) for x in (shapes, train.free_motions)
+        )
+        w = np.sqrt(squared_frequencies) / omega
+        frame = cls(w, shapes, rigid, scaled.mass)
         (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic
-        # The linear modes contain the mean mesh stiffness, which is taken off here.
+        # The linear modes contain the mean mesh stiffness, which is subtracted here.
         beta = train.structure.lines @ shapes
-        mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / unit
+        mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / stiffness_scale
         frame.base_matrix[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
-        both = np.hstack([shapes, rigid])
-        rows = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
-        places = np.concatenate([np.arange(r), e + np.arange(k)])
+        motions = np.hstack([shapes, rigid])
+        velocities = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
+        displacements = np.concatenate([np.arange(r), e + np.arange(k)])
         scales = np.concatenate([1.0 / w, np.ones(k)])
-        frame.base_matrix[np.ix_(rows, places)] -= (both.T @ parts.frame @ both) * scales
-        speeds = parts.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
-        frame.base_matrix[np.ix_(rows, rows)] += both.T @ speeds @ both
+        frame_stiffness = (motions.T @ scaled.frame @ motions) * scales
+        frame.base_matrix[np.ix_(velocities, displacements)] -= frame_stiffness
+        velocity_matrix = scaled.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
+        frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
 
     def matrix(self, system, effects):
-        """Return the matrix of the meshes' effects in the coordinates of the frame, (2 N, 2 N)."""
+        """Return the matrix A, (2 N, 2 N), of a `TrainSystem` in the coordinates of the frame.
+
+        `effects`, int, shape (m,), has the number of the contact effect of each mesh.
+        """
         matrix, size = self.base_matrix.copy(), len(self.base_matrix)
         for j, effect in enumerate(effects):
             if effect:
                 force_output = system.force_output[j, effect, :, :size] @ self.from_frame
+                # The angles of free rotations cause no forces.
                 force_output[:, self.elastic : self.elastic + (size - self.elastic) // 2] = 0.0
                 matrix += (self.to_frame @ system.force_input[j, effect, :, :size].T) @ force_output
         return matrix
 
     def basis_of(self, system, effects):
-        """Return the `Basis` of a combination of effects, computed once for each matrix."""
-        whole = np.empty_like(system.base_matrix)
-        matrix_of(system, effects, whole)
-        key = whole.tobytes()
-        basis = self._known.get(key)
+        """Return the `Basis` for the meshes' `effects`, int, (m,); equal matrices share one."""
+        matrix = np.empty_like(system.base_matrix)
+        matrix_of(system, effects, matrix)
+        matrix_bytes = matrix.tobytes()
+        basis = self._known_bases.get(matrix_bytes)
         if basis is None:
-            basis = self._new_basis(system, effects, whole)
-            if len(self._known) >= _MAX_BASES:
-                self._known.clear()
-            self._known[key] = basis
+            basis = self._new_basis(system, effects, matrix)
+            if len(self._known_bases) >= _MAX_BASES:
+                self._known_bases.clear()
+            self._known_bases[matrix_bytes] = basis
         return basis
 
-    def _new_basis(self, system, effects, whole):
-        """Return the `Basis` of a combination of effects with the matrix `whole`, (n, n)."""
-        n, moving, mode_count = len(whole), len(self.from_frame), self.elastic // 2
+    def _new_basis(self, system, effects, state_matrix):
+        """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`."""
+        n, moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic // 2
         matrix, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
         matrix[:moving, :moving] = self.matrix(system, effects)
-        matrix[:moving, moving:] = self.to_frame @ whole[:moving, moving:]
-        matrix[moving:, moving:] = whole[moving:, moving:]
+        matrix[:moving, moving:] = self.to_frame @ state_matrix[:moving, moving:]
+        matrix[moving:, moving:] = state_matrix[moving:, moving:]
         # The constant and the harmonics are scaled by the deflections that they cause.
         frequencies = self.base_matrix[range(mode_count), range(mode_count, 2 * mode_count)]
         forces = matrix[mode_count : 2 * mode_count, moving:] / frequencies[:, None]
@@ -199,7 +207,7 @@ class Frame:
         block = back @ block
         block, observed = block @ rotation, n - 1 - unobserved
         if deflection > _MAX_UNREFINED_DEFLECTION:
-            out, into, rates, block = _refined_basis(whole, out, into, rates, pairs, block)
+            out, into, rates, block = _refined_basis(state_matrix, out, into, rates, pairs, block)
         rows = distances @ out
         # Entries that are zero but for rounding are set to zero: the constant must not move.
         block[-1], into[-1] = 0.0, 0.0
@@ -209,11 +217,12 @@ class Frame:
 
 
 def _separate_modes(matrix):
-    """Return (rates of pairs and real modes, number of pairs, P, inverse of P) of a matrix.
+    """Return (eigenvalues, number of oscillating pairs, P, inverse of P) of a matrix, (n, n).
 
-    The columns of P are the real and the negative imaginary part of each pair, real modes, and slow
-    motions, which all left eigenvectors of fast modes annihilate. The slowest mode joins the slow
-    motions until P is well conditioned, so that they include defective modes.
+    P block-diagonalizes the matrix. Its columns are the real and the negative imaginary part of
+    each pair, real modes, and a basis of the slow motions, orthogonal to the left eigenvectors of
+    the fast modes. The slowest modes, and so defective ones, join the slow motions until P is well
+    conditioned. The eigenvalues are those of pairs and real modes.
     """
     rates, left, right = scipy.linalg.eig(matrix, left=True, right=True)
     size, order = len(matrix), np.argsort(np.abs(rates), kind="stable")
@@ -239,9 +248,10 @@ def _separate_modes(matrix):
 
 
 def _slow_components(matrix, rates, modes, slow):
-    """Return the components of the slow motions that rounding has left in the fast modes.
+    """Return the components of slow motions that rounding has left in the eigenvectors `modes`.
 
-    `slow` has the slow motions as columns, `modes` the fast modes, of the complex `rates`.
+    `slow` has the slow motions of `matrix` as columns; `modes`, with complex eigenvalues `rates`,
+    the fast ones.
     """
     block = slow.T @ matrix @ slow
     residuals = (slow.T @ (matrix @ modes - modes * rates)).T[..., None]
@@ -254,7 +264,10 @@ def _slow_components(matrix, rates, modes, slow):
 
 
 def _refined_basis(matrix, out, into, rates, pairs, block):
-    """Return (out, into, rates, block) after a Newton step with residuals in long double."""
+    """Return (out, into, rates, block) after a Newton step with residuals in long double.
+
+    `out`, `into`, `rates`, `pairs` and `block` are the fields of a `Basis` of `matrix`, (n, n).
+    """
     n, fast = len(matrix), pairs + rates.size
     long = [x.astype(np.longdouble) for x in (matrix, out, into)]
     # In complex coordinates a pair is an eigenvector and its conjugate.
@@ -292,10 +305,11 @@ def _refined_basis(matrix, out, into, rates, pairs, block):
 
 
 def _slow_coordinates(rows, block, constant, scale):
-    """Return (transformation of the slow motions, number of motions no distance depends on).
+    """Return (new basis of the slow motions as columns, number of them that no distance contains).
 
-    The last column is the constant, along the functional `constant`. Before it stand the motions
-    whose share in the distances, `rows`, is below rounding, relative to `scale`.
+    The last column is the constant component of the state, which the row vector `constant` maps to
+    1. Before it come motions with a share in the distances below rounding. `rows` maps slow motions
+    to distances, `scale` is its scale and `block` the matrix of the slow motions.
     """
     length = np.linalg.norm(constant)
     complement = scipy.linalg.null_space(constant[None])
@@ -310,9 +324,10 @@ def _slow_coordinates(rows, block, constant, scale):
 
 
 def add(tables, system, frame, effects):
-    """Add the modes of a combination of effects, int, shape (m,), to the tables; return its row.
+    """Add the modes of a combination of mesh effects to the `Modes` in `tables`; return its row.
 
-    Full tables are emptied first.
+    `system` is the `TrainSystem`, `frame` its `Frame` and `effects`, int, shape (m,), the effect of
+    each mesh. Full tables are emptied first.
     """
     if tables.used[0] == len(tables.keys):
         clear_tables(tables)
@@ -328,9 +343,9 @@ def add(tables, system, frame, effects):
 
 
 def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
-    """Fill a row of the tables with the data that bound and describe the distances.
+    """Fill a row of the `Modes` in `tables` with the polynomials and limits of the distances.
 
-    `rates`, `pairs`, `block` and `rows` are those of a `Basis`.
+    `combination` is the row; `rates`, `pairs`, `block` and `rows` are the fields of a `Basis`.
     """
     size, fast = 2 * pairs, pairs + rates.size
     degree = tables.curves.shape[4] - 1
@@ -340,8 +355,8 @@ def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
     half_length = (
         0.5 * MAX_PIECE_RATES[degree] / max(np.abs(rates).max(initial=0.0), slow_rate, 1.0)
     )
-    exponentials = _exponentials(degree)
-    order = np.arange(len(exponentials))
+    power_curves = _bernstein_of_powers(degree)
+    order = np.arange(len(power_curves))
     terms = (
         np.exp(half_length * rates)[:, None]
         * (half_length * rates[:, None]) ** order
@@ -350,14 +365,14 @@ def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
     mode_rows = np.concatenate(
         [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:fast]], axis=-1
     )
-    mode_curves = mode_rows[..., None] * (terms @ exponentials)
+    mode_curves = mode_rows[..., None] * (terms @ power_curves)
     curves = tables.curves[combination]
     curves[:, :, 0:size:2] = mode_curves[:, :, :pairs].real
     curves[:, :, 1:size:2] = -mode_curves[:, :, :pairs].imag
     curves[:, :, size:fast] = mode_curves[:, :, pairs:].real
     curves[:, :, fast:] = 0.0
     slow_rows = rows[..., fast:] @ scipy.linalg.expm(half_length * block)
-    for i, power in enumerate(exponentials):
+    for i, power in enumerate(power_curves):
         curves[:, :, fast:] += slow_rows[..., None] * power
         slow_rows = slow_rows @ block * (half_length / (i + 1))
     tables.pair_counts[combination] = pairs

@@ -13,13 +13,13 @@ from gearlib.engines.orbit import Record
 
 
 class Propagator(Train):
-    """A piecewise-linear model at one tuning."""
+    """Run a piecewise-linear model with one mesh at one tuning."""
 
     description, chunk_size, turning = "closed forms", 16, False
     create_frame = Frame.of_mesh
 
     def __init__(self, model, tuning, other=None):
-        """Build the system at a tuning; take over the tables of another propagator, if given."""
+        """Build the system of a model at a tuning; reuse tables of the propagator `other`."""
         super().__init__(model, tuning, other)
         self.pieces = 0
         # Kernels count displacements from the drive-side flank line.
@@ -34,45 +34,50 @@ class Propagator(Train):
             self.shift[1] = rate[cosines].sum() / self.system.tuning
 
     def start(self, state):
-        """Return the state z for the displacement and velocity of the mesh or all coordinates."""
+        """Return the state z for a state of the mesh, (2,), or of all coordinates, (2 N,)."""
         if len(state) == self.model.size > 2:
             return np.array(state, float)
         return self.model.initial(self.system, state)[: self.model.size]
 
     def fill_record(self, z, span, samples, events, summary, first):
-        """Run from z and fill the tables; see `Base.fill_record`."""
+        """Run from the state z, shape (2 N,), and fill the tables; see `Base.fill_record`."""
         z -= self.shift
-        table, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
-        rows = np.empty((len(events), EVENT_COLUMNS))
-        result = self.run_system(z, raw, rows, span.max_events, table, span[:2], first=first)
-        period, rows, count, code, system = result
-        summary[:] = table[0, : orbit.SUMMARY_COLUMNS]
+        train_summary, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
+        event_rows = np.empty((len(events), EVENT_COLUMNS))
+        period, event_rows, count, code, system = self.run_system(
+            z, raw, event_rows, span.max_events, train_summary, span[:2], first=first
+        )
+        summary[:] = train_summary[0, : orbit.SUMMARY_COLUMNS]
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.line
-        full = np.ones(self.components)
-        full[: z.size] = z * self.scale
+        state = np.ones(self.components)
+        state[: z.size] = z * self.scale
         phase = 2.0 * math.pi * (first + span.periods) * self.system.harmonics
-        full[z.size + 1 :: 2], full[z.size + 2 :: 2] = np.cos(phase), np.sin(phase)
-        x = float(self.system.drive_lines[0] @ full) + self.line
-        v = float(self.grid.drive_rates[0] @ full) / self.system.tuning
+        state[z.size + 1 :: 2], state[z.size + 2 :: 2] = np.cos(phase), np.sin(phase)
+        x = float(self.system.drive_lines[0] @ state) + self.line
+        v = float(self.grid.drive_rates[0] @ state) / self.system.tuning
         if not code and len(samples):
             self.fill(raw, samples, system)
         z += self.shift
-        events = rows[:count, : orbit.EVENT_COLUMNS]
+        events = event_rows[:count, : orbit.EVENT_COLUMNS]
         return Record(z, np.array([x, v]), period, samples, events, summary, code)
 
     def fill_maps(self, z, *arguments):
-        """Fill the maps of mesh periods and move z to the end; return the status."""
+        """Fill the derivatives of the period maps, move z to the end and return the status.
+
+        The `arguments` are those of `Propagator.fill_maps` in `gearlib.engines.linear.propagator`.
+        """
         z -= self.shift
         code = super().fill_maps(z, *arguments)
         z += self.shift
         return code
 
     def fill(self, raw, samples, system):
-        """Fill samples, shape (k, 6 + e), with the mesh and e outputs, from raw samples."""
+        """Fill samples, (k, 6 + e), with the mesh and e model outputs, from `raw` samples."""
         n, count = self.components, orbit.SAMPLE_COLUMNS
         self.fill_meshes(raw, samples[:, :count].reshape(-1, 1, count), system)
         samples[:, orbit.SAMPLE_X] += self.line
         state = raw[:, :n].copy()
         state[:, : self.scale.size] /= self.scale
-        rows = self.model.outputs(system)[:, raw[:, n].astype(int) + 1, raw[:, -1].astype(int)]
-        samples[:, count:] = np.einsum("ekn,kn->ke", rows, state)
+        contact, segment = raw[:, n].astype(int), raw[:, -1].astype(int)
+        output_vectors = self.model.outputs(system)[:, contact + 1, segment]
+        samples[:, count:] = np.einsum("ekn,kn->ke", output_vectors, state)

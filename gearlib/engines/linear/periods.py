@@ -37,7 +37,7 @@ from gearlib.engines.linear.train_system import dot
 #: Largest share of a piece between crossings that count as simultaneous. The bound is needed near
 #: grazing, where the rounding of an instant has no bound.
 _MAX_SIMULTANEOUS_SHARE = 1e-13
-#: Rounding of the states of equal meshes, over that of one distance.
+#: Rounding error of the states of equal meshes, as a multiple of that of one distance.
 _STATE_ROUNDING = 8.0
 #: Requests to the caller, no statuses of a run: the tables lack the combination of the effects of
 #: `Work`, the event table has no room, the system has no further segments.
@@ -50,9 +50,10 @@ EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 @inlined_uncounted
 def _cross(system, grid, work, j, segment, vectors):
-    """Change the contact of mesh j, which has reached a flank line in segment p.
+    """Change the contact of mesh j in `work` (`Work`), as it has reached a flank line in a segment.
 
-    Small deviations, `vectors`, shape (k, n padded), are multiplied by the saltation matrix.
+    Small deviations of the state, `vectors`, shape (k, n or more), are multiplied by the saltation
+    matrix of the `TrainSystem` `system`; `grid` is its `Grid`.
     """
     n = system.drive_lines.shape[1]
     line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
@@ -91,9 +92,9 @@ def _cross(system, grid, work, j, segment, vectors):
 
 @uncounted
 def sort_last_event(events, row, first):
-    """Sort the event in the last `row` by the number of its mesh among those of equal phase.
+    """Move the last event of a table, in `row`, before events of equal phase and later meshes.
 
-    `first` is the first row that it may move to.
+    `events` has the columns EVENT_*; `first` is the first row to which the event may move.
     """
     while (
         row > first
@@ -109,14 +110,14 @@ def sort_last_event(events, row, first):
 def run_period(
     system, grid, tables, work, number, limit, vectors, recording, summary, samples, events
 ):
-    """Run through one mesh period from its start, from event to event; return a status.
+    """Run through one mesh period from contact event to contact event; return a status.
 
-    `number` is that of the mesh period within a repeat of the excitation, `limit` the largest
-    number of events, and `vectors`, shape (k, n padded), are small deviations that change in place,
-    as the state in `Work` does. If `recording`, summary, shape (m, 10), samples as in
-    `record.record` and events, shape (k, 6), are filled; an event table without rows stays empty.
-    The status COMBINATION_MISSING asks for modes of the effects of `Work`, EVENTS_FULL for a larger
-    event table; the next call then goes on from there.
+    The state in `work`, and small deviations of it, `vectors`, shape (k, n or more), change in
+    place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
+    events. If `recording`, `summary`, shape (m, 10), `samples` as in `record.record` and `events`,
+    shape (k, 6), are filled; an event table without rows stays empty. The status
+    COMBINATION_MISSING asks for the modes of ``work.effects`` in `tables`, EVENTS_FULL for a larger
+    event table; the next call then continues from there.
     """
     (m, n), phase, piece = system.drive_lines.shape, 0.0, 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
@@ -196,7 +197,7 @@ def run_period(
                 for i in range(vectors.shape[0]):
                     advance_by_series(system, grid, work.effects, length, vectors[i], work.series)
                 if event_share > 1.0 and remaining > 0.0:
-                    # Modes may cost less than the series by now.
+                    # After many series steps modes may cost less, so the method is chosen again.
                     combination = -1
                     continue
             else:

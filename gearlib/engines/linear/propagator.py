@@ -35,7 +35,10 @@ _MAX_RATE = 20_000.0
 
 
 def _check_rates(model, system):
-    """Raise ValueError if bearings or shafts are so stiff that a mesh period takes minutes."""
+    """Raise ValueError if a model has a motion so fast that a mesh period takes minutes.
+
+    `system` is its `TrainSystem`; very stiff bearings or shafts cause such motions.
+    """
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = exponential.MAX_NORM / system.longest
     if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
@@ -47,17 +50,17 @@ def _check_rates(model, system):
 
 
 class Propagator(Base):
-    """A gear train at one tuning.
+    """Run a gear train at one tuning.
 
-    A run fills tables of modes for the combinations of contacts that it meets, and leaves them to
-    the next run.
+    A run fills tables of modes for the combinations of contacts that occur, and the next run reuses
+    them.
     """
 
     description = "modes of every combination of contacts"
     chunk_size = 1
 
     def __init__(self, model, tuning, other=None):
-        """Build the system at a tuning; take over the tables of another propagator, if given."""
+        """Build the system of a model at a tuning; reuse tables of the propagator `other`."""
         super().__init__(model, tuning)
         self.long = model.repeats > _PERIODS_AT_A_TIME and hasattr(model, "segments_of")
         #: The system; it has only the first segments of a long run-out, see `whole`.
@@ -66,40 +69,44 @@ class Propagator(Base):
         self.grid = grid_of(system)
         self.components, self.pieces = len(system.base_matrix), len(self.grid.lengths)
         self.frame = other.frame if other and not self.turning else self.frame_of()
-        # The kernels take rates by theta, all others rates by phase.
+        # The kernels take velocities by theta, all other code takes velocities by phase.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
-        #: Pairs of a system and tables that no run uses at present. Runs pop and append them, for
-        #: which a list needs no lock. Small tables are shared by all propagators of the frame.
+        #: Pairs of a system and tables that no run uses at present. Runs pop and append them, which
+        #: needs no lock in a list. Small tables are shared by all propagators of the frame.
         self.spare: list[tuple] = other.spare if other else self.frame.spare
         self.large: list[tuple] = other.large if other else []
 
     def taken(self):
-        """Return tables for a run: those of an earlier run, without invalid rows, or new ones."""
+        """Return mode tables for a run: new ones, or those of an earlier run less invalid rows."""
         (m, n), system = self.system.drive_lines.shape, self.system
-        lengths = min(int(self.grid.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
+        length_count = min(int(self.grid.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
+        combination_count = system.force_input.shape[1] ** m
         try:
             table_system, tables = (self.large or self.spare).pop()
         except IndexError:
-            return modes(n, m, lengths, system.force_input.shape[1] ** m)
-        if tables.turn_index.shape[1] < lengths:
-            return modes(n, m, lengths, system.force_input.shape[1] ** m)
+            return modes(n, m, length_count, combination_count)
+        if tables.turn_index.shape[1] < length_count:
+            return modes(n, m, length_count, combination_count)
         if self.long:
             clear_segment_factors(tables)
         if table_system is not system:
             fields = "base_matrix", "drive_lines", "coast_lines", "force_input", "force_output"
             matrices = [(getattr(system, name), getattr(table_system, name)) for name in fields]
             same_matrices = all(np.array_equal(new, old) for new, old in matrices)
-            (clear_segment_factors if same_matrices else clear_tables)(tables)
+            if same_matrices:
+                clear_segment_factors(tables)
+            else:
+                clear_tables(tables)
         return tables
 
     create_frame = Frame.of_train
 
     def frame_of(self):
-        """Return the `Frame`; the model keeps it if its bases do not depend on the tuning."""
+        """Return the `Frame` of the model, which keeps it if it does not depend on the tuning."""
         if self.turning:
             return self.create_frame(self.model, self.system)
         attributes = vars(self.model)
-        # If several threads create a frame at once, all take the first one.
+        # If several threads create a frame at once, all of them use the first one.
         frame = attributes.get("_frame") or self.create_frame(self.model, self.system)
         return attributes.setdefault("_frame", frame)
 
@@ -109,17 +116,17 @@ class Propagator(Base):
         return self.model.gyroscopic
 
     def whole(self):
-        """Return the system and its `Grid` with the segments of all mesh periods."""
+        """Return the `TrainSystem` and its `Grid` with the segments of all mesh periods."""
         if not self.long:
             return self.system, self.grid
         system = self.model.system(self.tuning)
         return system, grid_of(system)
 
     def ahead(self, first, done, spans):
-        """Return (system, grid, number of periods they last for) after `done` periods of a run.
+        """Return (system, grid, mesh period up to which they hold) after `done` periods of a run.
 
-        `spans` are the numbers of all and of recorded periods. All recorded periods get one system,
-        because samples refer to segments by number.
+        The run begins in mesh period `first`; `spans` are its numbers of all and of recorded
+        periods. All recorded periods get one system, because samples have its segment numbers.
         """
         periods, unrecorded = spans[0], spans[0] - spans[1]
         if not self.long:
@@ -129,22 +136,23 @@ class Propagator(Base):
         return system, grid_of(system), end
 
     def at(self, tuning):
-        """Return the propagator at another tuning, which takes over the tables."""
+        """Return the propagator of the model at another tuning, which reuses the tables."""
         return type(self)(self.model, tuning, self)
 
     def start(self, state):
-        """Return the state z of coordinates and rates, or of 'static'; see `Base.start`."""
+        """Return the state z, shape (2 N,), for a state or 'static'; see `Base.start`."""
         return self.model.start_state(state)
 
     def run_system(
         self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True
     ):
-        """Run from z, changed in place, and fill samples, events, summary and maps.
+        """Run from the state z, shape (2 N,), and fill samples, events, summary and maps.
 
-        `spans` are the numbers of all and of recorded periods; samples have the columns of
-        `record.record`, the summary a row a mesh, without extrema unless `extrema`. Returns (period
-        of the motion, events, rows of events in use, status, system whose segments the samples
-        name).
+        z changes in place. `spans` are the numbers of all and of recorded mesh periods, `first` is
+        the one in which the run begins and `limit` the most events of a period. Samples have the
+        columns of `record.record`, `summary` has a row a mesh, without extrema unless `extrema`,
+        and `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns
+        (period of the motion, events, number of events, status, system of the samples' segments).
         """
         (system, grid, end), m = self.ahead(first, 0, spans), self.system.drive_lines.shape[0]
         (periods, record_periods), size = spans, z.size
@@ -187,12 +195,15 @@ class Propagator(Base):
         return period, events, int(work.counters[EVENT_ROWS]), code, system
 
     def raw(self, samples):
-        """Return an empty table of samples with the columns of `record.record`."""
+        """Return an empty table for a number of samples, with the columns of `record.record`."""
         m, n = self.system.drive_lines.shape
         return np.empty((samples, n + m + 1))
 
     def fill_record(self, z, span, samples, events, summary, first):
-        """Run from z and fill the tables; samples have the columns of `GearTrain.empty_record`."""
+        """Run from the state z and fill the tables; see `Base.fill_record`.
+
+        Samples have the columns of `GearTrain.empty_record`; the run begins in mesh period `first`.
+        """
         raw = self.raw(len(samples))
         done = self.run_system(z, raw, events, span.max_events, summary, span[:2], first=first)
         period, events, count, code, system = done
@@ -201,13 +212,16 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:count], summary, code)
 
     def fill(self, raw, samples, system):
-        """Fill samples, shape (k, 6 m + N), from raw samples: states, contact codes, segments."""
+        """Fill samples, shape (k, 6 m + N), from the `raw` samples (k, n + m + 1) of a run.
+
+        Raw samples have the columns: state, contact codes, segment of the `TrainSystem` `system`.
+        """
         m = len(self.system.drive_lines)
         self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6), system)
         samples[:, 6 * m :] = raw[:, : self.model.size // 2]
 
     def fill_meshes(self, raw, columns, system):
-        """Fill the samples of the meshes, shape (k, m, 6), from raw samples."""
+        """Fill the mesh samples, `columns`, shape (k, m, 6), from `raw` samples as in `fill`."""
         nu = system.tuning
         m, n = system.drive_lines.shape
         state, code, segment = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
@@ -217,20 +231,26 @@ class Propagator(Base):
         forces = np.einsum("kjtn,kn->kjt", system.force_output[meshes, effect], state)
         rate = state @ system.base_matrix.T + np.einsum("kjt,kjtn->kn", forces, force_input)
         stiffness = np.take_along_axis(system.stiffness[:, segment, :], code[None] + 1, axis=0)[0]
-        near, far = state @ system.drive_lines.T, state @ system.coast_lines.T
-        columns[..., orbit.SAMPLE_X] = near
+        drive_distance = state @ system.drive_lines.T
+        coast_distance = state @ system.coast_lines.T
+        columns[..., orbit.SAMPLE_X] = drive_distance
         columns[..., orbit.SAMPLE_V] = state @ self.grid.drive_rates.T / nu
         columns[..., orbit.SAMPLE_A] = rate @ self.grid.drive_rates.T / nu**2
         columns[..., orbit.SAMPLE_CONTACT] = code
         columns[..., orbit.SAMPLE_STIFFNESS] = stiffness
-        distance = np.where(code == 1, near, np.where(code == -1, far, 0.0))
+        distance = np.where(code == -1, coast_distance, 0.0)
+        distance = np.where(code == 1, drive_distance, distance)
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
 
     def fill_maps(self, z, periods, max_events, maps, first):
-        """Fill the maps of mesh periods and move z to the end; return the status."""
+        """Fill the derivatives of the period maps, move z to the end and return the status.
+
+        `maps` has the shape (periods, 2 N, 2 N); the run begins at z in mesh period `first` and has
+        at most `max_events` events in each period.
+        """
         tables = self.raw(0), np.empty((0, EVENT_COLUMNS)), max_events
         summary = np.empty((len(self.system.drive_lines), SUMMARY_COLUMNS))
         code = self.run_system(z, *tables, summary, (periods, 0), maps, first)[3]
-        # The kernel's maps are those of rates by theta.
+        # The kernel computes maps for velocities by theta.
         maps *= self.scale[None, :] / self.scale[:, None]
         return code

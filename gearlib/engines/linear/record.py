@@ -24,10 +24,11 @@ SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 @uncounted
 def _add_extrema(curve, is_displacement, stiffness, work, row):
-    """Add the extrema of a distance to the summary `row` of its mesh.
+    """Widen the extrema in the summary `row` of a mesh by those of a distance from a flank line.
 
-    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, it is also the
-    displacement; `stiffness` > 0 turns it into a mesh force. One search finds both extrema.
+    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, it counts as the
+    displacement of the mesh; a `stiffness` > 0 times the distance is the mesh force. `work` is the
+    `Work` in which the polynomial is searched.
     """
     degree = curve.shape[0] - 1
     for sign, shift, force in (
@@ -40,7 +41,7 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
         for k in range(degree + 1):
             work.search[0, k] = sign * curve[k]
             largest = max(largest, work.search[0, k])
-        # Most pieces have no new extrema, as their largest coefficient shows.
+        # The largest coefficient is an upper limit, which excludes new extrema in most pieces.
         if largest <= floor:
             continue
         extremum = highest_from(work.search, degree, floor)
@@ -52,7 +53,10 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
 
 @inlined_uncounted
 def _fill_distance(tables, combination, side, j, work):
-    """Fill the curve of `Work` with the distance of mesh j, from side 0 (coast) or 1 (drive)."""
+    """Fill `work.curve` with the distance of mesh j from the flank line of a side.
+
+    `combination` is a row of `tables` (`Modes`), or SERIES; `side` is 0 (coast) or 1 (drive).
+    """
     if combination == SERIES:
         fill_curve(work.to_bernstein, work.distance_series[side, j], work.curve)
     else:
@@ -61,9 +65,10 @@ def _fill_distance(tables, combination, side, j, work):
 
 @inlined_uncounted
 def _extrema_are_covered(system, tables, combination, work, segment, summary, mode_count):
-    """Return whether no mesh provably exceeds its extrema so far as long as the contacts stay.
+    """Return whether no mesh provably exceeds the extrema in `summary` until a contact changes.
 
-    `mode_count` is the number of amplitudes in `Work`, `summary` has a row a mesh.
+    `summary` has a row a mesh; `combination` is a row of `tables` (`Modes`), `segment` one of the
+    `TrainSystem` `system`, and `mode_count` the number of mode amplitudes in `work` (`Work`).
     """
     for j in range(work.contact.shape[0]):
         row, code = summary[j], work.contact[j]
@@ -85,13 +90,18 @@ def _extrema_are_covered(system, tables, combination, work, segment, summary, mo
 
 @inlined_uncounted
 def _distance_integral(tables, combination, line, j, start, end, t):
-    """Return the integral of a distance over t, while its modes go from `start` to `end`."""
+    """Return the time integral of the distance of mesh j from a flank line over the time t.
+
+    `start` and `end` are the modal states, and `combination` is a row of `tables` (`Modes`); `line`
+    is 0 for the coast and 1 for the drive side.
+    """
     pair_count = tables.pair_counts[combination]
     total = tables.slow_distance[combination, line, j] * t
     rates = tables.rates[combination]
     # The first coefficient of a curve is the share of a mode in the distance.
     curves = tables.curves[combination, line, j]
     for k in range(pair_count):
+        # The integral of a mode is its change over its complex rate.
         a, b = rates[k, 0], rates[k, 1]
         u, v = end[2 * k] - start[2 * k], end[2 * k + 1] - start[2 * k + 1]
         p, q = a * u + b * v, a * v - b * u
@@ -106,12 +116,13 @@ def _distance_integral(tables, combination, line, j, start, end, t):
 def record(
     system, grid, tables, combination, work, segment, phase, length, piece, summary, samples
 ):
-    """Record a stretch of the motion in the summary, shape (m, 10), and the samples.
+    """Record a motion without contact changes in the summary, shape (m, 10), and the samples.
 
-    The stretch begins at `phase` with the modal state of `Work` and lasts `length` in theta; curves
-    and series hold over `piece`. Samples have the columns: state, shape (n,), contact codes, shape
-    (m,), segment; the last column holds the wanted phase until a sample is filled. Extrema are left
-    out if those of the summary are infinite.
+    It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
+    polynomials of distances hold over the time `piece`. `combination` is a row of `tables` or
+    SERIES. Samples have the columns: state, shape (n,), contact codes, shape (m,), segment; the
+    last column has the phase of the sample until it is filled. There is no search for extrema if
+    the first one in `summary` is infinite.
     """
     m, n = system.drive_lines.shape
     tuning, done, curve = system.tuning, 0.0, work.curve

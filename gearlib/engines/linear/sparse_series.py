@@ -24,8 +24,8 @@ _LAST_TERM = 2e-17
 _MIN_SERIES_COMPONENTS, _MODE_COST = 60, 0.015
 
 
-def mode_cost_of(n):
-    """Return how many steps of the series cost as much as the modes of n components.
+def mode_cost_of(n: int) -> int:
+    """Return how many steps of the Taylor series cost as much as the modes of n state components.
 
     It is 0 where there are so few components that modes are always used.
     """
@@ -33,9 +33,9 @@ def mode_cost_of(n):
 
 
 def sparse_fields(system, with_series=False):
-    """Return the fields of a `Grid` that list the non-zeros of a system, as a dict of arrays.
+    """Return the fields of a `Grid` that list the non-zeros of a `TrainSystem`, {name: array}.
 
-    The arrays are empty if modes are always cheaper, unless `with_series`.
+    The arrays are empty if the system is so small that it needs no series, unless `with_series`.
     """
     names = "nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"
     names += ("nonzero_values",)
@@ -52,15 +52,21 @@ def sparse_fields(system, with_series=False):
     return dict(zip(names, (columns, counts, *_true_columns(involved), values), strict=True))
 
 
-def _true_columns(mask):
-    """Return (columns of the true entries of each row, first in the row; their number by row)."""
+def _true_columns(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (column indices of the true entries of each row, their number in each row).
+
+    Both are for a 2-d bool array; rows with fewer true entries are filled with other columns.
+    """
     counts = mask.sum(axis=1)
     return np.argsort(~mask, axis=1, kind="stable")[:, : counts.max()].copy(), counts
 
 
 @uncounted
 def _fill_scaled_image(system, grid, effects, z, share, out):
-    """Fill `out` with share A z, A being the matrix of the meshes' `effects`, int, shape (m,)."""
+    """Fill `out`, shape (n,), with share * A @ z for the matrix A of a `TrainSystem`.
+
+    `effects`, int, shape (m,), are the contact effects of the meshes; `grid` lists non-zeros of A.
+    """
     for r in range(grid.nonzero_counts.shape[0]):
         total = 0.0
         for i in range(grid.nonzero_counts[r]):
@@ -83,11 +89,11 @@ def _fill_scaled_image(system, grid, effects, z, share, out):
 
 @uncounted
 def _fill_chirp_rates(grid, k, unit, terms):
-    """Fill the rates of harmonics in term k + 1 of a series in which the speed changes.
+    """Fill term k + 1 of the Taylor series of the harmonics' derivatives while the speed changes.
 
-    The components behind the coordinates and their rates are the speed nu and, for each harmonic,
-    cosine c, sine s and their rates. Since c' = -w nu s, c'' = -w (nu' s + nu s'), and likewise for
-    the sine. `unit` is the time unit of the series `terms`, shape (degree + 1, n).
+    Behind displacements and velocities the state has the speed nu and, for each harmonic, cosine c,
+    sine s and their derivatives. Since c' = -w nu s, c'' = -w (nu' s + nu s'), and likewise
+    for the sine. `unit` is the time unit of the series `terms`, shape (degree + 1, n).
     """
     speed = grid.speed_component
     speed_start, speed_change = terms[0, speed], terms[1, speed]
@@ -106,7 +112,9 @@ def _fill_chirp_rates(grid, k, unit, terms):
 def expand(system, grid, effects, z, terms):
     """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z.
 
-    Returns its time unit in theta, on which the series converges to rounding.
+    Returns its time unit in theta, over which the series is exact to rounding. The matrix of the
+    series is that of the `TrainSystem` with the meshes' `effects`, int, shape (m,); `grid` lists
+    its non-zeros.
     """
     last, n = terms.shape[0] - 1, grid.nonzero_counts.shape[0]
     unit = MAX_NORM / exponential.MAX_NORM * system.longest
@@ -137,7 +145,7 @@ def fill_distance_series(system, grid, terms, curves):
     """Fill `curves`, (2, m, degree + 2), with the Taylor series of all distances from flank lines.
 
     The first index is 0 for the coast side and 1 for the drive side; the last column is the sum of
-    magnitudes that bounds the rounding. `terms` is the series of the state.
+    magnitudes, a scale of the rounding error. `terms` is the series of the state from `expand`.
     """
     for j in range(grid.mesh_component_counts.shape[0]):
         for side in range(2):
@@ -170,7 +178,10 @@ def sum_series(terms, n, share, out):
 
 @uncounted
 def advance_by_series(system, grid, effects, length, z, terms):
-    """Advance a state or a deviation z by the time `length` in theta while the contacts stay."""
+    """Advance a state or its small deviation z by `length` in theta at constant contacts, in place.
+
+    `effects` are the contact effects of the meshes; `terms`, as in `expand`, is overwritten.
+    """
     remaining = length
     while remaining > 0.0:
         unit = expand(system, grid, effects, z, terms)
@@ -181,10 +192,10 @@ def advance_by_series(system, grid, effects, length, z, terms):
 
 @inlined_uncounted
 def series_may_reach_zero(curve, sign, degree):
-    """Return whether a distance may reach zero while its series holds.
+    """Return whether a distance from a flank line may reach zero within its series' time unit.
 
-    `curve` is a row of `fill_distance_series`, `sign` the sign of the distance in the present
-    contact.
+    `curve` is a row of `fill_distance_series`, `sign`, 1 or -1, the sign of the distance in the
+    present contact state, and `degree` the degree of the series.
     """
     variation = 0.0
     for k in range(1, degree + 1):

@@ -23,12 +23,12 @@ _MAX_DERIVATIVES = 10
 
 
 @uncounted
-def _sign(functional, z):
-    """Return the sign of a functional of z, 0.0 where its value is within rounding of zero."""
+def _sign(row_vector, z):
+    """Return the sign of the product of a row vector and z, 0.0 if it is zero to rounding."""
     value, magnitude = 0.0, 0.0
     for r in range(z.shape[0]):
-        value += functional[r] * z[r]
-        magnitude += abs(functional[r] * z[r])
+        value += row_vector[r] * z[r]
+        magnitude += abs(row_vector[r] * z[r])
     if abs(value) <= ZERO_TOLERANCE * magnitude:
         return 0.0
     return 1.0 if value > 0.0 else -1.0
@@ -36,11 +36,11 @@ def _sign(functional, z):
 
 @kernel
 def set_contacts(system, no_coast_side, work, segment):
-    """Fill contact, start_line and zero_order of `Work` for its state at the start of a segment.
+    """Set contact, start_line and zero_order of `Work` for its state at the start of a segment.
 
-    On a flank line the first derivative of the distance that is not zero decides the contact just
-    after. A mesh whose decision needs a higher derivative exerts no force until then.
-    `no_coast_side`, bool, shape (m,), is a field of `Grid`.
+    For a mesh on a flank line, the first nonzero derivative of its distance decides the contact
+    just after. Until that derivative is reached, the mesh exerts no force. `system` is the
+    `TrainSystem`, and `no_coast_side`, bool, shape (m,), the field of its `Grid`.
     """
     m, n = system.drive_lines.shape
     z = work.state[:n]
@@ -48,16 +48,16 @@ def set_contacts(system, no_coast_side, work, segment):
     work.start_line[:] = 0
     undecided = np.zeros(m, dtype=np.bool_)
     for j in range(m):
-        near = _sign(system.drive_lines[j], z)
-        far = 1.0 if no_coast_side[j] else _sign(system.coast_lines[j], z)
+        drive_sign = _sign(system.drive_lines[j], z)
+        coast_sign = 1.0 if no_coast_side[j] else _sign(system.coast_lines[j], z)
         work.contact[j] = BACKLASH
-        if near > 0.0:
+        if drive_sign > 0.0:
             work.contact[j] = NORMAL
-        elif near == 0.0:
+        elif drive_sign == 0.0:
             work.start_line[j], undecided[j] = 1, True
-        elif far < 0.0:
+        elif coast_sign < 0.0:
             work.contact[j] = INVERSE
-        elif far == 0.0:
+        elif coast_sign == 0.0:
             work.start_line[j], undecided[j] = -1, True
     matrix = np.empty((n, n))
     for order in range(1, _MAX_DERIVATIVES):
@@ -88,7 +88,7 @@ def set_contacts(system, no_coast_side, work, segment):
 
 @uncounted
 def _exceeds_range(z):
-    """Return whether a component of z is too large for squares in floating point, or NaN."""
+    """Return whether a component of the state z is NaN or so large that its square overflows."""
     for r in range(z.shape[0]):
         if not abs(z[r]) < 1e150:
             return True
@@ -97,7 +97,11 @@ def _exceeds_range(z):
 
 @kernel
 def start_run(system, grid, work):
-    """Set the contacts of `Work` for its state at the start of a run; return OK or JAMMED."""
+    """Set the contacts in `work` (`Work`) for the state at the start of a run; return a status.
+
+    It is OK, or JAMMED if both flanks of a mesh overlap. `system` is the `TrainSystem`, `grid` its
+    `Grid`.
+    """
     n = system.drive_lines.shape[1]
     set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first)
     first_segments = system.first_segment
@@ -130,15 +134,15 @@ def run_train(
     vectors,
     maps,
 ):
-    """Run a gear train from the state and the mesh period in `Work` on; return a status.
+    """Run a gear train through `periods` mesh periods from the state in `work`; return a status.
 
     The statuses COMBINATION_MISSING, EVENTS_FULL and SEGMENTS_MISSING ask for a combination in the
-    tables, a larger event table, or the next segments; the next call then goes on from there. The
+    tables, a larger event table, or the next segments; the next call then continues from there. The
     last `record_periods` are recorded in samples and events, see `periods.run_period`, in a summary
-    for each block of `Grid`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity of
-    the meshes before the last k periods and at the end of each. `maps`, shape (periods, 2 N, 2 N)
-    or (0, 2 N, 2 N), are filled with the derivative of the state after each period by that before;
-    `vectors` are their storage.
+    for each block of `grid`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity of
+    the meshes at the bounds of the last k periods. `limit` is the most events of a period. `maps`,
+    shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), are filled with the derivative of the state after
+    each period by the state before it, for which `vectors`, shape (2 N, n or more), are storage.
     """
     m, n = system.drive_lines.shape
     size, strobe_count = maps.shape[1], strobes.shape[1] - 1
@@ -148,7 +152,7 @@ def run_train(
         if period >= work.counters[KNOWN_PERIODS]:
             return SEGMENTS_MISSING
         if work.counters[SEGMENT] < 0:
-            # Exact values keep the rounding of the harmonics from growing with the run.
+            # The harmonics are set anew, so that their rounding does not grow with the run.
             set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * (system.first + period))
             row = period - (periods - strobe_count)
             if row >= 0:
@@ -192,7 +196,8 @@ def run_train(
 def period_of(system, strobes, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
-    `strobes` has the states of `run_train`; `summary`, shape (m, 10), gives the scale.
+    `strobes`, shape (m, k + 1, 2), has displacements and velocities at k + 1 successive bounds of
+    mesh periods; `summary`, shape (m, 10), has the extrema that scale their difference.
     """
     period = 1
     for j in range(strobes.shape[0]):
@@ -206,7 +211,7 @@ def period_of(system, strobes, summary):
 
 @inlined_uncounted
 def _record_strobe(system, grid, z, strobes, row):
-    """Write displacement and velocity of all meshes in the state z to a row of `strobes`."""
+    """Write displacement and velocity of all meshes in the state z to strobes[:, row]."""
     state = z[: system.drive_lines.shape[1]]
     for j in range(strobes.shape[0]):
         strobes[j, row, 0] = dot(system.drive_lines[j], state)

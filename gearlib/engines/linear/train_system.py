@@ -30,10 +30,10 @@ class TrainSystem(NamedTuple):
     """One train at one tuning: n components, m meshes, p segments, e effects of a mesh at most."""
 
     base_matrix: np.ndarray  #: A while all meshes are in their backlash, shape (n, n)
-    drive_lines: np.ndarray  #: functionals: displacement over the drive-side flank, shape (m, n)
-    coast_lines: np.ndarray  #: functionals over the coast-side flank, contact where < 0, (m, n)
+    drive_lines: np.ndarray  #: row vectors: displacement over the drive-side flank, shape (m, n)
+    coast_lines: np.ndarray  #: row vectors: over the coast-side flank, contact where < 0, (m, n)
     force_input: np.ndarray  #: dz/dtheta for a unit of each force, shape (m, e, 2, n)
-    force_output: np.ndarray  #: functionals: mesh and friction force, shape (m, e, 2, n)
+    force_output: np.ndarray  #: row vectors: mesh and friction force, shape (m, e, 2, n)
     effect: np.ndarray  #: int, effect by contact code + 1, segment and mesh, shape (3, p, m)
     stiffness: np.ndarray  #: over the mean of the reference mesh (0: as drive side), (3, p, m)
     low: np.ndarray  #: bool, whether the stiffness is at its lower level, shape (3, p, m)
@@ -48,7 +48,10 @@ class TrainSystem(NamedTuple):
 
 @uncounted
 def matrix_of(system, effects, matrix):
-    """Fill `matrix`, shape (n, n), with the matrix A of the meshes' `effects`, int, shape (m,)."""
+    """Fill `matrix`, (n, n), with A of z' = A z for a `TrainSystem` and the meshes' `effects`.
+
+    `effects`, int, shape (m,), has the number of the contact effect of each mesh.
+    """
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[0]):
             matrix[r, i] = system.base_matrix[r, i]
@@ -64,7 +67,10 @@ def matrix_of(system, effects, matrix):
 
 @uncounted
 def set_harmonics(frequencies, z, phase):
-    """Set the constant and the harmonics of the state z, shape (n,), to their values at `phase`."""
+    """Set the constant and the harmonics of the state z, shape (n,), at a mesh phase in rad.
+
+    They are its last components: 1, then cos(w phase), sin(w phase) for each of the `frequencies`.
+    """
     n, m = z.shape[0], frequencies.shape[0]
     z[n - 2 * m - 1] = 1.0
     for j in range(m):
@@ -74,7 +80,7 @@ def set_harmonics(frequencies, z, phase):
 
 @kernel
 def image(matrix, z):
-    """Return the product of a small matrix and a vector, without a linear algebra library."""
+    """Return the product of a small matrix and the vector z, without a linear algebra library."""
     out = np.zeros(matrix.shape[0])
     for r in range(matrix.shape[0]):
         for c in range(matrix.shape[1]):
@@ -83,20 +89,21 @@ def image(matrix, z):
 
 
 @uncounted
-def dot(functional, z):
-    """Return the scalar product of z, shape (n,), and a functional, shape (n,) or longer."""
+def dot(row_vector, z):
+    """Return the scalar product of z, shape (n,), and a row vector, shape (n,) or longer."""
     total = 0.0
     for r in range(z.shape[0]):
-        total += functional[r] * z[r]
+        total += row_vector[r] * z[r]
     return total
 
 
 @inlined_uncounted
 def next_contact(contact, line):
-    """Return the contact code after a motion has crossed a flank line.
+    """Return the contact code of a mesh after it has crossed a flank line.
 
-    `line` is 1 for the drive side and -1 for the coast side. A mesh in contact there loses it; a
-    mesh in contact on the other side would touch on `BOTH`.
+    `contact` is the code before: 1 drive-side contact, 0 contact loss, -1 back-side contact; `line`
+    is 1 for the drive side and -1 for the coast side. A mesh in contact there loses it; a mesh in
+    contact on the other side would touch on `BOTH`.
     """
     if contact == line:
         return BACKLASH
@@ -104,12 +111,12 @@ def next_contact(contact, line):
 
 
 def may_close(near, far, constant_index):
-    """Return whether both flanks of a mesh may touch at once, bool, of the shape of the meshes.
+    """Return whether both flanks of each mesh may touch at once, a bool array of shape (...).
 
-    Both touch where near >= 0 >= far. The clearance far - near, of shape (..., n), is provably
-    positive if it is a constant, at index `constant_index`, larger than the harmonics behind it. A
-    clearance that depends on coordinates, or that harmonics may close, has to be checked in the
-    run.
+    `near` and `far`, shape (..., n), are row vectors of the distances from the drive-side and the
+    coast-side line; both flanks touch where near >= 0 >= far. The clearance far - near is provably
+    positive if it contains no coordinates and its constant, at index `constant_index`, exceeds the
+    amplitudes of the harmonics behind it. Otherwise the run has to check it.
     """
     clearance = (far - near).real
     cosines = clearance[..., constant_index + 1 :: 2]
@@ -122,13 +129,13 @@ def may_close(near, far, constant_index):
 
 @uncounted
 def is_behind(coast_line, z):
-    """Return whether the state z lies behind the coast-side flank line by more than rounding.
+    """Return whether the state z is beyond the coast-side flank line by more than rounding.
 
-    A mesh that also touches on the drive side is then jammed. `coast_line` is a functional; it and
-    z have the shape (n,) or longer.
+    A mesh that also touches on the drive side is then jammed. `coast_line`, shape (n,), is the row
+    vector of the distance from the line; z has the shape (n,) or longer.
     """
-    value, size = 0.0, 0.0
+    distance, magnitude = 0.0, 0.0
     for r in range(coast_line.shape[0]):
-        value += coast_line[r] * z[r]
-        size += abs(coast_line[r] * z[r])
-    return value < -_MAX_OVERLAP * size
+        distance += coast_line[r] * z[r]
+        magnitude += abs(coast_line[r] * z[r])
+    return distance < -_MAX_OVERLAP * magnitude
