@@ -212,10 +212,8 @@ def _cuts(runner, piece, teeth):
         j = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
         j = max(j, i + 1)
         phase = bounds[i : j + 1].copy()
-        phase[0], phase[-1] = (
-            max(phase[0], start_phase),
-            max(min(phase[-1], end_phase), start_phase),
-        )
+        phase[0], last_phase = max(phase[0], start_phase), min(phase[-1], end_phase)
+        phase[-1] = max(last_phase, start_phase)
         period_starts = np.array(
             [0, *(period_starts[(period_starts > i) & (period_starts < j)] - i), j - i]
         )
@@ -250,10 +248,7 @@ class _Course:
         return len(self.laws.drive_lines)
 
     def ahead(self, first, done, spans):
-        """Return (system, grid, number of mesh periods they hold for) of the present `Cut`.
-
-        The arguments are those of `Propagator.ahead`; only the number of periods, spans[0], counts.
-        """
+        """Return (system, grid, number of periods) of the present `Cut`; see `Propagator.ahead`."""
         return self.system, self.grid, spans[0]
 
     def enter(self, piece: Piece, inertia: np.ndarray) -> None:
@@ -328,10 +323,7 @@ class _Course:
         self.components = len(system.base_matrix)
 
     def _add_chirps(self, raw, piece, columns):
-        """Add the terms of the changing harmonics, in no matrix, to the sampled accelerations.
-
-        `raw` has states in its rows; `columns`, shape (samples, meshes, 6), changes in place.
-        """
+        """Add the harmonics to accelerations in `columns`, (k, m, 6), from `raw` states."""
         speed_index, rate = self.model.size, self.grid.drive_rates
         for j, w in enumerate(self.laws.harmonics):
             i = speed_index + 1 + 4 * j

@@ -96,11 +96,8 @@ def stays_off_lines(tables, combination, j, grid, work, count):
             continue
         side = (line + 1) // 2
         if combination == SERIES:
-            if series_may_reach_zero(
-                work.distance_series[side, j],
-                _distance_sign(code, line),
-                work.to_bernstein.shape[0] - 1,
-            ):
+            sign, degree = _distance_sign(code, line), work.to_bernstein.shape[0] - 1
+            if series_may_reach_zero(work.distance_series[side, j], sign, degree):
                 return False
             continue
         if not tables.bounded[combination, side, j]:
@@ -165,18 +162,14 @@ def distance_rounding(curves, y):
     """Return the largest rounding error of a distance with Bernstein coefficients y @ curves."""
     magnitude, last = 0.0, curves.shape[1] - 1
     for i in range(curves.shape[0]):
-        magnitude += max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2])) * abs(
-            y[i]
-        )
+        largest = max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2]))
+        magnitude += largest * abs(y[i])
     return _ROUNDING * magnitude
 
 
 @uncounted
 def restrict_to_start(b, share, n):
-    """Change Bernstein coefficients b of degree n from the interval [0, 1] to [0, share], in place.
-
-    This is de Casteljau's algorithm.
-    """
+    """Change Bernstein coefficients b, degree n, from [0, 1] to those on [0, share], in place."""
     if share == 1.0:
         return
     for j in range(1, n + 1):

@@ -318,9 +318,8 @@ def _slow_coordinates(rows, block, constant, scale):
         observed.append(observed[-1] @ (complement.T @ block @ complement))
     _, singular_values, right_vectors = np.linalg.svd(np.vstack(observed))
     unobserved_count = complement.shape[1] - int((singular_values > 1e-9 * scale).sum())
-    return np.hstack(
-        [complement @ right_vectors.T, constant[:, None] / length**2]
-    ), unobserved_count
+    basis = np.hstack([complement @ right_vectors.T, constant[:, None] / length**2])
+    return basis, unobserved_count
 
 
 def add(tables, system, frame, effects):
@@ -352,16 +351,12 @@ def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
     # The 16th root of the norm of the 16th power does not depend on the scales of components.
     slow_rate = np.linalg.norm(np.linalg.matrix_power(block, 16)) ** (1.0 / 16.0)
     # The 1.0 limits pieces of slow motions to about a period of the reference mode.
-    half_length = (
-        0.5 * MAX_PIECE_RATES[degree] / max(np.abs(rates).max(initial=0.0), slow_rate, 1.0)
-    )
+    fastest_rate = max(np.abs(rates).max(initial=0.0), slow_rate, 1.0)
+    half_length = 0.5 * MAX_PIECE_RATES[degree] / fastest_rate
     power_curves = _bernstein_of_powers(degree)
     order = np.arange(len(power_curves))
-    terms = (
-        np.exp(half_length * rates)[:, None]
-        * (half_length * rates[:, None]) ** order
-        / factorial(order)
-    )
+    exponents = half_length * rates[:, None]
+    terms = np.exp(exponents) * exponents**order / factorial(order)
     mode_rows = np.concatenate(
         [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:fast]], axis=-1
     )

@@ -62,10 +62,7 @@ class Propagator(Train):
         return Record(z, np.array([x, v]), period, samples, events, summary, code)
 
     def fill_maps(self, z, *arguments):
-        """Fill the derivatives of the period maps, move z to the end and return the status.
-
-        The `arguments` are those of `Propagator.fill_maps` in `gearlib.engines.linear.propagator`.
-        """
+        """Fill derivatives of period maps, move z to the end; see the base class for arguments."""
         z -= self.shift
         code = super().fill_maps(z, *arguments)
         z += self.shift

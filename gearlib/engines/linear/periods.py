@@ -122,11 +122,8 @@ def run_period(
     (m, n), phase, piece = system.drive_lines.shape, 0.0, 0.0
     first, last = system.first_segment[number], system.first_segment[number + 1]
     if work.counters[SEGMENT] < 0:
-        work.counters[SEGMENT], work.counters[PERIOD_EVENTS], work.counters[FIRST_EVENT_ROW] = (
-            first,
-            0,
-            work.counters[EVENT_ROWS],
-        )
+        work.counters[SEGMENT], work.counters[PERIOD_EVENTS] = first, 0
+        work.counters[FIRST_EVENT_ROW] = work.counters[EVENT_ROWS]
         work.counters[SAMPLES_TAKEN] = 0
         work.progress[0] = grid.lengths[first]
         work.progress[1] = 0.0
@@ -180,7 +177,6 @@ def run_period(
                 phase += (grid.lengths[segment] - remaining) * system.tuning
                 record(
                     system,
-                    grid,
                     tables,
                     combination,
                     work,
@@ -211,18 +207,11 @@ def run_period(
                 advance(
                     tables, combination, factors, length, work.modal_state, work.term, work.image
                 )
+                y = work.mode_buffer
                 for i in range(vectors.shape[0]):
-                    multiply(tables.to_modes, combination, vectors[i], work.mode_buffer)
-                    advance(
-                        tables,
-                        combination,
-                        factors,
-                        length,
-                        work.mode_buffer,
-                        work.term,
-                        work.image,
-                    )
-                    multiply(tables.from_modes, combination, work.mode_buffer, vectors[i])
+                    multiply(tables.to_modes, combination, vectors[i], y)
+                    advance(tables, combination, factors, length, y, work.term, work.image)
+                    multiply(tables.from_modes, combination, y, vectors[i])
                 if event_share > 1.0 and remaining > 0.0:
                     continue
                 multiply(tables.from_modes, combination, work.modal_state, work.state)

@@ -35,10 +35,7 @@ _MAX_RATE = 20_000.0
 
 
 def _check_rates(model, system):
-    """Raise ValueError if a model has a motion so fast that a mesh period takes minutes.
-
-    `system` is its `TrainSystem`; very stiff bearings or shafts cause such motions.
-    """
+    """Raise ValueError if a motion of a model and its system is too fast for a run of minutes."""
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = exponential.MAX_NORM / system.longest
     if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
@@ -200,10 +197,7 @@ class Propagator(Base):
         return np.empty((samples, n + m + 1))
 
     def fill_record(self, z, span, samples, events, summary, first):
-        """Run from the state z and fill the tables; see `Base.fill_record`.
-
-        Samples have the columns of `GearTrain.empty_record`; the run begins in mesh period `first`.
-        """
+        """Run from the state z and fill the tables of `GearTrain.empty_record`; see `Base`."""
         raw = self.raw(len(samples))
         done = self.run_system(z, raw, events, span.max_events, summary, span[:2], first=first)
         period, events, count, code, system = done

@@ -113,9 +113,7 @@ def _distance_integral(tables, combination, line, j, start, end, t):
 
 
 @uncounted
-def record(
-    system, grid, tables, combination, work, segment, phase, length, piece, summary, samples
-):
+def record(system, tables, combination, work, segment, phase, length, piece, summary, samples):
     """Record a motion without contact changes in the summary, shape (m, 10), and the samples.
 
     It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;

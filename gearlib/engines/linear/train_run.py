@@ -72,10 +72,8 @@ def set_contacts(system, no_coast_side, work, segment):
         for j in range(m):
             if not undecided[j]:
                 continue
-            sign = _sign(
-                system.drive_lines[j] if work.start_line[j] == 1 else system.coast_lines[j],
-                derivative,
-            )
+            lines = system.drive_lines if work.start_line[j] == 1 else system.coast_lines
+            sign = _sign(lines[j], derivative)
             if sign != 0.0:
                 undecided[j], work.zero_order[j] = False, order
                 if sign == work.start_line[j]:
@@ -104,13 +102,8 @@ def start_run(system, grid, work):
     """
     n = system.drive_lines.shape[1]
     set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first)
-    first_segments = system.first_segment
-    set_contacts(
-        system,
-        grid.no_coast_side,
-        work,
-        first_segments[system.first % (first_segments.shape[0] - 1)],
-    )
+    mesh_period = system.first % (system.first_segment.shape[0] - 1)
+    set_contacts(system, grid.no_coast_side, work, system.first_segment[mesh_period])
     for j in range(system.drive_lines.shape[0]):
         touches = work.contact[j] == NORMAL or work.start_line[j] == 1
         if grid.may_jam[j] and touches and is_behind(system.coast_lines[j], work.state[:n]):
