@@ -21,6 +21,7 @@ from gearlib.engines.linear import one_mesh, propagator
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.sparse_series import sparse_fields
+from gearlib.engines.linear.train_system import TrainSystem
 
 #: Number of mesh periods for which segments are computed at a time.
 _PERIODS_AT_A_TIME = 512
@@ -202,12 +203,13 @@ def _cuts(runner, piece, teeth):
     while True:
         source = runner.model.system(1.0, first, count) if long else base
         times, size = 1 if long else count // repeats, source.starts.size - 1
-        segment_numbers, turn = np.tile(np.arange(size), times), np.arange(times)
+        segment_numbers, repeat = np.tile(np.arange(size), times), np.arange(times)
         bounds = np.append(
-            (turn[:, None] * source.starts[-1] + source.starts[:-1]).ravel(), tau * count
+            (repeat[:, None] * source.starts[-1] + source.starts[:-1]).ravel(), tau * count
         )
-        period_starts = (turn[:, None] * size + source.first_segment[:-1]).ravel()
+        period_starts = (repeat[:, None] * size + source.first_segment[:-1]).ravel()
         start_phase, end_phase = piece.phase - tau * first, end - tau * first
+        # The piece consists of the segments i to j - 1.
         i = max(int(np.searchsorted(bounds, start_phase + tolerance, side="right")) - 1, 0)
         j = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
         j = max(j, i + 1)
@@ -218,8 +220,8 @@ def _cuts(runner, piece, teeth):
             [0, *(period_starts[(period_starts > i) & (period_starts < j)] - i), j - i]
         )
         middles = (phase[period_starts[:-1]] + phase[period_starts[1:]]) / 2.0 + tau * first
-        # A whole mesh period belongs to the block of one instant in it. At the golden section no
-        # ratio of tooth numbers lets a block begin, so that rounding does not decide.
+        # A mesh period belongs to the block that contains its phase at the golden section, where no
+        # block begins for any ratio of tooth numbers, so that rounding does not decide.
         block = ((np.floor(middles / tau) + _GOLDEN_SECTION) / teeth).astype(int)
         turns = np.arange(i, j) // size
         is_last = tau * (first + count) >= end - tolerance
@@ -231,7 +233,7 @@ def _cuts(runner, piece, teeth):
 
 
 class _Course:
-    """Mixin that lets a propagator run through the pieces of a course of speed and load."""
+    """Mixin that lets a propagator run through the pieces of a speed and load profile."""
 
     system: Any
     grid: Any
@@ -285,8 +287,8 @@ class _Course:
         These are the speed and the harmonics, if there are any, and the change of the load since
         the start of the `Piece`, if it has a slope; `theta` is the time there.
         """
-        turns = round(cut.offset / math.tau) % self.model.repeats
-        values, phase = [], cut.phase[0] + math.tau * turns
+        mesh_period = round(cut.offset / math.tau) % self.model.repeats
+        values, phase = [], cut.phase[0] + math.tau * mesh_period
         if self.laws.harmonics.size:
             nu = float(cut.speeds(piece)[0])
             values.append(nu)
@@ -297,7 +299,7 @@ class _Course:
             values.append(piece.slope * (theta - piece.start))
         return values
 
-    def _set_segments(self, cut, length, sample_starts):
+    def _set_segments(self, cut: Cut, length: np.ndarray, sample_starts: np.ndarray) -> None:
         """Set system and grid to the p segments of a `Cut`, whose durations `length` are in theta.
 
         `sample_starts` has the index of the first sample of each interval.
@@ -359,10 +361,10 @@ class _Course:
         if code == OK:
             self.fill_meshes(raw, columns, system)
             self._add_chirps(raw, piece, columns)
-        rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
-        rows[:, 0] += bounds[events[:, 0].astype(int)]
+        event_rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
+        event_rows[:, 0] += bounds[events[:, 0].astype(int)]
         summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
-        record = columns, raw[:, : 2 * half], cut.block, summary, rows
+        record = columns, raw[:, : 2 * half], cut.block, summary, event_rows
         return Stretch(piece, cut.offset + cut.phase[cut.first], bounds, *record, code)
 
 
@@ -378,14 +380,14 @@ class CoursePair(_Course, one_mesh.Propagator):
         return super().start(state) - self.shift
 
 
-def propagator_of(model):
+def propagator_of(model: Any) -> Any:
     """Return the propagator, with time theta, of a model along speed and load profiles."""
     runner = (_Train if model.mesh_names else CoursePair)(model, 1.0)
     runner.description = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
 
 
-def _loaded(system, piece, inertia):
+def _loaded(system: TrainSystem, piece: Piece, inertia: np.ndarray) -> TrainSystem:
     """Return a `TrainSystem` with the load and the acceleration of a `Piece`.
 
     A changing load adds one component to the state. `inertia`, shape (N,), is the acceleration by
@@ -409,7 +411,7 @@ def _loaded(system, piece, inertia):
     return system._replace(base_matrix=matrix, **wide)
 
 
-def _chirped(system, twice, size):
+def _chirped(system: TrainSystem, twice: TrainSystem, size: int) -> TrainSystem:
     """Return a `TrainSystem` whose harmonics have a phase that is quadratic in theta.
 
     Behind `size` displacements and velocities come dtau/dtheta and, for each harmonic, cosine, sine

@@ -10,14 +10,14 @@ is as large as a well-conditioned basis needs.
 import math
 from fractions import Fraction
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 from scipy.special import factorial
 
-from gearlib.engines.linear.modal_arcs import MAX_PIECE_RATES, clear_tables, find_slot
-from gearlib.engines.linear.train_system import matrix_of
+from gearlib.engines.linear.modal_arcs import MAX_PIECE_RATES, Modes, clear_tables, find_slot
+from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 #: Number of terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
 _TERM_COUNT = 36
@@ -112,7 +112,7 @@ class Frame:
         return vars(self) | {"_known_bases": {}, "spare": []}
 
     @classmethod
-    def of_mesh(cls, model, system):
+    def of_mesh(cls, model: Any, system: TrainSystem) -> "Frame":
         """Return the frame of a model with one mesh and its `TrainSystem`."""
         frame = cls(*model.linear(system))
         size, e = len(frame.from_frame), frame.elastic
@@ -126,7 +126,7 @@ class Frame:
         return frame
 
     @classmethod
-    def of_train(cls, train, system):
+    def of_train(cls, train: Any, system: TrainSystem) -> "Frame":
         """Return the frame of a gear train and its `TrainSystem`."""
         scaled, stiffness_scale = train.scaled(system.tuning), train.stiffness_scale
         squared_frequencies, shapes = train.linear_modes
@@ -151,7 +151,7 @@ class Frame:
         frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
 
-    def matrix(self, system, effects):
+    def matrix(self, system: TrainSystem, effects: np.ndarray) -> np.ndarray:
         """Return the matrix A, (2 N, 2 N), of a `TrainSystem` in the coordinates of the frame.
 
         `effects`, int, shape (m,), has the number of the contact effect of each mesh.
@@ -165,7 +165,7 @@ class Frame:
                 matrix += (self.to_frame @ system.force_input[j, effect, :, :size].T) @ force_output
         return matrix
 
-    def basis_of(self, system, effects):
+    def basis_of(self, system: TrainSystem, effects: np.ndarray) -> Basis:
         """Return the `Basis` for the meshes' `effects`, int, (m,); equal matrices share one."""
         matrix = np.empty_like(system.base_matrix)
         matrix_of(system, effects, matrix)
@@ -322,7 +322,7 @@ def _slow_coordinates(rows, block, constant, scale):
     return basis, unobserved_count
 
 
-def add(tables, system, frame, effects):
+def add(tables: Modes, system: TrainSystem, frame: Frame, effects: np.ndarray) -> int:
     """Add the modes of a combination of mesh effects to the `Modes` in `tables`; return its row.
 
     `system` is the `TrainSystem`, `frame` its `Frame` and `effects`, int, shape (m,), the effect of

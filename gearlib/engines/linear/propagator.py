@@ -1,6 +1,7 @@
 """Exact runs of gear trains: modes of each combination of contacts between events."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from gearlib.engines.linear.periods import (
 )
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_run import period_of, run_train, start_run
+from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.orbit import Record
 from gearlib.engines.protocol import Base
 
@@ -34,7 +36,7 @@ _MAX_KEPT_BYTES = 2**25
 _MAX_RATE = 20_000.0
 
 
-def _check_rates(model, system):
+def _check_rates(model: Any, system: TrainSystem) -> None:
     """Raise ValueError if a motion of a model and its system is too fast for a run of minutes."""
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = exponential.MAX_NORM / system.longest
@@ -98,7 +100,7 @@ class Propagator(Base):
 
     create_frame = Frame.of_train
 
-    def frame_of(self):
+    def frame_of(self) -> Frame:
         """Return the `Frame` of the model, which keeps it if it does not depend on the tuning."""
         if self.turning:
             return self.create_frame(self.model, self.system)
@@ -132,7 +134,7 @@ class Propagator(Base):
         system = self.model.system(self.tuning, first + done, end - done)._replace(first=first)
         return system, grid_of(system), end
 
-    def at(self, tuning):
+    def at(self, tuning: float) -> "Propagator":
         """Return the propagator of the model at another tuning, which reuses the tables."""
         return type(self)(self.model, tuning, self)
 
@@ -191,7 +193,7 @@ class Propagator(Base):
         period = period_of(system, strobes, summary) if done else 0
         return period, events, int(work.counters[EVENT_ROWS]), code, system
 
-    def raw(self, samples):
+    def raw(self, samples: int) -> np.ndarray:
         """Return an empty table for a number of samples, with the columns of `record.record`."""
         m, n = self.system.drive_lines.shape
         return np.empty((samples, n + m + 1))
@@ -205,7 +207,7 @@ class Propagator(Base):
             self.fill(raw, samples, system)
         return Record(z, z, period, samples, events[:count], summary, code)
 
-    def fill(self, raw, samples, system):
+    def fill(self, raw: np.ndarray, samples: np.ndarray, system: TrainSystem) -> None:
         """Fill samples, shape (k, 6 m + N), from the `raw` samples (k, n + m + 1) of a run.
 
         Raw samples have the columns: state, contact codes, segment of the `TrainSystem` `system`.
@@ -214,7 +216,7 @@ class Propagator(Base):
         self.fill_meshes(raw, samples[:, : 6 * m].reshape(-1, m, 6), system)
         samples[:, 6 * m :] = raw[:, : self.model.size // 2]
 
-    def fill_meshes(self, raw, columns, system):
+    def fill_meshes(self, raw: np.ndarray, columns: np.ndarray, system: TrainSystem) -> None:
         """Fill the mesh samples, `columns`, shape (k, m, 6), from `raw` samples as in `fill`."""
         nu = system.tuning
         m, n = system.drive_lines.shape

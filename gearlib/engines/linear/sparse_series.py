@@ -37,8 +37,8 @@ def sparse_fields(system, with_series=False):
 
     The arrays are empty if the system is so small that it needs no series, unless `with_series`.
     """
-    names = "nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"
-    names += ("nonzero_values",)
+    names = ["nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"]
+    names.append("nonzero_values")
     n = system.base_matrix.shape[0]
     if not (mode_cost_of(n) or with_series):
         empty = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)

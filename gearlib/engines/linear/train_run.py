@@ -97,8 +97,7 @@ def _exceeds_range(z):
 def start_run(system, grid, work):
     """Set the contacts in `work` (`Work`) for the state at the start of a run; return a status.
 
-    It is OK, or JAMMED if both flanks of a mesh overlap. `system` is the `TrainSystem`, `grid` its
-    `Grid`.
+    It is OK, or JAMMED if both flanks of a mesh overlap; `grid` is the `Grid` of `system`.
     """
     n = system.drive_lines.shape[1]
     set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first)
