@@ -53,13 +53,13 @@ def _bernstein_of_powers(degree):
 
     Powers above `degree` are replaced by their Chebyshev expansion, cut behind that degree.
     """
-    chebyshev = []
+    chebyshev = []  # Bernstein coefficients of T_0, T_1, ... on [-1, 1]
     for n in range(degree + 1):
         coefficients = [
             Fraction((-1) ** (n - j) * math.comb(2 * n, 2 * j), math.comb(n, j))
             for j in range(n + 1)
         ]
-        for d in range(n, degree):
+        for d in range(n, degree):  # Raise the degree of the Bernstein form from d to d + 1.
             coefficients = [
                 (Fraction(j, d + 1) * coefficients[j - 1] if j else Fraction(0))
                 + (Fraction(d + 1 - j, d + 1) * coefficients[j] if j <= d else Fraction(0))
@@ -70,9 +70,9 @@ def _bernstein_of_powers(degree):
     for k in range(_TERM_COUNT):
         row = [Fraction(0)] * (degree + 1)
         for n in range(k % 2, min(k, degree) + 1, 2):
-            share = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))
+            weight = Fraction(math.comb(k, (k - n) // 2), 2 ** (k - 1 if n else k))  # of T_n in x^k
             row = [
-                value + share * coefficients
+                value + weight * coefficients
                 for value, coefficients in zip(row, chebyshev[n], strict=True)
             ]
         rows.append([float(value) for value in row])
