@@ -306,7 +306,9 @@ config["captions"] = {
     "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(
-        CONFIG.gears and CONFIG.gears.modification_key() and takes_configured_gears(CONFIG, "mesh_stiffness")
+        CONFIG.gears
+        and CONFIG.gears.modification_key()
+        and takes_configured_gears(CONFIG, "mesh_stiffness")
     ),
     "design_torque": next(iter(drawn_pairs(CONFIG, "harris_map").values())).torque,
 }
