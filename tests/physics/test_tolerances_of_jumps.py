@@ -44,8 +44,6 @@ def test_indices_are_those_of_a_product():
     low, high = found.first_index_interval.values[0].T
     assert ((low < index) & (index < high)).all()
     assert int(found.missing_designs[0]) == 0
-    again = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3)
-    assert again.identical(found)
 
 
 def test_designs_without_a_jump_are_counted():

@@ -155,7 +155,9 @@ CALLS = {
     "run_up": lambda pair: gearlib.run_up(pair, 2000.0, 2500.0, duration=0.05),
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
     # Of whole revolutions of all.
-    "orders": lambda pair: gearlib.orders(simulate(pair, NU, periods=432, record_periods=432)),
+    "orders": lambda pair: gearlib.orders(
+        simulate(pair, NU, periods=432, record_periods=432, samples_per_period=64), count=1
+    ),
     "order_map": lambda pair: gearlib.order_map(turns(pair)),
     "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
