@@ -9,7 +9,7 @@ from gearlib import config
 from gearlib.checks import refusal
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, units, yaml_keys
-from gearlib.config.gear_pair_section import BEARINGS, DAMPINGS
+from gearlib.config.gear_pair_section import DAMPINGS, MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, undamped
 from gearlib.config.train_section import PAIR_TRAINS
 
@@ -45,7 +45,7 @@ class Gears(NamedTuple):
         pair = GearPair(**settings.pair_parameters(self.damping))
         if self.kind == "six_degrees":
             if settings.six_degrees.bearing_stiffness is None:
-                raise click.UsageError(f"{BEARINGS}; --bearing-stiffness sets all four")
+                raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
             return SixDegreePair(pair=pair, **settings.six_degree_parameters())
         if not (tooth_pairs and gears and gears.modification_key()):
             return pair

@@ -20,14 +20,14 @@ from gearlib.config.validation import as_typed, sentences, show, unknown_key
 #: Pattern of the names of cases, which become part of the names of workflow rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
 #: Damping coefficient -> keys that may replace it.
-IN_PLACE_OF = {
+RATIO_KEYS = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
     "backlash_damping": ("backlash_damping_ratio",),
 }
 #: Sets of keys that exclude each other within a section.
 _ALTERNATIVES = (
     {"gears", "gear_pair"},
-    *({key, *others} for key, others in IN_PLACE_OF.items()),
+    *({key, *others} for key, others in RATIO_KEYS.items()),
 )
 
 

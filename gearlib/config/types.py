@@ -107,13 +107,13 @@ def _all_different(values):
     return values
 
 
-def of_context(info, key):
+def from_context(info, key):
     """Return an entry of the context of a validation, None where there is none."""
     return (info.context or {}).get(key)
 
 
 def _known_damping(name, info):
-    names = of_context(info, "dampings") or [name]
+    names = from_context(info, "dampings") or [name]
     checks.require(name in names, ".", name, f"one of {', '.join(names)}")
     return name
 
@@ -122,7 +122,7 @@ def _read_tuning(value, info):
     rpm = units.rpm(value)
     if rpm is None:
         return _read_number(value)
-    return float(rpm) * tuning_per_rpm(of_context(info, "pair"), info.data.get("change"))
+    return float(rpm) * tuning_per_rpm(from_context(info, "pair"), info.data.get("change"))
 
 
 def tuning_per_rpm(pair, change=None):
@@ -362,7 +362,7 @@ class Grid(OwnGrid):
         fits = rpm["stop"] < _MAX_RPM and 0 < count < _MAX_RPM and count % 1 == 0
         allowed = f".start = {given['start']!r} plus a whole multiple of .step = {given['step']!r}"
         checks.require(fits, ".stop", given["stop"], allowed)
-        unit = Decimal(tuning_per_rpm(of_context(info, "pair")))
+        unit = Decimal(tuning_per_rpm(from_context(info, "pair")))
         start, step = ((unit * rpm[key]).quantize(_DECIMALS) for key in ("start", "step"))
         lengths = {key: value / rpm["step"] * step for key, value in rpm.items()}
         lengths |= {"start": start, "stop": start + count * step}
