@@ -112,15 +112,18 @@ class Motion:
         return (self.run(state + _STEP * direction)[0] - end) / _STEP
 
     def orbit(self, iterations=1):
-        """Return (state, events, monodromy matrix) by Newton steps from the centre of the boxes."""
+        """Return (state, last motion, monodromy matrix) by Newton steps from the boxes' centre."""
         state = self.middle
+        recorded = self.claim["period"] if "displacement_min" in self.claim else 0
         for _ in range(iterations):
-            events = self.run(state)[1]
-            flow = lambda state: self.run(state)[0]  # noqa: E731
-            end, slopes = program.period_map(flow, state, _STEP)
+            motion = self.move(state, recorded=recorded)
+            end = self.reduced(motion.state)
+            directions = np.eye(len(end), dtype=int)
+            columns = [self.deviation(end, state, direction).tolist() for direction in directions]
+            slopes = matrix(columns).T
             step = lu_solve(slopes - mp.eye(len(end)), matrix((end - state).tolist()))
             state = state - np.array(list(step), object)
-        return state, events, slopes
+        return state, motion, slopes
 
     def repeats_earlier(self):
         """Return whether the orbit repeats after fewer mesh periods than the claim says."""
@@ -143,13 +146,13 @@ class Motion:
         return list(zip(events, listed, strict=True))
 
     def faults(self, orbit):
-        """Return the names of the enclosures that do not hold an orbit (state, events, matrix)."""
-        (state, events, slopes), claim, wrong = orbit, self.claim, []
+        """Return the names of the enclosures that do not hold an orbit, as `orbit` returns it."""
+        (state, motion, slopes), claim, wrong = orbit, self.claim, []
         for name, values in zip(("displacement", "velocity"), np.split(state, 2), strict=True):
             boxes = [claim[name][i] for i in self.kept]
             inside = [_holds(box, v) for box, v in zip(boxes, values, strict=True)]
             wrong += [] if all(inside) else [name]
-        matched = self._matched_events(events)
+        matched = self._matched_events(motion.events)
         if matched is None:
             return [*wrong, "contacts"]
         for event, box in matched:
@@ -167,7 +170,7 @@ class Motion:
                 break
             boxes.remove(list(near[0]))
         if "displacement_min" in claim:
-            (heights,) = self.move(self.middle, recorded=claim["period"]).record.heights
+            (heights,) = motion.record.heights
             limits = {"displacement_min": min(heights), "displacement_max": max(heights)}
             wrong += [name for name, x in limits.items() if not _holds(claim[name], x, _ROUNDING)]
         wrong += ["period"] if self.repeats_earlier() else []
@@ -211,7 +214,8 @@ def _point_faults(claim, piece, tuning):
     """Return (faults, state of the orbit) at one tuning of a piece."""
     (x, velocity, *_), codes = piece["centre"], claim["pattern"]
     point = {"tuning": tuning, "displacement": [x, x], "velocity": [velocity / tuning] * 2}
-    state, events, slopes = Motion(claim | point).orbit(iterations=4)
+    state, motion, slopes = Motion(claim | point).orbit(iterations=4)
+    events = motion.events
     values = [state[0], state[1] * tuning, *(event.phase for event in events)]
     changes = [*zip(codes, codes[1:], strict=False)]
     if [(event.before, event.after) for event in events] != changes:
