@@ -6,13 +6,11 @@ import math
 from datetime import date
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 import yaml
 
 from docs.hooks.reproduction import copy_pictures
 from gearlib import config
-from gearlib.figures import stability_figure
 from gearlib.studies.trials.work_precision import OF_LIBRARY
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -25,8 +23,6 @@ PICTURES = (
     "stability_chart",
     "models",
 )
-#: Share of the tunings at which a method has to be right to be so with a number of steps.
-MOST = 0.95
 
 
 def take_over(results, remark=""):
@@ -36,7 +32,6 @@ def take_over(results, remark=""):
     (FOLDER / "models.csv").write_bytes((results / "models.csv").read_bytes())
     _write("work_precision", _points_of(results / "work_precision"))
     _write("failures", _verdicts_of(results / "failures.nc"))
-    _write("stability_chart", _chart_of(results / "stability_chart.nc"))
     facts = yaml.safe_dump(_facts_of(results, remark), sort_keys=False)
     (FOLDER / "machine.yaml").write_text(facts, encoding="utf-8")
     copy_pictures(results, PICTURES)
@@ -95,31 +90,6 @@ def _verdicts_of(path):
             }
             for i, problem in enumerate(data.problem.values)
         ]
-
-
-def _chart_of(path):
-    with xr.open_dataset(path) as chart:
-        true = np.interp(chart.tuning, chart.fine_tuning, chart.true_radius)
-        rows = []
-        for name in chart.method.values:
-            # `sel(method=...)` would choose how to interpolate.
-            code = stability_figure.verdicts(chart.radius.sel({"method": name}).values, true)
-            words = [word for word, _ in stability_figure.VERDICTS]
-            right = (code == words.index("right within 1 % per period")).mean(axis=1)
-            wrong = np.flatnonzero(right < MOST)
-            first = int(wrong[-1]) + 1 if wrong.size else 0
-            row = {"method": str(name)}
-            for key, word in (
-                ("invented", "invents motion"),
-                ("hidden", "hides the instability"),
-                ("damped", "damps falsely"),
-            ):
-                row[key] = f"{float((code == words.index(word)).mean()):.4f}"
-            steps = chart.steps.values
-            row["fewest_steps"] = int(steps[first]) if first < steps.size else ""
-            row["most_steps"] = int(steps[-1])
-            rows.append(row)
-        return rows
 
 
 def _facts_of(results, remark):
