@@ -1,4 +1,4 @@
-"""Published oscillators with a dead zone: equations, parameters, boxes of starts, how many motions.
+"""Published oscillators with a dead zone: equations and parameters.
 
 ===============  ===================================================================================
 problem          source, and what was checked of it
@@ -17,18 +17,13 @@ soft_impact      de Souza, Wiercigroch, Caldas, Balthazar: Suppressing grazing c
                  collection, for chaos beside a motion without impact.
 ===============  ===================================================================================
 
-No article could be opened, so no number of theirs is compared: what is, is an integration by scipy
-that ends at every contact, and the closed form of the motion without impact.
+No article could be opened, so no number of theirs is compared, but the motion by the program
+of `tests.independent` and the closed form of the motion without impact.
 """
 
 import math
 
-import numpy as np
-
 from gearlib import DeadZoneOscillator, Harmonics, Series
-
-#: Of the sequence of starts that fills a box evenly: 1 / r and 1 / r^2, r^3 = r + 1.
-_FILL = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 def gear_rattle(eccentricity=0.1, backlash=0.6, drag=0.6, stiffness=100.0):
@@ -77,13 +72,4 @@ def soft_impact(gap=0.63):
     return model, 0.417893
 
 
-PROBLEMS = {one.__name__: one() for one in (gear_rattle, gear_pair, soft_impact)}
-#: Largest displacement and velocity of the starts; periodic motions that coexist, and chaotic ones.
-BOXES = {"gear_rattle": (0.6, 4.0), "gear_pair": (2.0, 2.0), "soft_impact": (1.0, 1.0)}
-MOTIONS = {"gear_rattle": (4, 0), "gear_pair": (1, 0), "soft_impact": (1, 1)}
-
-
-def starts(name, count):
-    """Return initial states that fill the box of a problem evenly, shape (count, 2)."""
-    places = 2.0 * np.mod(0.5 + np.arange(count)[:, None] * _FILL, 1.0) - 1.0
-    return places * (1.0, 1.0 / PROBLEMS[name][1]) * BOXES[name]
+PROBLEMS = {make.__name__: make() for make in (gear_rattle, gear_pair, soft_impact)}

@@ -7,9 +7,7 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, simulate
 from gearlib.engines.pair.stiffness import levels
-from gearlib.integrators.steps.equation_of_motion import ContactLaw
-from gearlib.integrators.steps.fixed import Scheme, alpha_step
-from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
+from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 
 
 @pytest.mark.parametrize(
@@ -80,17 +78,6 @@ def test_spectral_radius_is_what_is_left_per_step(rho):
         off.append(math.hypot(x - 1.0, nu * v))
     # The root is all but double, which adds a factor of up to 2^(1 / 30) = 1.02.
     assert (off[1] / off[0]) ** (1 / 30) == pytest.approx(rho, rel=0.05)
-
-
-def test_a_step_end_in_the_jump_of_the_damping_lies_on_the_flank():
-    # Damping in contact only: with it the step would end below the flank, without it above.
-    none, linear = (0.0, 0.0, 0.0), (20.0, 0.0, 0.0)
-    contact = ContactLaw(linear, none, linear, (0.0, 0.0), 0.0, -4.0, 0.0)
-    newmark = Scheme(False, True, 0.0, 0.0, 0.25, 0.5)
-    x, v, a, _, converged = alpha_step(contact, newmark, 0.1, 1.0, 0.0, -0.01, 0.1005, 0.0)
-    assert converged and abs(x) < 1e-15
-    # The damping force that holds it there is between none and that of the contact.
-    assert -20.0 * v < a < 0.0
 
 
 @pytest.mark.parametrize(("method", "options"), VARIANTS)
@@ -194,31 +181,3 @@ def test_the_step_limit_is_that_of_a_period(method, options):
     run = simulate(PAIR, 0.9, periods=40, method=method, options=options, max_events=100)
     # Six or seven evaluations a step: in all there are more steps than that.
     assert int(run.status) == 0 and int(run.evaluations) > 7 * 100
-
-
-@pytest.mark.parametrize(
-    ("method", "options", "part"),
-    [
-        ("rk4", {"steps_per_period": 0}, "options['steps_per_period'] = 0"),
-        ("rk4", {"steps_per_period": 12.5}, "options['steps_per_period'] = 12.5"),
-        ("rk4", {"rtol": 1e-3}, "method 'rk4' knows 'steps_per_period'"),
-        ("rk45", {"rtol": 0.0}, "options['rtol'] = 0.0"),
-        ("rk45", {"atol": -1.0}, "options['atol'] = -1.0"),
-        ("rk45", {"max_step": 0.0}, "options['max_step'] = 0.0"),
-        ("newmark", {"contact": "melted"}, "options['contact'] = 'melted'"),
-        ("generalised_alpha", {"spectral_radius": 1.5}, "options['spectral_radius'] = 1.5"),
-        ("scipy", {"solver": "ode45"}, "options['solver'] = 'ode45'"),
-        ("scipy", {"events": "yes"}, "options['events'] = 'yes'"),
-        ("smoothed", {"sharpness": 0.0}, "options['sharpness'] = 0.0"),
-    ],
-)
-def test_wrong_options_are_refused(method, options, part):
-    with pytest.raises(ValueError) as refusal:
-        simulate(PAIR, 0.9, periods=1, method=method, options=options)
-    assert part in str(refusal.value) and "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize("method", ["rk4", "rk45", "newmark", "generalised_alpha", "smoothed"])
-def test_six_degrees_are_refused_by_methods_of_one(method):
-    with pytest.raises(ValueError, match="one degree of freedom"):
-        simulate(SIX, 0.9, periods=1, method=method)

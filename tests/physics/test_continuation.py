@@ -175,19 +175,6 @@ def test_where_no_single_curve_goes_on():
 
 
 @pytest.mark.parametrize(
-    ("changed", "part"),
-    [
-        ({"to": 0.9}, "to = 0.9"),
-        ({"to": -1.0}, "tuning = -1.0"),
-        ({"limits": (0.95, 2.0)}, "limits = "),
-    ],
-)
-def test_wrong_input(changed, part):
-    with pytest.raises(ValueError, match=part):
-        continue_orbit(periodic_orbit(DAMPED, 0.9), **{"to": 1.0} | changed)
-
-
-@pytest.mark.parametrize(
     "stop", [{"limits": (0.81, 0.85)}, {"limits": (0.8, 0.85), "max_height": 3.0}]
 )
 def test_a_branch_that_turns_round_ends_at_its_limits(stop):

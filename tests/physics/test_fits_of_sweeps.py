@@ -124,12 +124,6 @@ def test_onset_of_contact_loss_is_a_grazing():
     assert [int(run.fraction_backlash > 0.0) for run in least] == [0, 1]
 
 
-def test_jumps_are_folds_of_the_branch():
-    near = {"jump_up": TRUTH.speed(0.8), "jump_down": TRUTH.speed(0.7)}
-    searched = observation.fold_speeds(TRUTH, near)
-    np.testing.assert_allclose(speeds_of(TRUTH, **near), [searched[name] for name in near], 1e-9)
-
-
 def test_more_parameters_than_data_are_refused():
     onset = xr.Dataset({"onset_of_contact_loss": ((), TRUTH.speed(0.8), {"noise_std": 1.0})})
     with pytest.raises(ValueError, match="1 observations for 2 parameters; they must be as many"):

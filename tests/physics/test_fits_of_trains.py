@@ -83,25 +83,6 @@ def test_an_offset_of_an_axis_is_an_error_of_its_meshes():
         assert change > 1e-5 and np.abs(states[1] - states[0]).max() < 1e-7 * change
 
 
-def test_run_ups_of_trains_and_six_degrees_are_compared_by_mesh():
-    from tests.physics.test_fits import TRUTH
-
-    truth = gearlib.SixDegreePair(
-        pair=TRUTH,
-        base_radii=(0.03, 0.03),
-        inertias=(0.0056, 0.0056),
-        masses=(3.0, 3.0),
-        bearing_stiffness=(float("inf"),) * 4,
-    )
-    low, high = truth.speed(0.6), truth.speed(0.72)
-    data = synthetic_rig(truth, [(0.0, low), (0.5, high)], 1)
-    free = {"material_damping": (1000.0, 9000.0), "inertias[0]": (0.005, 0.0063)}
-    off = truth.with_values({"material_damping": 4500.0, "inertias[0]": 0.0054})
-    found = gearlib.fit(off, data, free)
-    for name, one in found.params.items():
-        assert abs(one.value - truth.value(name)) < 4.0 * one.stderr, name
-
-
 def test_a_run_up_of_an_idler_tells_its_two_meshes_apart():
     truth = gearlib.idler(TRUTH)
     first, second = (f"max_stiffness of mesh {name}" for name in truth.mesh_names)

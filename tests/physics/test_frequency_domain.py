@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.sparse.linalg import eigs as sparse_eigs
 
 from gearlib import (
     GearPair,
@@ -15,13 +14,10 @@ from gearlib import (
     schmidt,
     sweep,
 )
-from gearlib.analysis.harmonics import solution
-from gearlib.analysis.harmonics.equation import MeshEquation, real_parts
+from gearlib.analysis.harmonics.equation import MeshEquation
 from gearlib.analysis.harmonics.schmidt import contraction
 from gearlib.analysis.harmonics.solution import errors, exact_motion
-from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER as FREE
-from tests.properties.known_models import EVERYTHING, gears
 
 MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)
@@ -46,28 +42,6 @@ def test_constant_stiffness_and_excitation_are_exact():
             rtol=0,
             atol=1e-9,
         )
-
-
-def test_jacobian_against_differences():
-    equation = MeshEquation(CUBIC, 0.9, 5, 64)
-    generator = np.random.default_rng(1)
-    x = generator.normal(size=6) + 1j * generator.normal(size=6)
-    x = x * np.exp(-np.arange(6.0))
-    x[0] = 0.3
-    matrix = equation.jacobian(equation.force(x))
-
-    def residual(x):
-        return equation.residual(x, equation.force(x))
-
-    step = 1e-6
-    for k in range(1, 6):
-        for turn, column in ((1.0, k), (1j, 5 + k)):
-            change = np.zeros(6, complex)
-            change[k] = turn * step
-            ends = [residual(x + side * change) for side in (1, -1)]
-            slope = (ends[0] - ends[1]) / (2.0 * step)
-            # Central differences of a step 1e-6: 1e-9 of entries of about 30.
-            np.testing.assert_allclose(matrix[:, column], real_parts(slope), rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("solve", [harmonic_balance, schmidt])
@@ -138,36 +112,6 @@ def test_multipliers_with_strong_damping(solve):
     assert found.multipliers[0] == pytest.approx(largest, rel=1e-9)
 
 
-@pytest.mark.parametrize("most", [10, 16])
-def test_shares_choose_the_multipliers(monkeypatch, most):
-    # Of the copies l + i k of an exponent that with the least mean wave number counts: by Parseval
-    # the integral of conj(y) y' / i over that of |y|^2, here taken in time, not over harmonics.
-    pair = FREE.replace(stiffness_ratio=0.2493, contact_ratio=1.8269, material_damping=785.44)
-    pair = pair.replace(backlash=0.0, backlash_damping=785.44)
-    found, seen = harmonic_balance(pair, 0.7644, harmonics=32), []
-
-    def eigs(*arguments, **options):
-        seen.append(sparse_eigs(*arguments, **options))
-        return seen[-1]
-
-    monkeypatch.setattr(solution, "eigs", eigs)
-    equation = MeshEquation(pair, 0.7644, 32)
-    multipliers = solution.hill_multipliers(equation, found.coefficients, most)
-    ((exponents, vectors),) = seen
-    phase = 2.0 * np.pi * np.arange(4 * most) / (4 * most)
-    k = np.arange(-most, most + 1)
-    waves = np.exp(1j * np.outer(phase, k))
-    courses, rates = waves @ vectors[: k.size], waves @ (1j * k[:, None] * vectors[: k.size])
-    mean = np.sum(courses.conj() * rates / 1j, axis=0) / np.sum(np.abs(courses) ** 2, axis=0)
-    best = np.exp(2.0 * np.pi * exponents[np.argmin(np.abs(mean))])
-    # An exponent and its conjugate are equally symmetric.
-    np.testing.assert_allclose(
-        sorted(multipliers, key=lambda m: m.imag),
-        sorted([best, best.conj()], key=lambda m: m.imag),
-        rtol=1e-9,
-    )
-
-
 def test_more_degenerate_terms_contract_more():
     exact = exact_motion(periodic_orbit(MATERIAL, 0.95), 256)[0]
     found = [
@@ -227,18 +171,3 @@ def test_datasets():
     assert data.displacement.attrs["units"] == "1" and data.phase.size == 64
     assert float(data.displacement_error) < 1e-3 and int(data.converged) == 1
     assert harmonic_balance(MATERIAL, 1.0, harmonics=16).dataset().harmonic.size == 17
-
-
-def test_refusals_of_their_own():
-    with pytest.raises(ValueError, match="degenerate = 'all' is not allowed"):
-        schmidt(MATERIAL, 0.8, degenerate="all")
-    with pytest.raises(ValueError, match="tolerance = 0 is not allowed"):
-        schmidt(MATERIAL, 0.8, tolerance=0)
-    with pytest.raises(ValueError, match="one degree of freedom"):
-        harmonic_balance(gears(1e7, **EVERYTHING), 0.8)
-    with pytest.raises(ValueError, match="guess with period = 2 is not allowed"):
-        solution = harmonic_balance(MATERIAL, 1.2, harmonics=8, period=2)
-        harmonic_balance(MATERIAL, 1.2, harmonics=8, guess=solution)
-    # Just above the fold Newton's method leads nowhere from the damped motion.
-    with pytest.raises(NoOrbit, match="guess the solution of a neighbouring tuning"):
-        harmonic_balance(BOTH, 0.85, harmonics=32)

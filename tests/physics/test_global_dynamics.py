@@ -17,14 +17,12 @@ from gearlib import (
     simulate,
     sweep,
 )
-from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics import attractors
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
 from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.studies import global_picture as studies
-from gearlib.studies.global_picture import _random_states
 from tests.paper import PAPER
 from tests.unit.test_whole_periods import event_by_event
 
@@ -188,58 +186,6 @@ def test_shares_over_the_tuning():
     assert shares.identical(again)
 
 
-@pytest.mark.parametrize(
-    ("changed", "part"),
-    [
-        ({"grid": ((0.0, 1.0, 0), [0.0])}, "count of the grid displacements = 0"),
-        ({"grid": ((1.0, 0.0, 5), [0.0])}, "last must be greater"),
-        ({"grid": ([0.0, math.nan], [0.0])}, "grid displacements = "),
-        ({"grid": ([0.0], [1.0, 1.0])}, "all different"),
-        ({"grid": ((0.0, 1.0, 40_000), (0.0, 1.0, 40_000))}, "1,600,000,000 initial .* memory"),
-        ({"pair": gear_pair(0.0)}, "without any damping"),
-        ({"pair": OneDegreePair(pair=gear_pair(0.0))}, "without any damping"),
-    ],
-)
-def test_wrong_basins(changed, part):
-    asked = {"pair": BOTH, "tuning": 0.75, "grid": ([0.0], [0.0])} | changed
-    with pytest.raises(ValueError, match=part):
-        basins(**asked)
-
-
-@pytest.mark.parametrize(
-    ("call", "part"),
-    [
-        (lambda: basin_stability(BOTH, [0.7], ((1.0, 0.0), BOX)), "region = "),
-        (lambda: basin_stability(BOTH, [0.7, 0.7], (BOX, BOX)), "all different"),
-        (lambda: basin_stability(gear_pair(0.0), [0.7], (BOX, BOX)), "without any damping"),
-        (lambda: poincare_section(BOTH, 0.7, [(0.0,)], periods=5), "states = "),
-        (lambda: poincare_section(BOTH, 0.7, [(0.0, 0.0)], periods=10**9), "at most 50,000,000"),
-        (lambda: bifurcation_diagram(BOTH, [0.1], parameter="damping"), "tuning = None"),
-        (lambda: bifurcation_diagram(BOTH, [0.7], tuning=0.7), "tuning = 0.7"),
-        (lambda: lyapunov_exponents(BOTH, [0.7], states=[0.0]), "states = "),
-        (
-            lambda: poincare_section(
-                OneDegreePair(pair=BOTH), 0.7, [(0.0, 0.0)], periods=5, phase=1.0
-            ),
-            "multiple of one degree",
-        ),
-    ],
-)
-def test_wrong_input(call, part):
-    with pytest.raises(ValueError, match=part):
-        call()
-
-
-def test_random_states_fill_their_region():
-    region = ((-3.0, 5.0), (10.0, 12.0))
-    states = _random_states(region, 2000)
-    for values, (low, high) in zip(states.T, region, strict=True):
-        # The next quantile of 2000 is wider than 1 % once in 5e8 times.
-        assert low <= values.min() < low + 0.01 * (high - low)
-        assert high - 0.01 * (high - low) < values.max() <= high
-    np.testing.assert_array_equal(states, _random_states(region, 2000))
-
-
 def test_one_case_alone_is_its_own_basins():
     settings = {"displacement": BOX, "velocity": BOX, "count": 4, "periods": 400}
     case = {"title": "one", "tuning": 0.72, "pair": MATERIAL.as_dict()}
@@ -247,19 +193,3 @@ def test_one_case_alone_is_its_own_basins():
     alone = basins(MATERIAL, 0.72, grid(4), periods=400)
     np.testing.assert_array_equal(found.basin.sel(case="one"), alone.basin)
     assert found.attrs == alone.attrs
-
-
-def test_a_diagram_and_its_exponents_are_stopped_by_either(monkeypatch):
-    settings = {"settle": 5, "strobes": 2, "exponent_periods": 20, "starts": 0, "samples": 4}
-    settings |= {"displacement": BOX, "velocity": BOX, "periods": 50}
-    for module, name, codes in (
-        (studies, "bifurcation_diagram", [0, 1, 0]),
-        (lyapunov, "lyapunov_exponents", [2, 3, 0]),
-    ):
-        call = getattr(module, name)
-        stop = lambda *a, call=call, codes=codes, **k: call(*a, **k).assign(  # noqa: E731
-            status=("tuning", codes)
-        )
-        monkeypatch.setattr(module, name, stop)
-    found, _ = studies.bifurcation(BOTH.as_dict(), [0.7, 0.8, 0.9], [0.9], settings)
-    assert found.status.values.tolist() == [[2, 1, 0]] * 2

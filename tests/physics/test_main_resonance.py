@@ -9,7 +9,6 @@ import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import FRACTION_TOLERANCE
-from gearlib.engines import orbit as columns
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import gears
@@ -113,19 +112,6 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
     assert tunings[fold] == pytest.approx(fall, rel=1e-9)
 
 
-def test_a_special_point_is_a_fixed_point_with_its_property():
-    found = main_resonance(DAMPED)
-    for name in ("jump_up", "jump_down", "onset"):
-        propagator = DAMPED.propagator(getattr(found, name))
-        end, maps, _ = propagator.maps(found.states[name], 1, 1000)
-        assert end == pytest.approx(found.states[name], abs=1e-10), name
-        if name == "onset":
-            least = propagator.record(found.states[name], 1, 1000).summary[columns.X_MIN]
-            assert least == pytest.approx(0.0, abs=1e-12)
-        else:
-            assert np.linalg.det(maps[0] - np.eye(2)) == pytest.approx(0.0, abs=1e-9), name
-
-
 def test_the_onset_knows_nothing_of_backlash_and_scales(searches):
     search = searches[DAMPED]
     scale = {"load": 3.0, "backlash": 3.0}
@@ -187,15 +173,6 @@ def test_a_train_at_a_duty_point():
     assert search.nominal == pytest.approx(known, rel=1e-5)
 
 
-def test_quantities_that_a_model_does_not_have_are_refused():
-    with pytest.raises(ValueError, match="^speed = None is not allowed: force is one of the duty"):
-        DesignQuantities(DAMPED, ("force",))
-    with pytest.raises(ValueError, match="load_sharing' is not allowed: it is one of trains"):
-        DesignQuantities(DAMPED, ("load_sharing",), speed=1000.0)
-    with pytest.raises(ValueError, match="^quantities = 'peak' is not allowed for this GearTrain"):
-        DesignQuantities(gearlib.planetary(), ("peak",))
-
-
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
     model = gears(5e8, material=4.5e3, oil=300.0)
     search = DesignQuantities(model, ("onset_of_contact_loss", "jump_up", "jump_down"))
@@ -232,9 +209,3 @@ def test_taylor_steps_find_the_same(searches):
     search = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9)))
     own = [PAIR_TRAINS.index(name) for name in names]
     assert search.nominal == pytest.approx(searches[DAMPED].nominal[own], rel=1e-8)
-
-
-def test_models_with_deviations_have_no_plain_transmission_error():
-    model = gearlib.OneDegreePair(pair=DAMPED, deviation=gearlib.Harmonics(cosines=(1e-6,)))
-    with pytest.raises(ValueError, match="not allowed for a model with deviations of the flanks"):
-        DesignQuantities(model, ("transmission_error",), speed=3000.0)

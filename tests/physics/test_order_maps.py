@@ -145,31 +145,3 @@ def test_a_coast_side_has_the_orders_of_the_drive_side():
     # The mean is measured from the other flank.
     gap = np.abs(own.amplitude - drive.amplitude)[:, 1:]
     assert gap.max() < 1e-5 * drive.overall.max()
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"variable": "x"}, "variable = 'x' is not allowed"),
-        ({"amplitude": "db"}, "amplitude = 'db' is not allowed"),
-        ({"resolution": 0.0}, "it must be a finite number > 0 and <= 1"),
-        ({"resolution": 1e-3}, "must have 1000 whole revolutions, and the run has"),
-        ({"highest": -1}, "highest = -1 is not allowed"),
-        ({"highest": 100}, "highest = 100 is not allowed with samples_per_period = 64"),
-        ({"orders": [2.2]}, "orders = 2.2 is not allowed: it must be one of 0, 1, ..."),
-    ],
-)
-def test_what_is_no_map_is_refused_in_a_sentence(options, says):
-    run = gearlib.run_up(FEW, 500.0, 600.0, duration=0.5, samples_per_period=64)
-    with pytest.raises(ValueError, match="is not allowed") as error:
-        gearlib.order_map(run, **options)
-    assert says in str(error.value) and "\n" not in str(error.value)
-    for what in (run.drop_vars("displacement"), "run"):
-        with pytest.raises(ValueError, match="a dataset of gearlib.run_up"):
-            gearlib.order_map(what)
-
-
-def test_too_few_samples_are_refused():
-    run = gearlib.run_up(PAPER, 500.0, 600.0, duration=0.5, samples_per_period=12)
-    with pytest.raises(ValueError, match="samples_per_period = 12 is not allowed"):
-        gearlib.order_map(run, variable="dynamic_force", highest=48)

@@ -34,27 +34,6 @@ def test_a_block_has_the_spectrum_of_its_revolutions(tuning):
     assert halves.amplitude[0].values == pytest.approx(halves.amplitude[1].values, rel=1e-9)
 
 
-def test_all_methods_have_the_same_orders():
-    exact = gearlib.order_map(gearlib.simulate(PAIR, 0.9, **FAR), highest=48)
-    size = float(exact.overall[0])
-    for model, method in ((gearlib.OneDegreePair(pair=PAIR), "exact"), (PAIR, "taylor")):
-        found = gearlib.order_map(gearlib.simulate(model, 0.9, method=method, **FAR), highest=48)
-        assert np.abs(found.amplitude - exact.amplitude).max() < 1e-9 * size
-
-
 def test_orders_of_whole_revolutions_are_whole_numbers():
     run = gearlib.simulate(PAIR.replace(teeth=49), 0.9, periods=150, record_periods=49)
     assert gearlib.orders(run, count=2).order.values.tolist() == list(range(99))
-
-
-def test_orders_of_a_train_are_those_of_its_meshes():
-    train = gearlib.planetary(planets=2, stiffness_ratio=(0.7, 0.8))
-    run = gearlib.simulate(train, 0.6, periods=70, record_periods=60, samples_per_period=32)
-    found = gearlib.order_map(run)
-    assert found.mesh.values.tolist() == list(train.mesh_names)
-
-
-def test_what_does_not_turn_has_no_orders():
-    model = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
-    with pytest.raises(ValueError, match=r"or of gearlib\.simulate"):
-        gearlib.order_map(gearlib.simulate(model, 1.0, periods=3))

@@ -8,7 +8,6 @@ import pytest
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import NoOrbit
 from tests.paper import PAPER
-from tests.properties.known_models import EVERYTHING, gears
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=800.0)
 DOUBLED = GearPair.from_ratios(
@@ -63,14 +62,6 @@ def test_a_multiple_of_its_period_is_not_that_of_an_orbit(tuning, guess, asked, 
         # Beside it lies that of one period, which it is not.
         once = periodic_orbit(pair, tuning, guess=found.state)
         assert once.period == 1 and np.abs(once.state - found.state).max() > 1e-3
-
-
-def test_run_out_repeats_after_a_revolution():
-    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2, **EVERYTHING | {"teeth": (3, 3)})
-    with pytest.raises(ValueError, match="multiple of the 3 mesh periods"):
-        periodic_orbit(pair, 0.7)
-    found = periodic_orbit(pair, 0.7, period=3)
-    assert found.residual <= 1e-12 and found.stable
 
 
 @pytest.mark.parametrize("model", [PAPER, OneDegreePair(pair=PAPER, cubic_damping=4e5)])

@@ -14,7 +14,6 @@ from gearlib import (
     sweep,
     trust,
 )
-from gearlib.analysis import lyapunov
 from gearlib.analysis.trust import scan
 from gearlib.engines import orbit
 from gearlib.models.one_mesh_system import by_phase
@@ -90,14 +89,6 @@ def test_a_doubled_run_out_and_a_slow_one():
     assert orbit.orbit_period(states, 1.0, 1.0, 1_000_000) == 1_000_000
 
 
-def test_the_longest_motion_that_is_looked_for_is_looked_back_at():
-    # One that repeats only after the largest multiple of the run-out's periods.
-    repeats, longest = 30, orbit.MAX_PERIOD * 30
-    phase = 2.0 * math.pi * np.arange(orbit.strobe_periods(repeats) + 1) / longest
-    states = np.stack([np.sin(phase), np.cos(phase)], axis=1)
-    assert orbit.orbit_period(states, 1.0, 1.0, repeats) == longest
-
-
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_a_sweep_lets_the_gears_turn_on(way):
     # Tunings equal to rounding, ten periods each: one run, were it not for the order.
@@ -120,20 +111,6 @@ def test_after_a_failed_run_a_sweep_begins_anew():
     cold = sweep(pair, tunings, **settings)
     assert down.status.values.tolist() == [0, 1]
     np.testing.assert_array_equal(down.final_state, cold.final_state)
-
-
-def test_six_degrees_are_carried_along_by_the_exact_method_only():
-    with pytest.raises(ValueError, match="direction = 'up' is not allowed for six degrees"):
-        sweep(damped(EQUAL), [0.9], periods=2, record_periods=1, direction="up", method="scipy")
-    sweep(PAPER, [0.9], periods=2, record_periods=1, direction="up", method="scipy")
-
-
-def test_the_exponent_does_not_depend_on_how_maps_are_cut(monkeypatch):
-    pair = damped(EQUAL)
-    whole = lyapunov.largest(pair, 0.9, settle=200, periods=240)
-    monkeypatch.setattr(lyapunov, "MAX_MAPS", 7)
-    parts = lyapunov.largest(pair, 0.9, settle=200, periods=240)
-    assert parts.value == pytest.approx(whole.value, abs=1e-9)
 
 
 def test_periods_above_127_fit_into_datasets():

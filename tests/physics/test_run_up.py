@@ -32,21 +32,6 @@ WAVES = {
     "deviation": gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
 }
 WAVY = gearlib.OneDegreePair(pair=DAMPED, **WAVES)
-#: Models that run on Taylor steps at constant speed.
-CURVED = [
-    gearlib.OneDegreePair(pair=DAMPED, profile=gearlib.Fourier(3)),
-    gearlib.OneDegreePair(
-        pair=DAMPED, quadratic_damping=3e5, cubic_damping=1e6, backlash_quadratic_damping=1e5
-    ),
-    gearlib.OneDegreePair(
-        pair=DAMPED,
-        quadratic_stiffness=1e3,
-        cubic_stiffness=1e9,
-        cubic_damping=1e6,
-        profile=gearlib.Tabulated((0.0, 1.0, 3.0), (3e8, 2e8, 2.5e8)),
-        **WAVES,
-    ),
-]
 RELIEVED = gearlib.LoadSharingPair.from_geometry(
     optimum_relief(fzg_c(), 150.0, length="long"), torque=300.0, damping_ratio=0.05
 )
@@ -328,51 +313,6 @@ def test_a_course_in_parts_is_one_course(model, start):
         assert np.abs(two[name] - one[name]).max() < 1e-9 * size, name
     assert one.sizes["revolution"] == two.sizes["revolution"]
     assert (one.mean_force.values[-1] > 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"start": -1.0, "stop": 10.0, "duration": 1.0}, "start = -1.0 is not allowed"),
-        ({"start": 10.0, "stop": math.inf, "duration": 1.0}, "stop = inf is not allowed"),
-        ({"start": 10.0, "stop": 20.0}, "must be one of the two"),
-        ({"start": 10.0, "stop": 10.0, "acceleration": 5.0}, "duration = 0.0 is not allowed"),
-        ({"start": 0.0, "stop": 0.0, "duration": 1.0}, "0 rpm all along"),
-        ({"speed": [(0.0, 5.0), (0.0, 6.0)]}, "must be after 0.0 s"),
-        ({"speed": [(1.0, 5.0), (2.0, 6.0)]}, "the first at 0 s"),
-        ({"speed": [(0.0, 5.0), 3.0]}, "must be 2 values"),
-        ({"speed": [(0.0, 5.0), (1.0, 6.0)], "stop": 3.0}, "not allowed together"),
-        (
-            {"start": 1.0, "stop": 2.0, "duration": 1.0, "load": [(1, 1), (0, 1)]},
-            "load[1][0] = 0.0",
-        ),
-        ({"start": 1.0, "stop": 2.0, "duration": 1.0, "driver": "sun"}, "has no bodies"),
-        ({"start": 1.0, "stop": 2.0, "duration": 1.0, "driven_mass": 1.0}, "base_radius = None"),
-        ({"start": 1e3, "stop": 2e3, "duration": 1e7, "samples_per_period": 64}, "GB of memory"),
-        # Of 24 teeth at 1,000 rpm in the mean: 6.28 million mesh periods.
-        ({"start": 0.0, "stop": 2e3, "duration": 15_700.0}, "<= 6,250,000 mesh periods"),
-        ({"speed": []}, "speed = [] is not allowed: it must have a row"),
-    ],
-)
-def test_what_is_no_course_is_refused(given, words):
-    with pytest.raises(ValueError, match="is not allowed|not allowed") as told:
-        gearlib.run_up(PAPER, **given)
-    assert words in str(told.value)
-
-
-@pytest.mark.parametrize("model", [*CURVED, RELIEVED])
-def test_models_on_taylor_steps_are_refused(model):
-    with pytest.raises(ValueError, match="not allowed in a run-up.*must be piecewise linear"):
-        gearlib.run_up(model, 10.0, 20.0, duration=1.0)
-
-
-def test_gyroscopic_forces_and_unknown_drivers_are_refused():
-    for model, words in ((gearlib.planetary(turning=True, gyroscopic=True), "gyroscopic"),):
-        with pytest.raises(ValueError, match="is not allowed") as told:
-            gearlib.run_up(model, 10.0, 20.0, duration=1.0)
-        assert words in str(told.value)
-    with pytest.raises(ValueError, match="driver = 'moon' is not allowed"):
-        gearlib.run_up(TRAIN, 10.0, 20.0, duration=1.0, driver="moon")
 
 
 @pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])

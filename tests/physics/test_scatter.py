@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import notebook
 from gearlib.data import storage
 from gearlib.uncertainty.designs import Designs
 from gearlib.uncertainty.scatter import QUANTILES, gather, refused, scatter, shard
@@ -87,19 +86,6 @@ def test_probabilities_of_motions_are_shares_of_the_designs(whole):
     assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 200).all()
 
 
-def test_units_do_not_count():
-    """A pair twice as long, heavy and strong: the same motion, twice as high."""
-    given = {name: MANY[name] for name in ("load", "backlash")}
-    scaled = {name: {key: 2.0 * x for key, x in one.items()} for name, one in given.items()}
-    keys = ("max_stiffness", "reduced_mass", "material_damping")
-    other = PAIR.replace(**{key: 2.0 * getattr(PAIR, key) for key in keys})
-    given["backlash"], scaled["load"] = MANY["backlash"], {"mean": 6600.0, "std": 300.0}
-    scaled["backlash"] = MANY["backlash"]
-    one, two = (scatter(*own, n=16, **RUNS) for own in ((PAIR, given), (other, scaled)))
-    for name in ("height_band", "factor_band", "motion_probability"):
-        assert np.allclose(one[name], two[name], rtol=1e-6), name
-
-
 def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
     """Contact is lost above one load or below it: the probability is a length over a length."""
     given = {"damping_ratio": {"min": 0.02, "max": 0.3}}
@@ -127,43 +113,6 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     assert (found.run_count == 128 - count).all() and not found.failed_runs.any()
     (text,) = refused(found)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
-
-
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        ({"n": 0}, "n = 0 is not allowed"),
-        ({"seed": -1}, "seed = -1 is not allowed"),
-        ({"quantities": ("height",)}, "quantities = 'height' is not allowed: it must be one of"),
-        ({"directions": ()}, "directions"),
-        ({"directions": ("up", "sideways")}, "directions = 'sideways'"),
-        ({"box": ((0.0, 0.0), (0.0, 1.0))}, "box"),
-        ({"speeds": [1000.0]}, "one of the two"),
-        ({"tunings": [0.0]}, r"tunings\[0\] = 0.0"),
-        ({"tunings": None}, "quantities"),
-        ({"record_periods": 121}, "record_periods = 121"),
-        ({"threads": 0}, "threads = 0"),
-    ],
-)
-def test_wrong_arguments_are_refused(changes, words):
-    with pytest.raises(ValueError, match=words):
-        scatter(PAIR, MANY, **({"tunings": [0.9], "quantities": ()} | changes))
-
-
-@pytest.mark.parametrize(
-    "call, names, given",
-    [
-        (scatter, ("jump_up",), {"n": 3}),
-        (scatter, (), {"n": 3, "tunings": [0.9]}),
-        (scatter, ("peak",), {"n": 3, "tunings": [0.9]}),
-        (gearlib.sobol_indices, ("jump_up",), {"n": 2}),
-    ],
-)
-def test_what_is_done_comes_to_what_was_announced(call, names, given, monkeypatch):
-    told, announced, telling = [], [], notebook.telling
-    monkeypatch.setattr(notebook, "telling", lambda *of: announced.append(of[1]) or telling(*of))
-    call(PAIR, {"load": {"std": "5 %"}}, names, progress=told.append, **given)
-    assert sum(told) == sum(announced) > 0
 
 
 def test_other_models_go_one_by_one():

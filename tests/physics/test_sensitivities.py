@@ -1,7 +1,5 @@
 """`sensitivities` of every kind of model against differences in 50 digits, and its limits."""
 
-import math
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -189,11 +187,3 @@ def test_the_end_of_a_range_has_a_one_sided_derivative():
     near = [last(pair.replace(contact_ratio=1.0 + h)) - last(pair) for h in (1e-6, 2e-6)]
     expected = (4.0 * near[0] - near[1]) / 2e-6
     xr.testing.assert_allclose(found, expected, rtol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["mass", "tuning", "teeth"])
-def test_unknown_parameters_are_refused(name):
-    with pytest.raises(
-        ValueError, match=f"parameters = '{name}' is not allowed: it must be one of"
-    ):
-        sensitivities(lambda model: math.pi, DAMPED, name)

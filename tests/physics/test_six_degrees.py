@@ -4,22 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import periodic_orbit, simulate
-from gearlib.data import status
 from tests.properties.known_models import gears
-
-
-def test_a_backlash_closed_by_the_bearings_is_refused():
-    # The far flank, moving with the bearings as in Eq. (4), is left above the normal one.
-    options = {"friction": (0.019, 0.054), "eccentricities": (4.5e-6, 9.6e-6)}
-    start = {"initial_state": (1.03, 2.07), "periods": 8}
-    for record in (1, 8):
-        model = gears(2.43e9, 4000.0, 0.0, backlash=1.98e-5, **options)
-        run = simulate(model, 1.808, record_periods=record, **start)
-        assert run.status == status.JAMMED
-        assert np.isnan(run.displacement_max)
-        assert "moving_backlash=False" in run.status.attrs["message"]
-    fixed = gears(2.43e9, 4000.0, 0.0, backlash=1.98e-5, moving_backlash=False, **options)
-    assert simulate(fixed, 1.808, **start).status == status.OK
 
 
 def extrema(model, tuning, orbit):

@@ -11,7 +11,6 @@ from gearlib import (
     Harmonics,
     OneDegreePair,
     SixDegreePair,
-    integrators,
     simulate,
 )
 from tests.paper import PAPER
@@ -75,13 +74,6 @@ def test_methods_lists_all():
         assert all(meaning for _, meaning in method.options.values())
 
 
-@pytest.mark.parametrize(
-    ("model", "name"), [(PAIR, "exact"), (FULL, "taylor"), (SIX, "exact")], ids=["1", "full", "6"]
-)
-def test_methods_for_comparison_are_never_chosen_unnamed(model, name):
-    assert integrators.choose(model, None, None)[0] == name
-
-
 # Without loss of contact: tuning 0.7 never leaves the normal flank.
 @pytest.mark.parametrize(
     ("method", "options", "order", "steps"),
@@ -140,15 +132,6 @@ def test_small_steps_come_close_to_the_exact_orbit(model, method, options, toler
     # A bounce in every period: the comparison covers the contact law.
     assert float(reference.bounces) >= 1.0
     assert error(model, method, options, reference) < tolerance
-
-
-def test_scipy_takes_six_degrees_as_they_come():
-    exact = simulate(SIX, 0.8, periods=5)
-    options = {"solver": "DOP853", "rtol": 1e-10, "atol": 1e-10}
-    run = simulate(SIX, 0.8, periods=5, method="scipy", options=options)
-    for name in ("displacement", "velocity", "dynamic_force", "backlash", "friction_force"):
-        # Events are found by rejecting steps: a hundred times what the split runs reach.
-        np.testing.assert_allclose(run[name], exact[name], rtol=0, atol=1e-5, err_msg=name)
 
 
 def test_smoothed_contact_converges_with_its_sharpness():

@@ -7,7 +7,6 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.lyapunov import Exponent, largest
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
@@ -23,31 +22,6 @@ def test_exponent_of_constant_damping():
     expected = -2.0 * math.pi * DAMPED.damping_ratio / 0.9
     # A vector that turns has the modulus in the mean, up to its ellipse over the count.
     assert found.value == pytest.approx(expected, abs=2e-3)
-
-
-def test_the_size_of_a_state_is_a_displacement():
-    size = Stroboscope(DAMPED, 0.8).size
-    # Rates by the mesh phase, over the tuning; the larger of both counts.
-    for state, expected in (([3.0, 0.0], 3.0), ([0.0, -2.0], 1.6), ([-3.0, 2.0], 3.0)):
-        assert size(np.array(state)) == pytest.approx(expected, rel=1e-14)
-    assert size(np.array([math.nan, 0.0])) == math.inf
-
-
-class Still:
-    """A propagator of a motion that stays where it is."""
-
-    chunk = 1
-
-    @staticmethod
-    def skip(states, periods, max_events, ends, codes):
-        ends[:] = states
-
-
-def test_growth_counts_beyond_its_bound():
-    strobe = Stroboscope(DAMPED, 0.8)
-    strobe.propagator = Still
-    for bound, beyond in ((50.0, False), (49.9, True)):
-        assert strobe.follow_growth(np.array([[50.0, 0.0]]), 50.0, bound, 20)[0] == [beyond]
 
 
 def test_exponents_of_the_models_agree():
@@ -80,23 +54,12 @@ def test_labels(pair, nu, label):
         assert found.exponent > 3 * found.uncertainty > 0
 
 
-def test_more_harmonics_are_another_orbit():
-    found = trust(OneDegreePair(pair=DAMPED, profile=Fourier(5)), 0.9, periods=500)
-    assert "10 harmonics" in found.runs.run.values and "digits" in found.message
-
-
 def test_two_attractors_are_named():
     # Below the jump from rest two orbits attract; a large disturbance finds the other.
     found = trust(DAMPED, 0.75, periods=500, disturbance=12.0)
     small = trust(DAMPED, 0.75, periods=500)
     assert small.label == "periodic"
     assert found.label == "undecided" and "more than one orbit" in found.message
-
-
-def test_six_degrees():
-    pair = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
-    found = trust(pair, 0.9, periods=600, exponent_periods=200)
-    assert found.label == "periodic", found.message
 
 
 def table(high, low, period, status=0):

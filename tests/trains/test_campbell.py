@@ -47,18 +47,6 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
         np.testing.assert_allclose(found.stiffness_order, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("train", TRAINS[:2])
-def test_speeds_and_tunings_are_each_other_s_inverse(train):
-    tunings = np.array([0.3, 1.0, 1.7])
-    np.testing.assert_allclose(train.tuning_at(train.speed(tunings)), tunings, rtol=1e-14)
-    assert train.speed_scales(0.7)["speed"] == train.speed(0.7)
-
-
-def test_no_order_is_refused():
-    with pytest.raises(ValueError, match="^count = 0 is .* from 1 to 1000$"):
-        split_power_reducer(PAPER).campbell(0)
-
-
 @pytest.fixture(scope="module")
 def diagram():
     """The reducer's, with sweeps in which one mesh of the second stage parts at one speed."""

@@ -8,9 +8,7 @@ import pytest
 
 import gearlib
 from gearlib.engines import orbit
-from gearlib.engines.linear.modal_arcs import modes
-from gearlib.engines.linear.periods import EVENT_MESH, sort_last_event
-from gearlib.runs.simulation import _event_table
+from gearlib.engines.linear.periods import EVENT_MESH
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import random_problem, symmetric_problem
@@ -88,29 +86,6 @@ def test_planets_in_phase_bounce_at_once_and_deviations_go_through():
         np.testing.assert_allclose(maps[0] @ direction, slope, rtol=0, atol=1e-7 * abs(slope).max())
 
 
-def test_tables_that_are_forgotten_change_nothing():
-    propagator = PLANETS.propagator(1.0)
-    start = PLANETS.start_state("static")
-    asked = propagator.record(start, 60, 100, 8)
-    n, m = propagator.system.drive_lines.shape[1], 6
-    lengths = int(propagator.grid.length_index.max()) + 1
-    propagator.spare = [(propagator.system, modes(n, m, lengths, memory=1))]
-    assert len(propagator.spare[0][1].keys) == 2
-    for one, other in zip(asked, propagator.record(start, 60, 100, 8), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize("train", [PLANETS, gearlib.idler(PAIR)], ids=["planetary", "idler"])
-def test_a_sweep_keeps_its_tables_to_the_last_bit(train):
-    tunings = [0.7, 1.0, 1.3]
-    arguments = dict(periods=40, record_periods=4, initial_state="static")
-    swept = gearlib.sweep(train, tunings, threads=1, **arguments)
-    for i, tuning in enumerate(tunings):
-        one = gearlib.simulate(train, tuning, **arguments)
-        for name in ("displacement_max", "dynamic_force_min", "mean_force", "final_state"):
-            np.testing.assert_array_equal(swept[name][i], one[name])
-
-
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
     # The force of the load comes to the ring with the fourth power of time, and in the right order.
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
@@ -168,32 +143,6 @@ def test_other_methods_record_events_in_their_order(options):
     for train in (PLANETS, gearlib.planetary(teeth=(28, 98), stiffness_ratio=(0.7, 0.7))):
         run = gearlib.simulate(train, 1.0, periods=12, record_periods=12, **options)
         assert run.event.size > 6 and (np.diff(run.event_phase) >= 0.0).all()
-
-
-def test_events_at_one_phase_come_by_the_numbers_of_their_meshes():
-    rows = np.zeros((4, 6))
-    rows[:, orbit.EVENT_PHASE], rows[:, EVENT_MESH] = (1.0, 2.0, 2.0, 2.0), (3, 1, 2, 0)
-    ordered = rows.copy()
-    sort_last_event(ordered, 3, 0)
-    assert ordered[:, EVENT_MESH].tolist() == [3, 0, 1, 2]
-    # Not before those of another period.
-    kept = rows.copy()
-    sort_last_event(kept, 3, 2)
-    assert kept[:, EVENT_MESH].tolist() == [3, 1, 0, 2]
-    # What one mesh does at a phase stays as it was.
-    rows[3, EVENT_MESH] = 2
-    kept = rows.copy()
-    sort_last_event(kept, 3, 0)
-    np.testing.assert_array_equal(kept, rows)
-
-
-def test_phases_that_round_past_the_end_of_their_period_keep_the_order():
-    rows = np.zeros((2, 6))
-    # Sums of substeps end an ulp behind the period; the next event comes at the start of the next.
-    rows[0, orbit.EVENT_PHASE] = np.nextafter(2.0 * math.pi, 7.0)
-    rows[1, orbit.EVENT_PERIOD] = 1
-    dims, phases = _event_table(rows)["event_phase"]
-    assert dims == ("event",) and phases[0] == phases[1] == rows[0, orbit.EVENT_PHASE]
 
 
 def test_a_crossing_where_the_stiffness_switches_is_not_lost():

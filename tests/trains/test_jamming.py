@@ -15,7 +15,6 @@ import pytest
 import gearlib
 from gearlib import Body, GearPair, GearTrain, Harmonics, Mesh, SixDegreePair
 from gearlib.data import status
-from gearlib.engines.linear.train_system import may_close
 from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import edge_problem
 
@@ -101,17 +100,6 @@ def test_two_gears_whose_backlash_closes(start, drive, coast, tuning, jams):
         assert code == status.JAMMED and np.isnan(maps).all()
 
 
-def test_the_run_ends_where_the_second_flank_comes_to_touch():
-    train = two_gears(1e-6, -1e-6)
-    propagator, start = train.propagator(0.2), train.start_state((0.0, 0.0))
-    _, both = unwatched(train, 0.2, start, 20)
-    first = int(np.flatnonzero(both.max(axis=1) > 0.0)[0]) // SAMPLES
-    # Periods before that are as they were, and may be asked for.
-    if first:
-        assert propagator.record(start, first, 100).status == status.OK
-    assert propagator.record(start, first + 1, 100).status == status.JAMMED
-
-
 def test_a_start_in_which_both_flanks_touch():
     train = two_gears(0.0, -3e-6)
     state = np.zeros(train.size)
@@ -140,30 +128,6 @@ def test_random_trains_with_hardly_any_backlash(seed):
         # Seen by the samples, or between two of them, where distances hardly change.
         speed = np.abs(np.diff(both, axis=0)).max()
         assert deepest.max() > -2.0 * speed
-
-
-def test_some_of_them_jam_and_some_could_but_do_not():
-    codes, could = [], []
-    for seed in range(40):
-        train, tuning, state = edge_problem(np.random.default_rng(seed))
-        propagator = train.propagator(tuning)
-        codes.append(propagator.record(state, 3, 10**5).status)
-        could.append(propagator.grid.may_jam.any())
-    jammed, could = np.array(codes) == status.JAMMED, np.array(could)
-    assert jammed.sum() >= 8 and (~jammed & could).sum() >= 5 and not (jammed & ~could).any()
-
-
-def test_backlashes_that_provably_stay_open_are_not_looked_at():
-    # far - near = 2 - cos - sin: at least 2 - sqrt(2), and the amplitude of a pair is their root.
-    near, far = np.array([1.0, 0.0, 1.0, 1.0]), np.array([1.0, 2.0, 0.0, 0.0])
-    assert not may_close(near, far, 1)
-    assert may_close(near, far * [1.0, 0.7, 0.0, 0.0], 1)
-    # Without backlash, and flanks alike: they never overlap.
-    assert not may_close(near, near, 1)
-    # A coordinate between them: whether they do, the run has to tell.
-    assert may_close(near, far * [0.5, 1.0, 0.0, 0.0], 1)
-    assert not two_gears(0.499e-6, -0.499e-6).propagator(0.5).grid.may_jam.any()
-    assert two_gears(0.501e-6, -0.501e-6).propagator(0.5).grid.may_jam.all()
 
 
 def six(moving, backlash=1.2e-6, drive=0.8e-6, coast=-0.8e-6):
@@ -226,19 +190,6 @@ def test_other_methods_say_so_too():
                     one, 0.2, periods=12, record_periods=record, method=method, options=options
                 )
                 assert int(run.status) == status.JAMMED, (method, options)
-
-
-def test_steps_jam_at_the_same_phase_before_the_record_and_within_it():
-    # In the second period: before the record another loop goes through the steps.
-    runs = [
-        gearlib.simulate(
-            two_gears(0.6e-6, -0.6e-6), 0.5, periods=12, record_periods=record,
-            method="rk4", options={"steps_per_period": 400},
-        )
-        for record in (1, 12)
-    ]  # fmt: skip
-    assert all(int(run.status) == status.JAMMED for run in runs)
-    assert 4 * 400 < int(runs[0].evaluations) == int(runs[1].evaluations) < 4 * 800
 
 
 def test_statics_say_where_the_load_wedges_a_mesh():

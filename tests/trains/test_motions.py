@@ -79,20 +79,6 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
     assert at_it.orbit.tolist() == [0, 1, -1] and at_it.period[2] == 0
 
 
-def test_a_start_beside_a_stable_orbit_settles_on_it_though_the_distance_swings():
-    orbit = periodic_orbit(PAIR, 0.9)
-    short = SETTINGS | {"periods": 2, "record_periods": 1, "starts": 4, "first_starts": 4}
-    begin = many_starts.seeded_states(PAIR, orbit.state, short)
-    # In the middle and at the end of the run.
-    half, end = (
-        np.abs(simulate(PAIR, 0.9, periods=n, initial_state=tuple(z)).final_state - orbit.state)
-        for n in (2, 4)
-        for z in begin[:1]
-    )
-    assert orbit.stable and end.max() > half.max()
-    assert not many_starts.final_motions(PAIR, 0.9, begin, short).orbit.any()
-
-
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle(direction):
     tunings = [1.56, 1.6, 1.2] if direction == "down" else [1.2, 1.6, 1.84]

@@ -139,33 +139,3 @@ def test_a_train_that_its_load_opens_for_good_is_refused():
     finite = idler(PAPER).replace(bodies=turned).static()
     assert list(finite.contact.values) == [-1, -1]
     np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
-
-
-def test_static_start_is_at_rest():
-    """What the kernels' matrices make of it at phase 0 is no acceleration."""
-    for train in (
-        planetary(stiffness_ratio=(0.7, 0.7), pin_errors=[(1e-6, 2e-6), (0, 0), (0, 0)]),
-        split_power_reducer(PAPER, internal=True),
-        two_stage(PAPER),
-    ):
-        system = train.system(0.8)
-        z = np.zeros(system.drive_lines.shape[1])
-        z[: train.size] = train.start_state("static")
-        z[train.size] = z[train.size + 1 :: 2] = 1.0
-        a = system.base_matrix.copy()
-        for j in range(len(train.meshes)):
-            code = (
-                1
-                if system.drive_lines[j] @ z >= 0.0
-                else -1
-                if system.coast_lines[j] @ z <= 0.0
-                else 0
-            )
-            effect = system.effect[code + 1, 0, j]
-            a += np.einsum(
-                "ka,kb->ab", system.force_input[j, effect], system.force_output[j, effect]
-            )
-        assert np.abs((a @ z)[: train.size]).max() < 1e-10
-    assert not train.start_state((0, 0)).any()
-    with pytest.raises(ValueError, match="initial_state = .* must be .0, 0., 'static' or 8 finite"):
-        train.start_state([1.0, 2.0, 3.0])

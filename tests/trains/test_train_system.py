@@ -11,12 +11,9 @@ import gearlib
 from gearlib import (
     planetary,
     simulate,
-    split_power_reducer,
     two_stage,
 )
-from gearlib.engines.exponential import MAX_NORM
 from gearlib.engines.linear import propagator as linear_propagator
-from gearlib.engines.linear.train_system import matrix_of
 from tests.paper import PAPER
 from tests.trains.random_trains import random_problem
 
@@ -89,54 +86,6 @@ def test_the_excitation_repeats_after_the_least_common_period():
     np.testing.assert_allclose(system.starts[-1], turn * train.repeats, rtol=1e-15)
 
 
-def test_a_back_flank_has_its_own_phase():
-    train = planetary(stiffness_ratio=(0.7, 0.7))
-    meshes = [
-        m if j else m.__class__(**{**vars(m), "inverse_phase": 0.25})
-        for j, m in enumerate(train.meshes)
-    ]
-    system = train.replace(meshes=meshes).system(1.0)
-    middle = (system.starts[:-1] + system.starts[1:]) / (4.0 * math.pi)
-    assert list(system.low[0, :, 0]) == list(np.abs(middle - 0.25) > 0.2)
-    assert list(system.low[2, :, 0]) == list(np.abs((middle + 0.5) % 1.0 - 0.5) > 0.2)
-    np.testing.assert_array_equal(system.low[0, :, 1], system.low[2, :, 1])
-
-
-def test_no_matrix_exceeds_the_norm_of_the_longest_substep():
-    for train in (planetary(stiffness_ratio=(0.7, 0.7)), split_power_reducer(PAPER)):
-        system, n = train.system(0.9), train.size // 2
-        # In coordinates of mass 1, velocities over the highest natural frequency.
-        root = np.linalg.cholesky(train.structure.mass)
-        largest = 0.0
-        rng = np.random.default_rng(1)
-        for _ in range(50):
-            codes = rng.integers(-1, 2, len(train.meshes))
-            segment, a = (
-                int(rng.integers(system.starts.size - 1)),
-                np.empty_like(system.base_matrix),
-            )
-            effects = [system.effect[code + 1, segment, j] for j, code in enumerate(codes)]
-            matrix_of(system, np.array(effects), a)
-            a = a[: 2 * n, : 2 * n]
-            k = root.T @ a[n:, :n] @ np.linalg.inv(root.T)
-            d = root.T @ a[n:, n:] @ np.linalg.inv(root.T)
-            highest = math.sqrt(np.linalg.norm(system_stiffness(train), 2))
-            scaled = np.block([[np.zeros((n, n)), highest * np.eye(n)], [k / highest, d]])
-            largest = max(largest, np.linalg.norm(scaled, 2))
-        assert largest * system.longest <= MAX_NORM * (1.0 + 1e-12)
-        # And it is not far from the highest frequency.
-        assert system.longest > 0.5 * MAX_NORM / highest
-
-
-def system_stiffness(train):
-    """Return the stiffness with all meshes at their upper level, in theta and masses of 1."""
-    lines = train.structure.lines
-    upper = np.array([mesh.max_stiffness for mesh in train.meshes])
-    k = train.structure.stiffness + lines.T @ (upper[:, None] * lines)
-    root = np.linalg.inv(np.linalg.cholesky(train.structure.mass))
-    return root @ k @ root.T / train.reference_angular_frequency**2
-
-
 def with_run_out(**options):
     """Two stages whose stiffness repeats after 5 mesh periods, with their run-out after 35."""
     train = two_stage(PAPER, teeth=(21, 25, 24, 36), **options)
@@ -147,20 +96,6 @@ def with_run_out(**options):
         for body in train.bodies
     ]
     return train.replace(bodies=tuple(bodies))
-
-
-@pytest.mark.parametrize(("first", "count"), [(0, 4), (3, 4), (33, 7), (10**12 + 2, 5)])
-def test_segments_of_a_stretch_are_those_of_the_whole(first, count):
-    train = with_run_out()
-    whole, part = train.segments, train.segments_of(first, count)
-    for n in range(first, first + count):
-        spans = []
-        for segments, k in ((whole, n % train.repeats), (part, n % count)):
-            own = slice(segments.first_segment[k], segments.first_segment[k + 1])
-            bounds = segments.starts[own.start : own.stop + 1] - 2.0 * math.pi * k
-            spans.append((bounds, segments.low[:, own], segments.sense[:, own]))
-        for one, other in zip(*spans, strict=True):
-            np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
 def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
