@@ -1,7 +1,6 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import xarray as xr
 from gearlib import config, sweep
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motions import LINE_WIDTH, spread, steadiness
+from gearlib.data.motions import steadiness
 from gearlib.studies import (
     certificates,
     claims,
@@ -20,9 +19,7 @@ from gearlib.studies import (
 )
 from gearlib.studies import paper as paper_studies
 from gearlib.studies.claims import characteristics
-from gearlib.studies.claims.characteristics import drift
 from gearlib.studies.claims.data import Data, NoData
-from gearlib.studies.claims.scene_claims import contact_ratios, jump_description, phase_shift
 from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
@@ -139,15 +136,6 @@ def orbit(*shapes, periods=24, samples=32):
     return xr.Dataset({"displacement": ("phase", size * np.cos(phase))}, {"phase": phase})
 
 
-def test_steady_is_what_draws_a_single_line():
-    # Mesh periods 0.02 apart in an orbit 2.04 high.
-    assert spread(orbit(1.0)) == pytest.approx(0.0, abs=1e-12)
-    assert spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
-    assert spread(orbit(1.0, 1.02)) < LINE_WIDTH < spread(orbit(1.0, 1.03))
-    # Two loops by turns repeat, and are no single line.
-    assert drift(orbit(1.0, 1.5)) < 1e-12 and spread(orbit(1.0, 1.5)) > LINE_WIDTH
-
-
 def test_both_readings_of_steady_are_printed(paper):
     planes = paper[1].copy(deep=True)
     one = {"damping": "none", "tuning": 0.6}
@@ -178,45 +166,6 @@ def test_bounces_above_count_from_beyond_the_reading_of_the_plot(paper):
         ] = -1.0
         given = Data(PAPER, DAMPINGS, resonance, *paper[1:5])
         assert characteristics.only_oil_bounces_above(given)[0] == holds
-
-
-def test_what_moves_the_jump_between_the_papers_tunings_is_named():
-    # Of the last one the starts do not share between which tunings it jumps.
-    tunings = np.array([0.8157, 0.81495, 0.81505, 0.81515, 0.81505])
-    half = np.array([0.0, 0.0, 0.0, 0.0, 6e-5])
-    jumps = {"jump": tunings, "value": [0.0, 1.0, 2.0, 3.0, 4.0]}
-    jumps |= {"shift_low": tunings - 0.8157 - half, "shift_high": tunings - 0.8157 + half}
-    jumps = {name: ("variation", values) for name, values in jumps.items()}
-    jumps |= {"kind": ("variation", ["none", "below", "between", "above", "doubtful"])}
-    words = jump_description(SimpleNamespace(jump=xr.Dataset(jumps)))
-    assert words.startswith("; from rest the orbit jumps at 0.8157000;")
-    assert words.endswith(" with: between 2")
-
-
-def test_lags_are_named_by_their_dampings(paper):
-    _, words = phase_shift(SimpleNamespace(phase_lag=paper[2]))
-    for damping in paper[2].damping.values:
-        lag = float(paper[2].lag.isel(harmonic=0).sel(damping=damping))
-        assert f"k1 = {damping:g} N s/m: {lag:.3f}" in words
-
-
-@pytest.mark.parametrize("low", [0.4, 0.6])
-@pytest.mark.parametrize("high", [0.4, 0.6])
-def test_small_contact_ratios_mesh_at_least_stiffness_and_large_ones_at_full(low, high):
-    scene = xr.Dataset(
-        {
-            "fraction_min_stiffness": ("case", [low, 0.95 - high]),
-            "fraction_normal": ("case", [0.85, 0.9]),
-            "fraction_inverse": ("case", [0.05, 0.05]),
-        },
-        {"case": ["small", "large"]},
-    )
-    holds, words = contact_ratios(SimpleNamespace(scene=lambda name, count: scene))
-    assert holds == (low > 0.5 and high > 0.5)
-    assert words == (
-        f"small: {100 * low:.0f} % in mesh at C_min, {100 * (0.9 - low):.0f} % at C_max; "
-        f"large: {100 * (0.95 - high):.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
-    )
 
 
 def test_what_is_proven_stands_in_a_table(known, tmp_path):
@@ -276,25 +225,6 @@ def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
         assert faults(row) == [], row
 
 
-def test_the_thickness_of_a_line_is_a_touch():
-    # Losses of contact of 5e-6 static deflections count, dips of 5e-7 do not.
-    tunings = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
-    lost, inverse = np.isin(tunings, [0.66, 0.80, 0.81, 0.82]), np.isin(tunings, [0.81, 0.82])
-    planes = xr.Dataset(
-        {
-            "period": ("tuning", np.zeros(6)),
-            "displacement_min": ("tuning", np.where(lost, -5e-6, -5e-7)),
-            "fraction_inverse": ("tuning", np.where(inverse, 0.1, 0.0)),
-            # Two mesh periods, the second higher by all: unsteady.
-            "displacement": (("tuning", "phase"), np.tile([0.0, 1.0, 2.0, 3.0], (6, 1))),
-        },
-        {"tuning": tunings, "phase": np.pi * np.arange(4)},
-    )
-    data = SimpleNamespace(names=lambda *_: ["none"], planes=lambda *_: planes)
-    holds, words = characteristics.conservative_planes(data)
-    assert holds and "bounces at 0.66, 0.80, 0.81, 0.82" in words
-
-
 def test_verdicts_follow_the_data(paper):
     resonance, planes = paper[0].copy(deep=True), paper[1].copy(deep=True)
     shown = {name: scene.copy(deep=True) for name, scene in paper[4].items()}
@@ -311,12 +241,6 @@ def test_verdicts_follow_the_data(paper):
     assert table["P11"] == "holds"
 
 
-def test_another_pair_differs_in_its_numbers(paper):
-    other = PAPER.replace(contact_ratio=1.3)
-    table = claims.evaluate(other, DAMPINGS, *paper)
-    assert verdicts(table)["P1"] == "differs" and verdicts(table)["P2"] == "differs"
-
-
 def test_missing_data_are_named_not_guessed():
     few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
     table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
@@ -324,12 +248,3 @@ def test_missing_data_are_named_not_guessed():
         IDS[2:], "not evaluated"
     )
     assert all(claim.computed for claim in table)
-
-
-def test_files(paper, tmp_path):
-    table = claims.evaluate(PAPER, DAMPINGS, *paper)
-    assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
-    claims.write_markdown(table, tmp_path / "claims.md")
-    text = (tmp_path / "claims.md").read_text(encoding="utf-8")
-    assert [line.split()[1] for line in text.splitlines()[4:]] == IDS
-    assert len(list(tmp_path.iterdir())) == 2

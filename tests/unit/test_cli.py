@@ -13,7 +13,6 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib import config
-from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.parameters import WRITTEN_UNITS
@@ -160,16 +159,6 @@ def test_tolerances_are_read_with_their_units(run):
 
 DRAWN = ["--teeth", "23", "61", "--module", "2.5mm", "--width", "18mm", "--torque", "85Nm"]
 DRAWN += ["--backlash", "80um", "--damping-ratio", "0.05"]
-
-
-def test_no_orbit_ends_with_code_1(run, monkeypatch):
-    def refuse(*_, **__):
-        raise NoOrbit("no orbit of period 1 was found near the guess: guess closer")
-
-    monkeypatch.setitem(gearlib.__dict__, "periodic_orbit", refuse)
-    done = run("orbit", *PAIR, "--tuning", "0.66")
-    assert done.exit_code == 1
-    assert "guess closer" in done.output
 
 
 def test_drawings_and_their_classes_scatter(run):
@@ -491,15 +480,6 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     for name in reducer.mesh_names:
         row = [top[key].sel(mesh=name).item() for key in MESHES]
         np.testing.assert_allclose(cells(done.output, name), row, rtol=1e-5, atol=1e-9)
-
-
-def test_an_orbit_of_a_train_is_found(run, tmp_path):
-    section = {"kind": "planetary", "planetary": {"stiffness_ratio": [0.9, 0.9]}}
-    (tmp_path / "train.yaml").write_text(yaml.safe_dump(mapping(section)), encoding="utf-8")
-    done = run("orbit", "--config", "train.yaml", "--model", "train", "--tuning", "1.5")
-    assert done.exit_code == 0, done.output
-    size = gearlib.planetary().size
-    assert "orbit of period 1" in done.output and f"\n{size - 1} " in done.output
 
 
 def test_what_a_train_is_without_a_run(run, reducer):

@@ -3,7 +3,6 @@
 import math
 import re
 from decimal import Decimal
-from pathlib import Path
 
 import numpy as np
 import pint
@@ -19,21 +18,10 @@ from gearlib.integrators import METHODS
 from gearlib.removed import REMOVED
 from tests.paper import CONFIG
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def changed(**sections):
     """Return the checked configuration of the project with other keys."""
     return load(overlay(CONFIG, sections))
-
-
-def test_the_paper_is_configured():
-    config = load(CONFIG)
-    assert (config.periods, config.record_periods) == (120, 24)
-    assert len(config.resonance.windows("cold")) == 1
-    pair = GearPair(**config.pair_parameters("k1+k1m"))
-    assert pair.static_deflection == pytest.approx(10e-6, rel=1e-6)
-    assert pair.backlash_ratio == pytest.approx(4.0, rel=1e-6)
 
 
 def test_numbers_texts_and_truths():
@@ -74,11 +62,6 @@ def test_numbers_texts_and_truths():
 )
 def test_a_text_is_the_number_that_it_says(text, unit, value):
     assert units.read(text, unit) == value
-
-
-def test_speeds_in_angles():
-    for text, speed in (("100 rad/s", 3000.0 / math.pi), ("6 deg/s", 1.0)):
-        assert units.read(text, "rpm") == pytest.approx(speed, rel=1e-15)
 
 
 def test_units_of_drawings_are_those_of_pint():
@@ -148,12 +131,6 @@ def refusals(settings, read=load):
     with pytest.raises(ConfigError) as refusal:
         read(settings)
     return str(refusal.value).splitlines()
-
-
-def test_refused_gears_alone_are_complained_about():
-    grid = {"start": "2000 rpm", "stop": "5000 rpm", "step": "20 rpm"}
-    found = refusals(overlay(CONFIG, {"gear_pair": {"load": -1}, "labels": grid}))
-    assert found[0].startswith("gear_pair.load = -1") and "labels" not in str(found)
 
 
 def test_each_case_lays_its_keys_over_the_others():

@@ -3,7 +3,7 @@
 import pytest
 
 from gearlib import GearPair, SixDegreePair
-from gearlib.config import load, schema
+from gearlib.config import load
 from gearlib.config.gears_section import TWENTY
 from tests.paper import CONFIG
 
@@ -61,11 +61,6 @@ def test_the_configuration_of_the_project_shows_the_defaults():
     assert sorted(ours) == sorted(theirs)
 
 
-def test_only_the_gears_are_required():
-    assert schema()["required"] == ["dampings"]
-    assert schema()["oneOf"] == [{"required": ["gear_pair"]}, {"required": ["gears"]}]
-
-
 @pytest.mark.parametrize("backlash", [0.0, 60e-6, float("inf")])
 @pytest.mark.parametrize(
     "dampings",
@@ -101,11 +96,6 @@ def test_default_bodies_have_the_reduced_mass_of_the_pair():
     rotations = zip(bodies.base_radii, bodies.inertias, strict=True)
     compliance = sum(r * r / j for r, j in rotations) + sum(1.0 / m for m in bodies.masses)
     assert 1.0 / compliance == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
-
-
-def test_a_configuration_written_out_is_the_same():
-    config = load({"gear_pair": GEARS, "dampings": {"a": coefficients(1.0, 0.0)}})
-    assert load(config.model_dump()) == config
 
 
 def test_the_default_resonance_of_drawn_gears_holds_their_speed():

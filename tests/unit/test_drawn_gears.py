@@ -1,7 +1,6 @@
 """Gears by their drawing in the configuration: what is derived, what is refused."""
 
 import copy
-import json
 import math
 import subprocess
 import sys
@@ -153,12 +152,6 @@ def test_other_units_rerun_nothing():
     assert repr(again.model_dump()) == repr(settings.model_dump())
 
 
-def test_a_derived_configuration_written_out_is_the_same():
-    settings = load(FZG)
-    assert load(settings.model_dump()).model_dump() == settings.model_dump()
-    assert load(json.loads(json.dumps(settings.model_dump()))).gear_pair == settings.gear_pair
-
-
 def test_dampings_by_ratio_decrement_and_coefficient():
     decrement = 2.0 * math.pi * 0.06 / math.sqrt(1.0 - 0.06**2)
     dampings = {
@@ -184,13 +177,6 @@ def test_dampings_by_ratio_decrement_and_coefficient():
     assert settings.damped_parameters(settings.bifurcation.damping) == expected
     for section in (settings.basins, settings.poincare):
         assert settings.global_parameters(section.cases[0]) == expected
-
-
-def test_speeds_count_with_the_drawn_pair():
-    settings = load(FZG | {"phase_planes": {"tunings": ["2170 rpm"]}})
-    (found,) = settings.phase_planes.tunings
-    pair = GearPair(**settings.pair_parameters("k"))
-    assert found == pytest.approx(pair.tuning_at(2170.0), rel=1e-12)
 
 
 def test_a_configuration_laid_over_another_one():

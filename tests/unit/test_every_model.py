@@ -46,7 +46,6 @@ from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
-from tests.properties.changes import as_oscillator
 from tests.properties.known_models import gears
 
 
@@ -228,13 +227,6 @@ def test_it_works_or_says_why_not(call, model):
         assert not [text for text in texts if MESH.search(text)]
 
 
-@pytest.mark.parametrize("call", sorted(BRANCHES))
-@pytest.mark.parametrize("model", ["oscillator", "number"])
-def test_branches_are_those_of_gears(call, model):
-    with pytest.raises(ValueError, match="pair = .* is not allowed: it must be a GearPair"):
-        CALLS[call](MODELS[model])
-
-
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])
 def test_a_model_has_what_the_protocol_says(name):
     model = MODELS[name]
@@ -306,31 +298,6 @@ def test_a_new_model_moves_as_its_equation_says():
     np.testing.assert_array_equal(orbits[0].multipliers, orbits[1].multipliers)
     with pytest.raises(ValueError, match="method = 'rk4' is not allowed for this Stop"):
         simulate(new, NU, periods=1, method="rk4")
-
-
-def test_an_oscillator_without_damping_has_no_basins():
-    free = MODELS["oscillator"].replace(damping=0.0, lower_edge=-math.inf, lower_damping=0.3)
-    with pytest.raises(ValueError, match="without any damping"):
-        basins(free, NU, ([0.0], [0.0]))
-    found = basins(free.replace(upper_damping=0.1), NU, ([0.0], [0.0]), periods=60)
-    assert int(found.attractor_kind[0]) == 0
-
-
-def test_basins_of_a_gear_pair_and_of_its_oscillator_are_the_same():
-    # Two attractors at 0.75, of which each motion chooses one.
-    pair = GearPair.from_ratios(
-        contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash=4.0
-    )
-    twin = as_oscillator(pair)
-    grid = (-3.0, 3.0, 9), (-3.0, 3.0, 9)
-    one, other = basins(pair, 0.75, grid, periods=200), basins(twin, 0.75, grid, periods=200)
-    assert one.sizes["attractor"] > 1
-    np.testing.assert_array_equal(other.basin, one.basin)
-    for name in ("period", "attractor_kind"):
-        np.testing.assert_array_equal(other[name], one[name])
-    for name in ("displacement_max", "displacement_min", "multiplier_real", "state"):
-        # Two codes, both to rounding, over orbits found to 1e-12.
-        np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize("name", ["gear pair", "one degree", "six degrees", "run-out", "train"])

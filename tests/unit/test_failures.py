@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, integrators
-from gearlib.analysis.tongues import meissner
 from gearlib.data import gathering, status, storage
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
@@ -92,11 +91,6 @@ def test_each_rule_on_constructed_outcomes(quantity, changes, expected, referenc
         assert off == pytest.approx(max(x, 2.0 * v) / height)
 
 
-@pytest.mark.parametrize("quantity", difficult_problems.QUANTITIES)
-def test_the_reference_itself_is_right(quantity):
-    assert verdict(quantity, AWAY, orbit=(0.0, 0.0)) == ("right", 0.0)
-
-
 def test_how_far_off_deviations_and_runs_without_an_end_are():
     assert verdict("deviation", BESIDE, orbit=(1.0, 0.0), state=(1.002, 0.0))[1] == (
         pytest.approx(1.0)
@@ -151,35 +145,6 @@ def test_the_judge_is_never_the_method_itself():
     assert failures.reference_method(known["stiff_bearings"], "scipy") == ("exact", {})
 
 
-def test_interpreted_solvers_run_the_brief_periods_of_long_problems():
-    question = difficult_problems.problems()["conservative"]._replace(periods=40, brief_periods=3)
-    assert failures.try_method(question, "scipy", {})["periods"] == 3
-    assert failures.try_method(question, "rk4", {})["periods"] == 40
-
-
-def test_a_wrong_option_is_an_error_and_not_a_refusal():
-    with pytest.raises(ValueError, match="steps_per_period"):
-        failures.try_method(
-            difficult_problems.problems()["rest_near"], "rk4", {"steps_per_period": 0}
-        )
-
-
-def test_problems_say_what_is_compared():
-    for key, question in difficult_problems.problems().items():
-        assert question.quantity in difficult_problems.QUANTITIES, key
-        assert question.words and question.tolerance >= 0.0
-        assert (question.quantity == "deviation") == bool(question.orbit)
-        assert (question.record_periods or 0) <= question.periods
-
-
-@pytest.mark.parametrize("tuning", [0.66, 0.9, 2.0])
-def test_the_orbit_without_loss_repeats(tuning):
-    matrix, shift = meissner.period_map(PAIR, tuning)
-    state = meissner.orbit(PAIR, tuning)
-    np.testing.assert_allclose(matrix @ state + shift, state, rtol=0, atol=1e-13)
-    assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-12)
-
-
 CHOSEN = ["graze_past_6", "rest_near", "stiff_bearings", "conservative"]
 
 
@@ -215,14 +180,3 @@ def test_the_matrix_has_units_flags_and_both_columns(columns, tmp_path):
     assert matrix.words.dims == ("problem",) and matrix.options.dims == ("trial",)
     storage.write(matrix, tmp_path / "matrix.nc")
     assert storage.read(tmp_path / "matrix.nc").equals(matrix)
-
-
-def test_one_column_alone_is_a_matrix(columns):
-    matrix = gathering.gather_failures(columns[:1])
-    assert matrix.words.dims == ("problem",) and matrix.error.dims == ("problem", "trial")
-
-
-def test_columns_of_other_problems_are_refused(columns):
-    other = column(CHOSEN[:2], "rk4", "rk4", {})
-    with pytest.raises(ValueError):
-        gathering.gather_failures([columns[0], other])

@@ -54,11 +54,6 @@ def verdicts_on_methods():
     return matrix
 
 
-def words_of(axes):
-    texts = [axes.get_title(), axes.get_title(loc="left"), *(t.get_text() for t in axes.texts)]
-    return " ".join(texts).strip()
-
-
 def gone(data, *names):
     """Return data of which variables have no numbers."""
     return data.assign({name: data[name] * np.nan for name in names})
@@ -90,12 +85,6 @@ ODD = {
 def test_limits_are_numbers(case):
     for axes in ODD[case]().axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
-
-
-def test_a_run_without_a_result_says_so():
-    data = planes()
-    data.displacement[0, 0] = np.nan
-    assert words_of(phase_planes_figure.draw(data).axes[0]).endswith("no result")
 
 
 def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():

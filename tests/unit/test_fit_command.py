@@ -116,15 +116,6 @@ KNOWN = SAID["known"]
 TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
 
 
-def test_unsorted_times_are_sorted_and_that_is_said(run):
-    write(np.r_[TABLE[5000:], TABLE[:5000]])
-    done = run()
-    assert done.exit_code == 0 and "repairs: samples sorted by time" in done.output
-    values = next(one for one in done.output.splitlines() if "reduced_mass:" in one)
-    write(TABLE)
-    assert values in run().output
-
-
 def test_the_command_says_how_many_revolutions_are_left_out(run):
     write(TABLE[(TABLE[:, 0] < 0.25) | (TABLE[:, 0] > 0.27)])
     done = run()
@@ -204,10 +195,3 @@ def test_what_is_not_in_order_is_refused_in_a_sentence(run, rows, changes, optio
     told = " ".join(done.output.partition("Error: ")[2].split())
     assert says in told and "Traceback" not in told, told
     assert not isinstance(done.exception, ValueError)
-
-
-def test_no_file_no_data(run, tmp_path):
-    (tmp_path / "rig.csv").write_bytes(b"")
-    assert "a file with rows: it is empty" in run().output
-    (tmp_path / "rig.yaml").unlink()
-    assert "path = 'rig.yaml' is not allowed: it must be a YAML file" in run().output

@@ -78,35 +78,6 @@ def test_every_window_finds_its_place(windows):
         np.testing.assert_array_equal(found[name], cold[name])
 
 
-def test_the_order_of_windows_does_not_matter(windows):
-    swapped = [windows[1], windows[0], *windows[2:]]
-    assert gather_resonance(swapped).identical(gather_resonance(windows))
-
-
-def test_scales_stay_as_they_are(windows, planes):
-    for whole in (gather_resonance(windows), gather_phase_planes(planes)):
-        assert whole.static_deflection.dims == ()
-        assert whole.mesh_frequency.dims == ("tuning",)
-        assert whole.status.dims[0] == "damping"
-
-
-def test_phase_planes_keep_their_course_from_the_start_of_the_record(planes):
-    whole = gather_phase_planes(planes)
-    assert whole.displacement.dims == ("damping", "tuning", "phase")
-    assert whole.displacement_max.dims == ("damping", "tuning")
-    np.testing.assert_allclose(whole.phase, np.arange(16) * np.pi / 4, atol=1e-12)
-    assert "event_phase" not in whole and "stiffness" not in whole
-    one = plane("k1", 0.8)
-    found = whole.sel(damping="k1", tuning=0.8)
-    np.testing.assert_array_equal(found.velocity, one.velocity)
-    assert found.status.flag_meanings == one.status.flag_meanings
-
-
-def test_one_shard_is_enough(windows, planes):
-    assert gather_resonance([windows[2]]).sizes["tuning"] == len(TUNINGS)
-    assert gather_phase_planes([planes[0]]).sizes["damping"] == 1
-
-
 def test_a_downward_sweep_may_go_on_below_the_others(windows):
     found = gather_resonance([*windows[:3], window("k1", "down", [0.3, *TUNINGS])])
     assert found.tuning.size == len(TUNINGS) + 1 and found.speed.notnull().all()

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from gearlib.cli import main
 from gearlib.config import ConfigError, gear_names, load, overlay, overlay_gears
 from gearlib.config.targets import TRAIN_TARGETS
-from tests.workflow.project import ROOT
+from tests.paper import CONFIG
 
 OWN = yaml.safe_load("""
 gears:
@@ -32,10 +32,13 @@ train:
 """)
 
 
-def test_a_helical_pair_is_no_spur_pair_of_the_same_teeth():
-    helical = load(overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}}))
-    assert gear_names.of_pair(load(OWN)) == NAME
-    assert gear_names.of_pair(helical) == f"{NAME}, β 15°"
+def relieved(**more):
+    """Return the configuration with 8 um of tip relief at both gears."""
+    settings = json.loads(json.dumps(OWN))
+    settings["gears"] |= more
+    for gear in ("pinion", "wheel"):
+        settings["gears"][gear]["tip_relief"] = {"amount": "8 um", "length": "2 mm"}
+    return settings
 
 
 @pytest.mark.parametrize(
@@ -50,79 +53,63 @@ def test_a_helical_pair_is_no_spur_pair_of_the_same_teeth():
         ("train_sweep", {}, "train.split_power_reducer.teeth is missing"),
     ],
 )
-def test_targets_that_cannot_take_them_are_refused(target, change, words):
+def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words):
     gears = OWN["gears"] | {"pinion": OWN["gears"]["pinion"] | change}
-    with pytest.raises(ConfigError) as refused:
+    with pytest.raises(ConfigError) as refusal:
         load(OWN | {"gears": gears, "targets": [target]})
-    assert str(refused.value).startswith(words) and "\n" not in str(refused.value)
-    assert target in str(refused.value)
+    assert str(refusal.value).startswith(words) and target in str(refusal.value)
     # Asked for nothing in particular, these are left out.
     assert target not in load(OWN | {"gears": gears}).wanted()
 
 
-def test_trains_take_own_teeth_or_are_left_out():
-    paper = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-    assert load(overlay_gears(overlay(paper, PLANETS), PLANETS)).wanted() == [*TRAIN_TARGETS]
+def test_drawn_trains_are_wanted_alone_or_beside_a_pair():
+    assert load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS)).wanted() == [*TRAIN_TARGETS]
     both = PLANETS | {"gear_pair": {"load": 1e3}}
-    c = load(overlay_gears(overlay(paper, both), both))
-    assert {*TRAIN_TARGETS, "resonance"} <= {*c.wanted()}
-    assert "reducer" not in c.wanted()
-    assert gear_names.of_train(c) == "planetary set z 27/36/99, m 2 mm"
+    wanted = load(overlay_gears(overlay(CONFIG, both), both)).wanted()
+    assert {*TRAIN_TARGETS, "resonance"} <= {*wanted} and "reducer" not in wanted
     # Chosen by name it is refused.
-    (words,) = load(paper | PLANETS | {"targets": ["reducer", "campbell"]}).refusals()
+    (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).refusals()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
 
-    teeth = {"reducer": {"teeth": [23, 61, 23, 61]}}
-    reducer = gear_names.of_reducer(load(OWN | teeth | {"targets": ["reducer"]}))
-    assert reducer == f"reducer z 23/61/23/61, every mesh: {NAME}"
-    idler = {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}
-    planetary = {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}
-    for train, words in [
-        (idler, f"idler train z 23/61/40, both meshes: {NAME}"),
-        (planetary, "user-defined planetary set"),
-    ]:
-        c = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
-        assert gear_names.of_train(c) == words
+
+def test_names_of_gears_say_what_was_drawn():
+    helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
+    for settings, name in (
+        (OWN, NAME),
+        (helical, f"{NAME}, β 15°"),
+        (relieved(), f"{NAME}, tip relief"),
+    ):
+        assert gear_names.of_pair(load(settings)) == name
+    reducer = load(OWN | {"reducer": {"teeth": [23, 61, 23, 61]}, "targets": ["reducer"]})
+    assert gear_names.of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
+    for train, name in (
+        (PLANETS["train"], "planetary set z 27/36/99, m 2 mm"),
+        (
+            {"kind": "idler", "idler": {"teeth": [23, 61, 40]}},
+            f"idler train z 23/61/40, both meshes: {NAME}",
+        ),
+        (
+            {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}},
+            "user-defined planetary set",
+        ),
+    ):
+        settings = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
+        assert gear_names.of_train(settings) == name
 
 
 @pytest.mark.parametrize(
-    ("command", "mapping", "first"),
+    ("command", "settings", "first"),
     [
-        ("modes", PLANETS, "planetary set z 27/36/99, m 2 mm"),
         ("campbell", PLANETS, "planetary set z 27/36/99, m 2 mm"),
         ("static", {"train": {"kind": "planetary"}}, "Lin and Parker's planetary set"),
         ("phasing", OWN | {"train": {}}, f"paper's reducer (Fig. 1 a), every mesh: {NAME}"),
         ("gears", OWN, NAME),
     ],
 )
-def test_commands_say_first_whose_gears_they_are_about(tmp_path, command, mapping, first):
+def test_commands_say_first_whose_gears_they_are_about(tmp_path, command, settings, first):
     path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump(mapping), encoding="utf-8")
-    done = CliRunner().invoke(main, [command, "--config", str(path)])
-    assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[0] == first
-    if mapping is PLANETS:
-        done = CliRunner().invoke(main, ["simulate", "--config", str(path), "--tuning", "1"])
-        assert done.exit_code == 2 and "gears is missing" in done.output
-
-
-def test_other_numbers_are_not_the_papers_pair():
-    assert gear_names.of_numbers(gear_names.PAPER) == "paper's pair"
-    assert "4.1e+08" in gear_names.of_numbers(gear_names.PAPER | {"max_stiffness": 4.1e8})
-
-
-def relieved(**more):
-    """Return the configuration with 8 um of tip relief at both gears."""
-    own = json.loads(json.dumps(OWN))
-    own["gears"] |= more
-    for gear in ("pinion", "wheel"):
-        own["gears"][gear]["tip_relief"] = {"amount": "8 um", "length": "2 mm"}
-    return own
-
-
-def test_targets_take_the_rectangle_of_relieved_gears_and_say_so():
-    c, bare = load(relieved()), load(OWN)
-    assert set(c.wanted()) == set(bare.wanted()) >= {"resonance", "basins", "tolerances"}
-    assert c.pair_parameters("light") == bare.pair_parameters("light")
-    assert gear_names.of_pair(c) == f"{NAME}, tip relief"
+    path.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    result = CliRunner().invoke(main, [command, "--config", str(path)])
+    assert result.exit_code == 0, result.output
+    assert result.output.splitlines()[0] == first

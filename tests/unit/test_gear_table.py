@@ -3,8 +3,6 @@
 import csv
 import io
 import json
-import subprocess
-import sys
 
 import pytest
 import yaml
@@ -12,9 +10,9 @@ from click.testing import CliRunner
 
 from gearlib import GearPair
 from gearlib.cli import main
-from gearlib.geometry import Mesh, SpurGear, iso_stiffness
+from gearlib.geometry import Mesh, iso_stiffness
 from gearlib.studies import gear_table
-from tests.geometry.drawings import fzg_c, iso_example, ring
+from tests.geometry.drawings import fzg_c, iso_example
 from tests.unit.test_drawn_gears import FZG
 
 ISO_EXAMPLE = [
@@ -56,12 +54,6 @@ def test_published_numbers_stand_in_the_table():
         assert found["resonance_speed"][method] == pair.speed(1.0)
 
 
-def test_a_body_that_the_energy_method_does_not_take():
-    gear = SpurGear(teeth=20, module=0.01, width=0.03, bore=0.15)
-    rows = gear_table.compute(Mesh(gear, gear), torque=100.0)
-    assert list(rows[-1].values) == ["iso"]
-
-
 def test_the_command_prints_the_table_of_a_configuration(run):
     done = run("--config", "fzg.yaml", "--format", "json")
     assert done.exit_code == 0, done.output
@@ -90,15 +82,6 @@ def test_options_alone_draw_gears(run):
     assert found["overlap_ratio", "mesh"] == iso_example().overlap_ratio
 
 
-def test_options_draw_a_ring_gear(run):
-    own = ["--teeth", "36", "99", "--module", "4 mm", "--width", "30 mm", "--torque", "100"]
-    done = run(*own, "--outer-diameter", "440 mm", "--internal", "--format", "json")
-    assert done.exit_code == 0, done.output
-    found = values(json.loads(done.output))["mean_stiffness"]["iso"]
-    pair = GearPair.from_geometry(ring(), torque=100.0)
-    assert found == pytest.approx(pair.mean_stiffness, rel=1e-12)
-
-
 def test_the_dampings_of_another_pair_count_by_name_only(run, tmp_path):
     dampings = {"k1": {"material_damping": 4e3, "backlash_damping": 0.0}}
     (tmp_path / "config.yaml").write_text(yaml.safe_dump({"dampings": dampings}), encoding="utf-8")
@@ -124,16 +107,3 @@ def test_wrong_input_ends_with_code_2(run, tmp_path, arguments, fault):
     done = run(*arguments)
     assert done.exit_code == 2
     assert fault in done.output
-
-
-def test_a_table_without_a_speed_loads_no_kernels():
-    # Half of its second; with a speed the motion is followed.
-    code = "import sys; from gearlib.cli import main; main(sys.argv[1:], standalone_mode=False); "
-    code += "print(sorted({'numba', 'scipy', 'xarray'} & set(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "gears", *ISO_EXAMPLE],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "resonance_speed" in done.stdout and done.stdout.endswith("[]\n")

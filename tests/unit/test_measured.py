@@ -3,10 +3,8 @@
 All sets here are synthetic: written by the tests, measured by nobody.
 """
 
-import hashlib
 import json
 import math
-import os
 import re
 from pathlib import Path
 
@@ -166,12 +164,6 @@ def test_other_ways_to_write_a_table(tmp_path):
     assert read_measured(path).displacement.values[0] == float(digits)
 
 
-def test_speeds_alone_are_a_set(tmp_path):
-    only = {"data": None, "channels": None, "speeds": {"jump_up": {"value": "3000 rpm"}}}
-    found = read_measured(rig(tmp_path, None, **only))
-    assert (float(found.jump_up), found.jump_up.noise_std) == (3000.0, 0.0)
-
-
 DIRECTION = {"channels": CHANNELS | {"other": {"observableId": "direction", "unit": "1"}}}
 #: How the sentence goes -> table, changes.
 REFUSED = {
@@ -266,11 +258,6 @@ def test_a_description_that_is_none(tmp_path, content, words):
         read_measured(path)
 
 
-def test_what_belongs_to_a_checksum_is_read(tmp_path):
-    digest = hashlib.sha256(TABLE.encode()).hexdigest()
-    assert read_measured(rig(tmp_path, sha256=digest)).sizes["sample"] == 3
-
-
 TIME = np.arange(50) * 1e-3
 SIGNALS = {"x": np.sin(90.0 * TIME), "F": 2.0 + np.cos(70.0 * TIME)}
 
@@ -319,14 +306,3 @@ def test_sets_on_the_page_are_sets():
         "run.csv", "orders.csv"
     ]  # fmt: skip
     assert set(re.findall(r"`(\w+)`", page)) >= set(Channel.model_fields)
-
-
-def test_many_rows(tmp_path):
-    # GEARLIB_ROWS=10000000: 5 s and 1.2 GB.
-    count = int(os.environ.get("GEARLIB_ROWS", 20_000))
-    with open(tmp_path / "rig.csv", "w") as file:
-        file.write("t,x,F\n")
-        file.writelines(f"{i},{i % 7 - 3},1\n" for i in range(count))
-    found = read_measured(rig(tmp_path, None))
-    assert found.sizes["sample"] == count
-    assert found.displacement.values == pytest.approx(1e-6 * (np.arange(count) % 7 - 3), rel=1e-14)

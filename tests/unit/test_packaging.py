@@ -1,10 +1,9 @@
-"""Files that repeat pyproject.toml: conda environments, pins, citation, hooks."""
+"""Files that repeat others: conda environments, pins, citation, the page of the architecture."""
 
 import re
 import tomllib
 from pathlib import Path
 
-import pytest
 import yaml
 
 from gearlib import __version__
@@ -22,8 +21,8 @@ def load(path):
 
 def bounds(requirements):
     """Return name -> lower bound of requirements such as "numpy>=2.1" or "numpy >=2.1"."""
-    found = [re.match(r"([\w.-]+)\s*(?:>=([\d.]+))?", text).groups() for text in requirements]
-    return {name.lower(): bound for name, bound in found}
+    pairs = [re.match(r"([\w.-]+)\s*(?:>=([\d.]+))?", text).groups() for text in requirements]
+    return {name.lower(): bound for name, bound in pairs}
 
 
 def expected(*extras):
@@ -34,9 +33,9 @@ def expected(*extras):
 
 
 def test_the_conda_environment_has_what_pip_installs():
-    found = bounds(load("environment.yml")["dependencies"])
-    assert found.pop("pip") is None
-    assert found == expected("workflow", "explore", "proof")
+    packages = bounds(load("environment.yml")["dependencies"])
+    assert packages.pop("pip") is None
+    assert packages == expected("workflow", "explore", "proof")
 
 
 def test_the_environment_of_the_jobs_is_part_of_it():
@@ -48,28 +47,14 @@ def test_the_environment_of_the_jobs_is_part_of_it():
 def test_everything_that_is_asked_for_is_pinned():
     text = (ROOT / "requirements/constraints.txt").read_text(encoding="utf-8")
     pinned = set(re.findall(r"^([\w.-]+)==", text.lower().replace("_", "-"), re.M))
-    asked = bounds([*PROJECT["dependencies"], *(row for rows in EXTRAS.values() for row in rows)])
-    assert {name.replace("_", "-") for name in asked} - pinned - {"gearlib"} == set()
+    required = bounds(
+        [*PROJECT["dependencies"], *(row for rows in EXTRAS.values() for row in rows)]
+    )
+    assert {name.replace("_", "-") for name in required} - pinned - {"gearlib"} == set()
 
 
 def test_the_citation_has_the_version():
     assert load("CITATION.cff")["version"] == __version__
-
-
-def test_hooks_run_what_make_lint_runs():
-    (group,) = load(".pre-commit-config.yaml")["repos"]
-    recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.M)[1]
-    tools = set(re.findall(r"\$\(BIN\)/(ruff \w+|[\w-]+)", recipe))
-    hooks = {re.match(r"\.venv/bin/(ruff \w+|[\w-]+)", h["entry"])[1] for h in group["hooks"]}
-    assert hooks == tools
-
-
-@pytest.mark.parametrize("path", [".snakemake-workflow-catalog.yml", "config/README.md"])
-def test_files_of_the_workflow_catalog(path):
-    assert (ROOT / path).stat().st_size > 0 and (ROOT / "workflow/Snakefile").exists()
-    if path.endswith(".yml"):
-        usage = load(path)["usage"]
-        assert usage["software-stack-deployment"]["conda"] and usage["report"]
 
 
 def test_every_folder_of_tests_is_run():
@@ -77,3 +62,10 @@ def test_every_folder_of_tests_is_run():
     run = settings["tool"]["pytest"]["ini_options"]["testpaths"]
     paths = (ROOT / "tests").rglob("test_*.py")
     assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(run)
+
+
+def test_every_file_on_the_page_of_the_architecture_is_there():
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    names = {name for name in re.findall(r"`([\w./-]+/[\w./-]+)`", page) if "results/" not in name}
+    assert len(names) > 15
+    assert [name for name in sorted(names) if not (ROOT / name).exists()] == []

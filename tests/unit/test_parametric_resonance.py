@@ -1,12 +1,10 @@
-"""Parametric resonance: the chart, the table on a tuning, and what is drawn of them."""
+"""Parametric resonance: where contact is lost and why, and the table on a tuning."""
 
 import numpy as np
 import pytest
 
 from gearlib import GearPair, sweep
 from gearlib.analysis.tongues import meissner
-from gearlib.data.storage import read, write
-from gearlib.figures import parametric_resonance_figure as picture
 from gearlib.studies import stability
 from tests.paper import PARAMETERS
 from tests.references import map_of_contact
@@ -14,7 +12,6 @@ from tests.tables import read_back
 
 PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
 RUN = {"periods": 120, "initial_state": [0.0, 0.0]}
-SETTINGS = {"damping_ratios": [0.0, 0.03], "least_stiffness_ratio": 0.3, "values": 9}
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +41,8 @@ def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
     pair = GearPair(**PARAMETERS)
     assert abs(stability.orbit_min(pair, touch)) < 1e-10
     for tuning, cause in ((touch, stability.NONE), (touch + 1e-5, stability.FORCED)):
-        found = stability.contact_loss({"conservative": PARAMETERS}, tuning, 0.6, 1.1, RUN)
-        assert found.cause == cause
+        loss = stability.contact_loss({"conservative": PARAMETERS}, tuning, 0.6, 1.1, RUN)
+        assert loss.cause == cause
 
 
 @pytest.mark.parametrize(
@@ -56,10 +53,9 @@ def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
         (0.82, ["forced response", "forced response"]),
     ],
 )
-def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, causes):
-    if tuning != 0.66:
-        facts = stability.contact_loss(PAIRS, tuning, 0.6, 1.1, RUN)
-    damped, free = read_back(stability.rows(facts), tmp_path)
+def test_the_table_has_cause_tongue_and_growth(tmp_path, tuning, causes):
+    losses = stability.contact_loss(PAIRS, tuning, 0.6, 1.1, RUN)
+    damped, free = read_back(stability.rows(losses), tmp_path)
     assert [row["damping"] for row in (damped, free)] == list(PAIRS)
     assert [row["cause"] for row in (damped, free)] == causes
     assert {float(row["tuning"]) for row in (damped, free)} == {tuning}
@@ -71,39 +67,9 @@ def test_what_happens_at_a_tuning_stands_in_a_table(facts, tmp_path, tuning, cau
     assert (damped["tuning_from"] == "") == (damped["order"] == "3")
     if damped["tuning_from"] == "":
         assert float(damped["damping_ratio"]) > float(damped["closing_damping"])
-    assert float(free["growth_percent"]) == pytest.approx(growth_percent(pair, tuning), abs=1e-7)
-    assert (free["lost"] == "yes") == (tuning != 0.64)
-    # The scan from 0.82 on ends before contact comes back.
-    assert (free["loss_from"] != "") == (tuning != 0.64) and (free["loss_to"] != "") == (
-        tuning == 0.66
-    )
-
-
-def growth_percent(pair, tuning):
-    """Return by how much undamped deviations grow per mesh period."""
     matrix = map_of_contact(pair.contact_ratio, pair.stiffness_ratio, 0, tuning)
-    found = np.linalg.eigvals(np.array(matrix.tolist(), float))
-    return 100.0 * (np.abs(found).max() - 1.0)
-
-
-def test_damping_narrows_every_tongue_of_the_chart():
-    data = stability.chart(PARAMETERS, np.linspace(0.6, 2.4, 19), SETTINGS)
-    width = data.tuning_to - data.tuning_from
-    # Circles of the stiffness ratio at this contact ratio, as of the closed form.
-    circles = zip(data.point_value.values, data.point_tuning.values, strict=True)
-    shown = [
-        point
-        for point, plane in zip(circles, data.point_plane, strict=True)
-        if plane == "stiffness_ratio"
-    ]
-    pair, orders = GearPair(**PARAMETERS), data.order.values
-    every = [meissner.coexistence(n, contact_ratio=pair.contact_ratio) for n in orders]
-    assert shown == [tuple(point) for point in np.vstack(every) if point[0] >= 0.3] != []
-    narrower = width.isel(damping=1) <= width.isel(damping=0)
-    assert (narrower | np.isnan(width.isel(damping=1))).all()
-
-
-def test_a_chart_without_tongues_is_drawn(facts, tmp_path):
-    settings = SETTINGS | {"damping_ratios": [0.3], "least_stiffness_ratio": 0.9, "values": 2}
-    write(stability.chart(PARAMETERS, [2.5, 2.6], settings), tmp_path / "chart.nc")
-    assert picture.draw(read(tmp_path / "chart.nc"), facts).axes
+    growth = np.abs(np.linalg.eigvals(np.array(matrix.tolist(), float))).max() - 1.0
+    assert float(free["growth_percent"]) == pytest.approx(100.0 * growth, abs=1e-7)
+    # The scan from 0.82 on ends before contact comes back.
+    ends = [free[key] != "" for key in ("loss_from", "loss_to")]
+    assert [free["lost"] == "yes", *ends] == [tuning != 0.64, tuning != 0.64, tuning == 0.66]

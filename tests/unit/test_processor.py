@@ -1,8 +1,6 @@
-"""Settings of one instruction set: where they apply, and that libraries take them."""
+"""Settings of one instruction set: where they apply."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
@@ -11,37 +9,20 @@ from tests.workflow.recorder import code_taken
 
 V3 = processor.LEVEL | {"fpu", "sse2"}
 
-needs_settings = pytest.mark.skipif(
-    not processor.settings(), reason="this processor has no settings"
-)
 
-
-def python(code, *options, environment):
-    """Return what a process prints, which has to be silent otherwise."""
-    done = subprocess.run(
-        [sys.executable, *options, "-c", code], env=environment, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout
-
-
-def test_processors_with_the_level_get_the_same_settings():
-    plain = processor.settings({}, V3)
-    assert plain == processor.settings({}, V3 | {"avx512f", "avx512vl"})
-    assert plain["OPENBLAS_CORETYPE"] == "Haswell"
+def test_processors_of_the_level_or_above_get_the_same_settings_and_others_none():
+    settings = processor.settings({}, V3)
+    assert settings == processor.settings({}, V3 | {"avx512f", "avx512vl"})
+    assert settings["OPENBLAS_CORETYPE"] == "Haswell"
     # As words of a shell they need no quotes.
-    assert not any(set(value) & set(" \t'\"$&;") for value in plain.values())
+    assert not any(set(value) & set(" \t'\"$&;") for value in settings.values())
+    assert not any(processor.settings({}, V3 - {flag}) for flag in processor.LEVEL)
 
 
-@pytest.mark.parametrize("lacking", sorted(processor.LEVEL))
-def test_processors_below_the_level_are_left_alone(lacking):
-    assert processor.settings({}, V3 - {lacking}) == {}
-
-
-@needs_settings
-def test_this_process_has_them():
+@pytest.mark.skipif(not processor.settings(), reason="this processor has no settings")
+def test_this_process_runs_under_the_settings():
     assert {name: os.environ.get(name) for name in processor.settings()} == processor.settings()
-    found = code_taken.taken()
+    taken = code_taken.taken()
     # Of a test process nobody sets what is read at its start; jobs have it.
-    del found["glibc"]
-    assert code_taken.others([{"rule": "tests", "processor": found}]) == []
+    del taken["glibc"]
+    assert code_taken.others([{"rule": "tests", "processor": taken}]) == []

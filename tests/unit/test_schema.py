@@ -3,33 +3,27 @@
 import copy
 import json
 import re
-import subprocess
-import sys
 
 import jsonschema
 import pytest
 import yaml
+from click.testing import CliRunner
 
-from gearlib.config import ConfigError, load
+from gearlib.cli import main
 from tests.paper import CONFIG
 from tests.workflow.project import ROOT
 
-GALLERY = yaml.safe_load((ROOT / "gallery.yaml").read_text(encoding="utf-8"))
-
 
 @pytest.fixture(scope="module")
-def printed():
-    """The schema that the command prints, as a dict."""
-    command = [sys.executable, "-m", "gearlib", "schema"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+def schema():
+    return json.loads(CliRunner().invoke(main, ["schema"]).stdout)
 
 
-def test_the_command_prints_a_valid_schema(printed):
-    jsonschema.Draft202012Validator.check_schema(printed)
-    validator = jsonschema.Draft202012Validator(printed)
-    for accepted in (CONFIG, GALLERY):
-        assert not [error.message for error in validator.iter_errors(accepted)]
+def test_the_schema_is_valid_and_accepts_the_configurations_of_the_project(schema):
+    jsonschema.Draft202012Validator.check_schema(schema)
+    gallery = yaml.safe_load((ROOT / "gallery.yaml").read_text(encoding="utf-8"))
+    for settings in (CONFIG, gallery):
+        jsonschema.Draft202012Validator(schema).validate(settings)
 
 
 @pytest.mark.parametrize(
@@ -39,20 +33,16 @@ def test_the_command_prints_a_valid_schema(printed):
         lambda settings: settings.pop("gear_pair"),
         lambda settings: settings.update(damping={}),
         lambda settings: settings["gear_pair"].update(load=-1.0),
-        lambda settings: settings["gear_pair"].update(backlash="wide"),
         lambda settings: settings["targets"].append("published"),
-        lambda settings: settings["work_precision"]["methods"].append("numbalsoda"),
     ],
 )
-def test_what_is_refused_the_schema_refuses_too(printed, change):
+def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, change):
     settings = copy.deepcopy(CONFIG)
     change(settings)
-    assert not jsonschema.Draft202012Validator(printed).is_valid(settings)
-    with pytest.raises(ConfigError):
-        load(settings)
+    assert not jsonschema.Draft202012Validator(schema).is_valid(settings)
 
 
-def test_make_writes_it_where_editors_look():
+def test_make_writes_the_schema_where_editors_look():
     target = re.search(r"^SCHEMA := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
     for name in ("config.yaml", "gallery.yaml"):
         first = (ROOT / name).read_text(encoding="utf-8").splitlines()[0]

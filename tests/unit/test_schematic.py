@@ -10,7 +10,6 @@ from matplotlib.patches import Circle
 import gearlib
 from gearlib import plot
 from gearlib.figures import schematic
-from tests.golden import data as golden
 from tests.trains import random_trains
 
 PAIR = gearlib.GearPair(
@@ -141,9 +140,3 @@ def test_meshes_show_their_contact():
         plot.schematic(PAIR)
     with pytest.raises(ValueError, match="its meshes must be those"):
         plot.schematic(TRAINS["idler"], run=run)
-
-
-def own(name, train):
-    """Return golden data of a figure with the layout of a train."""
-    data, layout = golden.read(f"{name}.nc"), train.layout()
-    return data.drop_vars({*layout.variables} & {*data.variables} - {"mesh"}).merge(layout)

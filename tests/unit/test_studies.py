@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gearlib import GearPair, OneDegreePair, simulate
-from gearlib.data import storage
-from gearlib.studies import global_picture, jump, nonlinear_damping, paper
+from gearlib import simulate
+from gearlib.studies import jump, nonlinear_damping, paper
 from tests.paper import PAPER, PARAMETERS
 from tests.tables import read_back
 
 PAIR = PAPER.replace(material_damping=3953.7)
-BOTH = PAIR.replace(backlash_damping=3953.7)
 RUN = {"periods": 120, "record_periods": 24}
 SHORT = {"periods": 40, "record_periods": 4}
 POWER = {"damping": 3953.7, "amplitude": 1.0, "tuning": 0.8, "shown": [0.82]}
-BOX = {"displacement": [-6.0, 6.0], "velocity": [-6.0, 6.0]}
 
 
 def height(nu, state=(0.0, 0.0)):
@@ -35,18 +32,6 @@ def test_both_sides_of_the_jump_from_rest():
     assert found.above - found.below > 2.0
 
 
-def test_the_scan_does_not_matter():
-    # Intervals of bisection end within their resolution, 1e-9.
-    coarse = jump.find(PAIR, np.linspace(0.79, 0.85, 7), 1e-9, **RUN)
-    fine = jump.find(PAIR, np.linspace(0.81, 0.82, 101), 1e-9, **RUN)
-    assert abs(coarse.tuning - fine.tuning) <= 2e-9
-
-
-def test_a_smooth_curve_has_no_jump():
-    found = jump.find(PAIR, np.linspace(0.70, 0.78, 5), 1e-6, **RUN)
-    assert np.isnan(found.tuning) and found.switches == 0
-
-
 def test_up_and_down_enclose_a_hysteresis():
     long = {"periods": 400, "record_periods": 4}
     scan = np.linspace(0.58, 0.84, 131)
@@ -56,28 +41,6 @@ def test_up_and_down_enclose_a_hysteresis():
     # A finer scan follows the same branches to the same ends.
     finer = jump.find(PAIR, np.linspace(0.80, 0.84, 81), 1e-6, "up", **long)
     assert finer.tuning == pytest.approx(up.tuning, abs=1e-4)
-
-
-def test_variations():
-    settings = {
-        "resolution": 1e-5,
-        "harmonics": [20],
-        "factors": [0.9],
-        "displacements": [0.1],
-        "velocities": [0.1],
-        "tolerances": [1e-3, 1e-8],
-        "starts": 4,
-        "seed": 1,
-        "spread": 0.02,
-    }
-    found = jump.compute(PAIR.as_dict(), np.linspace(0.80, 0.83, 16), settings, RUN)
-    kinds = ["base", "harmonics", "damping", "backlash", "displacement", "velocity"]
-    assert found.kind.values.tolist() == [*kinds, "tolerance", "tolerance"]
-    shift = dict(zip(found.kind.values, found["shift"].values, strict=True))
-    # No orbit of the scan reaches the far flank: its place cannot matter.
-    assert shift["base"] == shift["backlash"] == 0.0
-    assert shift["damping"] < -1e-3 and shift["displacement"] < -1e-4
-    assert abs(shift["harmonics"]) < 2e-5 and abs(shift["tolerance"]) < 1e-4
 
 
 @pytest.mark.parametrize("power", [1, 2, 3, 4])
@@ -96,15 +59,6 @@ def test_coefficients_are_of_equal_work(power):
     if power in textbook:
         found = nonlinear_damping.equivalent(1.0, power, amplitude, w)
         assert found == pytest.approx(textbook[power])
-
-
-def test_models_of_nonlinear_damping():
-    linear, k = nonlinear_damping.model(PARAMETERS, "oil", "linear", POWER)
-    assert isinstance(linear, GearPair) and linear.backlash_damping == k
-    assert k == pytest.approx(3953.7, rel=1e-15)
-    cubic, k = nonlinear_damping.model(PARAMETERS, "material", "cubic", POWER)
-    assert isinstance(cubic, OneDegreePair) and cubic.cubic_damping == k
-    assert cubic.pair.material_damping == cubic.backlash_cubic_damping == 0.0
 
 
 def test_the_study_of_nonlinear_damping(tmp_path):
@@ -141,32 +95,3 @@ def test_phase_lag_of_a_mesh_without_resonance():
         # Transfer function of the mean oscillator, beta = 0.5; the swing is 1 % of it.
         expected = 180.0 + math.degrees(math.atan2(nu, 1.0 - nu * nu))
         assert lag == pytest.approx(expected, abs=0.1)
-
-
-def test_cases_of_different_attractors_share_a_table(tmp_path):
-    found = (("three", 0.72, PAIR), ("two", 0.75, BOTH), ("one", 1.0, BOTH))
-    cases = [{"title": name, "tuning": nu, "pair": pair.as_dict()} for name, nu, pair in found]
-    data = global_picture.basin_cases(cases, BOX | {"count": 12, "periods": 200})
-    assert [int((data.share.sel(case=name) > 0).sum()) for name in data.case.values] == [3, 2, 1]
-    np.testing.assert_allclose(data.share.sum("attractor"), 1.0)
-    storage.write(data, tmp_path / "basins.nc")
-    again = storage.read(tmp_path / "basins.nc")
-    np.testing.assert_array_equal(again.basin, data.basin)
-    assert again.attractor_kind.attrs["flag_meanings"].split()[0] == "periodic"
-
-
-def test_a_bifurcation_goes_up_and_down_and_from_starts_of_its_own():
-    run = {"settle": 100, "strobes": 8, "starts": 1, "exponent_periods": 40}
-    settings = BOX | run | {"samples": 25, "periods": 200}
-    diagram, shares = global_picture.bifurcation(
-        BOTH.as_dict(), [0.6, 0.75, 0.9], [0.7, 0.8], settings
-    )
-    assert diagram.direction.values.tolist() == ["up", "down", "cold 1"]
-    np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
-
-
-def test_sections_tell_chaos_from_order():
-    case = {"phase": 0.0, "settle": 0, "pair": PAPER.as_dict()}
-    cases = [{"title": str(nu), "tuning": nu} | case for nu in (0.66, 0.8)]
-    data = global_picture.sections(cases, BOX | {"orbits": 6, "periods": 200})
-    assert 0 < int(data.chaotic.sum()) <= 12

@@ -2,54 +2,35 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from gearlib import simulate, sweep
 from gearlib.data.motions import contact_loss_fraction, description, without_growth
-from gearlib.data.variables import describe
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 
+STEEP = PAPER.replace(stiffness_ratio=0.2)
+
 
 @pytest.mark.parametrize(
-    ("period", "motion"),
+    ("period", "inverse", "bounces", "words"),
     [
-        (0, "has not settled after 2 mesh periods"),
-        (1, "repeats every mesh period"),
-        (2, "repeats every 2 mesh periods"),
-        (16, "repeats every 16 mesh periods"),
+        (0, 0.0, 0.0, "has not settled after 2 mesh periods; the flanks never part"),
+        (1, 0.0, 1.0, "repeats every mesh period; it loses contact once per mesh period"),
+        (2, 0.0, 0.5, "repeats every 2 mesh periods; it loses contact 0.5 times per mesh period"),
+        (16, 0.01, 2.0, "repeats every 16 mesh periods; it strikes both flanks"),
     ],
 )
-@pytest.mark.parametrize(
-    ("inverse", "bounces", "contact"),
-    [
-        (0.0, 0.0, "the flanks never part"),
-        (0.0, 1.0, "it loses contact once per mesh period"),
-        (0.0, 0.5, "it loses contact 0.5 times per mesh period"),
-        (0.01, 2.0, "it strikes both flanks"),
-    ],
-)
-def test_a_motion_in_words(period, motion, inverse, bounces, contact):
+def test_a_motion_in_words(period, inverse, bounces, words):
     run = simulate(PAPER, 0.7, periods=2)
     for name, value in {"period": period, "fraction_inverse": inverse, "bounces": bounces}.items():
         run[name] = run[name].copy(data=np.array(value))
-    assert description(run) == f"The motion from rest {motion}; {contact}."
+    assert description(run) == f"The motion from rest {words}."
 
 
 def test_rounding_of_times_is_no_loss_of_contact():
-    shares = np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0])
-    np.testing.assert_allclose(
-        contact_loss_fraction(shares), [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12
-    )
-    assert (contact_loss_fraction(shares)[:3] == 0.0).all()
-
-
-def test_a_variable_without_an_entry_is_named():
-    with pytest.raises(KeyError, match="displacement_extra"):
-        describe(xr.Dataset({"displacement_extra": 1.0}))
-
-
-STEEP = PAPER.replace(stiffness_ratio=0.2)
+    losses = contact_loss_fraction(np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0]))
+    np.testing.assert_allclose(losses, [0.0, 0.0, 0.0, 0.001, 1.0], rtol=1e-12)
+    assert (losses[:3] == 0.0).all()
 
 
 @pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])

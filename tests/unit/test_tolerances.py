@@ -50,25 +50,11 @@ def test_a_marginal_is_that_of_scipy(given, law):
     assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
 
 
-def test_the_nominal_value_is_that_of_the_drawing_not_the_middle_of_its_limits():
-    found, _ = drawn({"free": {"nominal": 3.0, "upper": 0.5, "lower": -1.0}})
-    assert found.centres == [3.0] and found.marginals["free"].law.mean() == 2.75
-
-
 def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares_of_it():
     given = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
     load, gap = Designs(PAIR, given).tolerances.marginals.values()
     assert load.centre == PAIR.load and math.isclose(load.law.std(), 0.05 * PAIR.load)
     assert gap.centre == 40e-6 and np.allclose(gap.limits, (36e-6, 50e-6))
-
-
-def test_a_mirrored_tolerance_gives_mirrored_values():
-    u = np.linspace(0.01, 0.99, 50)[:, None]
-    one, other = (
-        distributions.read({"free": {"nominal": 0.0, "upper": a, "lower": b}}, KNOWN).values(u)
-        for a, b in ((3.0, -1.0), (1.0, -3.0))
-    )
-    assert np.allclose(one, -other[::-1], atol=1e-14)
 
 
 def test_a_gaussian_copula_has_the_correlations_of_closed_forms():
@@ -135,11 +121,6 @@ def test_what_is_no_tolerance_is_refused_in_a_sentence(given, words):
         distributions.read(given, KNOWN)
 
 
-def test_a_distribution_may_begin_at_what_it_never_meets():
-    given = {"load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0}}
-    assert math.isclose(distributions.read(given, KNOWN).centres[0], 3300.0)
-
-
 BOTH = {"damping_ratio": {"min": 0.03, "max": 0.05}, "material_damping": {"min": 1e3, "max": 2e3}}
 LOADS = {"load": {"min": 3000.0, "max": 3100.0}}
 
@@ -158,19 +139,6 @@ LOADS = {"load": {"min": 3000.0, "max": 3100.0}}
 def test_what_gives_no_designs_is_refused_in_a_sentence(model, given, words):
     with pytest.raises(ValueError, match=words):
         Designs(model, given)
-
-
-def test_a_sample_without_a_model_is_told():
-    def model(load):
-        if load > 3070.0:
-            return None
-        return PAIR.replace(load=load / (load > 3030.0))
-
-    found = gearlib.scatter(model, LOADS, (), n=16, speeds=[2000.0], directions=["up"])
-    texts = found.refusal.values
-    assert (texts == "").any()
-    assert any("ZeroDivisionError in the function" in one for one in texts)
-    assert any("value of the function = None" in one for one in texts)
 
 
 def test_correlations_that_cannot_be_are_refused():
@@ -193,15 +161,6 @@ def test_any_range_of_points_is_that_of_the_sequence():
     for column in whole[:1024].T:
         assert np.array_equal(np.sort((column * 1024).astype(int)), np.arange(1024))
     assert not np.array_equal(Designs(PAIR, MANY, seed=4).points(0, 8), whole[:8])
-
-
-def test_names_do_not_count_and_dimensions_go_by_their_order():
-    one = {"load": MANY["load"], "backlash": MANY["backlash"]}
-    other = {"max_stiffness": MANY["load"], "backlash": MANY["backlash"]}
-    first, second = (Designs(PAIR, given) for given in (one, other))
-    points = first.points(0, 9)
-    assert np.array_equal(points, second.points(0, 9))
-    assert np.array_equal(first.values(points), second.values(points))
 
 
 def test_ratios_are_set_with_what_they_rest_on():
@@ -286,15 +245,6 @@ def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation
     assert np.allclose(found, np.array(limits) * 1e-6, rtol=1e-12)
 
 
-def test_tables_of_the_thickness_grow_evenly():
-    """Preferred numbers: a series wider, or a row larger, is never less."""
-    rows = [0.005, 0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0]
-    widths = [[np.ptp(thickness_limits(d, f"{number}h")) for number in range(21, 31)] for d in rows]
-    assert (np.diff(widths, axis=0) > 0.0).all() and (np.diff(widths, axis=1) > 0.0).all()
-    ends = [[thickness_limits(d, f"21{s}")[1] for s in ("a", "c", "f", "g", "h")] for d in rows]
-    assert (np.diff(ends, axis=1) > 0.0).all() and (np.diff(ends, axis=0) <= 0.0).all()
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -362,13 +312,6 @@ def test_a_drawing_scatters_by_its_classes():
     half = mesh.pinion.form_deviation / 2.0
     waves = [abs(model.deviation.cosines[0]) for model in models]
     assert 0.5 * half < max(waves) <= half
-
-
-@pytest.mark.parametrize("ratio", [1.0, 2.0])
-def test_pairs_of_constant_stiffness_have_peaks_or_a_code(ratio):
-    pair = PAIR.replace(contact_ratio=ratio)
-    found = gearlib.scatter(pair, {"load": {"std": "5%"}}, ("peak", "jump_up"), n=2)
-    assert (found.jump_up_status == 1).all() and (found.peak_status != -1).all()
 
 
 def test_where_nothing_else_can_be_built_all_samples_are_refused():

@@ -25,13 +25,6 @@ def read(train):
     return load(CONFIG | {"train": train})
 
 
-def test_the_default_is_the_reducer_of_the_paper():
-    settings = load({key: CONFIG[key] for key in ("gear_pair", "dampings")})
-    pair = gearlib.GearPair(**settings.pair_parameters("k1"))
-    found = described(**settings.train_parameters("k1"))
-    assert found == gearlib.split_power_reducer(pair)
-
-
 def test_all_keys_are_tried():
     def left_out(section, given):
         missing = set(section.model_fields) - set(given)

@@ -1,19 +1,50 @@
 """Numbers with and without units, as drawings and engineers have them."""
 
+from decimal import Decimal
+
+import pint
 import pytest
 
 from gearlib.config import ConfigError, load, units
 from gearlib.geometry import Mesh, SpurGear
 
 
-@pytest.mark.parametrize("text", ["85 Nm", "85Nm", "85 N·m", "85 N⋅m", "85 N*m", "85 N m"])
-def test_a_torque_as_engineers_write_it(text):
-    assert units.read(text, "N m") == 85.0
+# Equal, not close: a value spelled with a unit must rerun nothing.
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        *((text, "N m", 85.0) for text in ("85Nm", "85 N·m", "85 N⋅m", "85 N*m", "85 N m")),
+        *((text, "m", 0.0025) for text in ("2500um", "2500 µm", "2500 μm", "2.5mm", "0.25 cm")),
+        ("4e+5 N / mm", "N/m", 4e8),
+        ("400 N/um", "N/m", 4e8),
+        ("3.9537 N s/mm", "N s/m", 3953.7),
+        ("0.003123 N s^2/mm", "kg", 3.123),
+        ("978.52 kg·cm^2", "kg m^2", 0.097852),
+        ("-1 inch", "m", -0.0254),
+        *((text, "rpm", 2000.0) for text in ("2000 min^-1", "2e3rpm")),
+        *(("50 Hz", "rpm", 3000.0), ("2 turn/s", "rpm", 120.0)),
+    ],
+)
+def test_a_text_is_the_number_that_it_says(text, unit, value):
+    assert units.read(text, unit) == value
 
 
-@pytest.mark.parametrize("text", ["2500um", "2500 µm", "2500 μm", "2.5mm", "0.25 cm"])
-def test_a_length_as_engineers_write_it(text):
-    assert units.read(text, "m") == 0.0025
+def test_units_of_drawings_are_those_of_pint():
+    registry = pint.UnitRegistry(non_int_type=Decimal)
+    for (name, unit), factor in units.PLAIN.items():
+        expected = registry.Quantity(Decimal(1), name).to(unit).magnitude
+        # The last of 28 digits of pi is rounded.
+        assert abs(Decimal(factor) / expected - 1) < Decimal("1e-24"), name
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["10", "10 kg", "um", "10 foo", "1 m - 2 m", "nan m", "inf m", "10 20 m", "1 m^9^9^9", "m*"]
+    + ["__import__('os')", "1e400000 m"],
+)
+def test_texts_of_another_kind_are_refused(text):
+    with pytest.raises(ValueError, match="is not"):
+        units.read(text, "m")
 
 
 @pytest.mark.parametrize(

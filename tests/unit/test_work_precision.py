@@ -6,7 +6,7 @@ import xarray as xr
 
 from gearlib import integrators
 from gearlib.studies import jump
-from gearlib.studies.trials import fastest, problems, references
+from gearlib.studies.trials import fastest, problems
 from gearlib.studies.trials import work_precision as wp
 from tests.paper import PARAMETERS
 from tests.tables import read_back
@@ -39,32 +39,12 @@ def test_error_of_the_events():
     assert np.isnan(wp.event_error(run(), run()))
 
 
-def test_largest_multiplier():
-    assert problems.largest_multiplier(np.array([[0.0, -0.5], [0.5, 0.0]])) == pytest.approx(0.5)
-    assert np.isnan(problems.largest_multiplier(np.full((2, 2), np.nan)))
-
-
 def test_every_method_has_a_ladder_that_it_accepts():
     model = problems.build("cubic", PARAMETERS, {}, SETTINGS).model
     for method in (one for one in integrators.methods() if one.available):
         for _, _, options in wp.rungs(method.name):
             if integrators.METHODS[method.name].takes(model):
                 integrators.choose(model, method.name, options)
-
-
-def test_a_ladder_goes_from_coarse_to_fine():
-    assert {line.method for line in wp.LINES} == set(integrators.METHODS.data)
-    for line in wp.LINES:
-        if line.knob:
-            finer = line.knob in ("rtol", "tol", "tolerance")
-            assert list(line.values) == sorted(line.values, reverse=finer)
-    # Steps that end at the switches of the paper's mesh would look better than they are.
-    assert all(k * 0.2845 % 1 > 1e-6 for k in wp.LINES[2].values)
-
-
-def test_the_tolerances_of_a_pair_keep_their_ratio():
-    _, text, options = wp.rungs("rk45")[1]
-    assert text == "rtol = 0.001" and options == {"rtol": 1e-3, "atol": 1e-6}
 
 
 def test_problems():
@@ -130,19 +110,6 @@ def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
     ours, others = "no method of this library reaches it", "no solver of another package reaches it"
     assert short("1e-14") == ["", ours, "", "heyoka", "heyoka = 1"]
     assert short("1e-15") == ["", ours, "", others, ""]
-
-
-def test_own_methods_are_those_without_a_package_of_others():
-    for name, method in integrators.METHODS.items():
-        assert (name in wp.OF_LIBRARY) == (method.PACKAGE is None and name != "scipy")
-
-
-def test_a_method_that_does_not_take_a_model_has_no_numbers():
-    known = references.compute(["cubic"], PARAMETERS, {}, SETTINGS | {"periods": 1})
-    data = wp.errors("exact", known, PARAMETERS, {}, SETTINGS)
-    assert np.isnan(data.state_error).all() and np.isnan(data.period_evaluations).all()
-    # The floor of the problem is known all the same.
-    assert np.isfinite(data.state_floor).all()
 
 
 def test_switches_of_a_scan():
