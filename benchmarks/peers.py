@@ -60,7 +60,7 @@ def rows(one, six):
         reference = exact(100)
         for method in integrators.methods():
             module = integrators.METHODS[method.name]
-            if not (method.note and method.available and module.takes(model)):
+            if not (method.note and method.available and module.supports(model)):
                 continue
             run = _runner(model, method.name)
             theirs = _slope(run, 20, 220)

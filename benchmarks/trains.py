@@ -129,7 +129,7 @@ def compared(title, train, tuning, before, periods=(400, 4, 100)):
     """Return rows (name, value, unit) of one train; periods of ours, scipy's, heyoka's calls."""
     state = start(train, tuning, before)
     ways = {"exact": (None, None), "scipy DOP853 split, rtol 1e-11": SCIPY}
-    if integrators.about("heyoka").available:
+    if integrators.describe_method("heyoka").available:
         ways["heyoka with terminal events"] = ("heyoka", {})
     expected, _, bounces = run(train, tuning, state, FEW, *FINER)
     errors, calls = {}, {}

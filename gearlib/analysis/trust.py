@@ -178,7 +178,7 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
     They use another method, a finer tolerance and, for a truncated stiffness, more harmonics.
     """
-    methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].takes(model)]
+    methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
         yield f"method {methods[1]}", model, {"method": methods[1]}
     if "taylor" in methods:

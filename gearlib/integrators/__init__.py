@@ -1,4 +1,4 @@
-"""Methods of integration, which the argument ``method=`` names.
+"""Methods of integration, chosen by the argument ``method=``.
 
 A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
 another package names it as ``PACKAGE`` and imports it when it runs.
@@ -53,12 +53,12 @@ class Method(NamedTuple):
 
 
 def methods() -> list[Method]:
-    """Return the methods that ``method=`` knows, as a list of `Method`."""
-    return [about(name) for name in METHODS]
+    """Return the descriptions of all methods that ``method=`` can name."""
+    return [describe_method(name) for name in METHODS]
 
 
-def about(name: str) -> Method:
-    """Return the description of the method with a name."""
+def describe_method(name: str) -> Method:
+    """Return the description of the method that is called `name`."""
     method = METHODS[name]
     options = {
         option_name: (option.default, option.meaning)
@@ -72,13 +72,13 @@ def about(name: str) -> Method:
 
 def _methods_for(model) -> list[str]:
     """Return the names of the methods that can run a model."""
-    return [name for name, method in METHODS.items() if method.takes(model)]
+    return [name for name, method in METHODS.items() if method.supports(model)]
 
 
 def refusal(model, name: str) -> str:
-    """Return the reason why the method with a name cannot run a model, empty if it can."""
+    """Return the reason why the method called `name` cannot run a model, empty if it can."""
     method, model_class = METHODS[name], type(model).__name__
-    if method.takes(model):
+    if method.supports(model):
         return ""
     return f"method = {name!r} is not allowed for this {model_class}: it takes {method.MODELS}"
 
@@ -86,9 +86,9 @@ def refusal(model, name: str) -> str:
 def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
     """Return the name, the `Integrator` and all options of the method that runs a model.
 
-    Without a name "exact" is chosen if it can run the model, else "taylor". Options that are not
-    given take their defaults. ValueError is raised if the method is unknown or cannot run the model
-    or if an option is wrong, `MissingPackage` if the package of the method is not installed.
+    If `name` is None, "exact" is chosen if it can run the model, else "taylor". Missing options
+    take their defaults. Raises ValueError if the method is unknown or cannot run the model or if an
+    option is invalid, `MissingPackage` if the package of the method is not installed.
     """
     if not is_model(model):
         raise ValueError(
@@ -96,26 +96,27 @@ def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
             "or DeadZoneOscillator"
         )
     if name is None:
-        name = next((name for name in AUTOMATIC if METHODS[name].takes(model)), None)
+        name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
     if name in REMOVED:
         raise ValueError(sentence(name))
     checks.one_of("method", name, tuple(METHODS))
-    # Only now the other methods are looked at: their modules take time to load.
+    # The other methods are checked only now, because their modules take time to load.
     reason = refusal(model, name)
     if reason:
         names = ", ".join(map(repr, _methods_for(model)))
         raise ValueError(f"{reason}; it must be one of {names}")
-    if not about(name).available:
-        names = ", ".join(repr(n) for n in _methods_for(model) if about(n).available)
+    method = describe_method(name)
+    if not method.available:
+        names = ", ".join(repr(n) for n in _methods_for(model) if describe_method(n).available)
         raise MissingPackage(
-            f"method = {name!r} needs a package that is not installed: {about(name).note}, or take "
+            f"method = {name!r} needs a package that is not installed: {method.note}, or take "
             f"one of {names}"
         )
     return name, METHODS[name], _checked_options(name, options)
 
 
 def _checked_options(method_name: str, options: dict | None) -> dict:
-    """Return all options of a method, given values or defaults, or raise ValueError."""
+    """Return all options of a method with defaults for missing ones, or raise ValueError."""
     known_options = METHODS[method_name].OPTIONS
     values = {option_name: option.default for option_name, option in known_options.items()}
     for option_name, value in checks.options(options).items():

@@ -12,12 +12,12 @@ from gearlib.integrators.steps.embedded import DENSE_WEIGHTS, StepControl, take_
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 1_024
-#: Shares of a step at which ode45 returns the solution by default ("Refine"), besides its ends.
-_REFINED_SHARES = np.array([0.25, 0.5, 0.75])
+#: Fractions of a step at which ode45 returns the solution by default, besides its ends ("Refine").
+_REFINEMENT = np.array([0.25, 0.5, 0.75])
 
 
 def _check_max_step(name: str, value: float | None) -> float | None:
-    """Return the option with this name if it is None or positive, or raise ValueError."""
+    """Return the value of the option `name` if it is None or positive, or raise ValueError."""
     return None if value is None else checks.finite_positive(name, value)
 
 
@@ -48,10 +48,10 @@ class EmbeddedPair(Integrator):
 class Smoothed(Integrator):
     """Contact smoothed by tanh, at a tight tolerance.
 
-    The smoothed law is another model than the sharp law. Near a flank its force is too small by up
-    to 0.14 / sharpness of the mean mesh force, and it pulls as much beside the flank. At a crossing
-    both errors together make an impulse of the order of 1 / sharpness^2. Samples hold the smoothed
-    force; their contact code is that of the displacement.
+    The smoothed contact force differs from the exact one. Near contact it is too small by up to
+    0.14 / sharpness of the mean mesh force, and just outside contact it is as much below zero. At a
+    contact event both errors add up to an impulse of the order of 1 / sharpness^2. Samples hold the
+    smoothed force; their contact code is that of the displacement.
     """
 
     ORDER = 5
@@ -78,13 +78,15 @@ class Smoothed(Integrator):
 
 
 class _Run(Run):
-    """A run under step control."""
+    """A run with adaptive step lengths."""
 
     problem: OneDegree
 
     def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
-        problem, end, progress = self.problem, MESH_PERIOD * self.periods, np.zeros(3)
+        problem, end = self.problem, MESH_PERIOD * self.periods
+        # Next step length, present mesh period, and steps attempted in it.
+        progress = np.zeros(3)
         equation = problem.law, problem.contact_law, self.settings["control"]
         t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
         stages = np.empty((_STEPS_PER_RECORD, 7, 2))
@@ -102,14 +104,14 @@ class _Run(Run):
         return states[0].copy(), OK
 
     def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
-        """Record k steps with the points that ode45 returns inside them.
+        """Record k steps, and the points that ode45 returns inside them.
 
-        The step ends are t, shape (k + 1,), with states (k + 1, 2), and the stages (k, 7, 2) are
-        rates of the state.
+        `t`, shape (k + 1,), are the phases of the step ends, `states`, (k + 1, 2), the states
+        there, `stages`, (k, 7, 2), the derivatives of the Runge-Kutta stages.
         """
         period, step_lengths = int(t[0] / MESH_PERIOD), np.diff(t)
         local_t = t - MESH_PERIOD * period
-        # Coefficients of the powers 1 to 4 of the share of a step, shape (k, 2, 4).
+        # Coefficients of the powers 1 to 4 of the fraction of a step, shape (k, 2, 4).
         coefficients = step_lengths[:, None, None] * np.tensordot(
             stages, DENSE_WEIGHTS, axes=(1, 0)
         )
@@ -118,13 +120,13 @@ class _Run(Run):
             """Return the states at phases inside the steps."""
             i = np.searchsorted(local_t, phases, side="right") - 1
             i = np.clip(i, 0, len(step_lengths) - 1)
-            share = ((phases - local_t[i]) / step_lengths[i])[:, None]
-            total = coefficients[i, :, 3]
+            fraction = ((phases - local_t[i]) / step_lengths[i])[:, None]
+            polynomial = coefficients[i, :, 3]
             for power in (2, 1, 0):
-                total = total * share + coefficients[i, :, power]
-            return states[i] + share * total
+                polynomial = polynomial * fraction + coefficients[i, :, power]
+            return states[i] + fraction * polynomial
 
-        refined_phases = (local_t[:-1, None] + step_lengths[:, None] * _REFINED_SHARES).ravel()
+        refined_phases = (local_t[:-1, None] + step_lengths[:, None] * _REFINEMENT).ravel()
         self.record_steps(period, local_t, states, interpolate, refined_phases)
 
 

@@ -53,13 +53,13 @@ class RungeKutta(FixedSteps):
     ORDER = 4
     MODELS = f"{Integrator.MODELS}, or gear trains"
 
-    def takes(self, model) -> bool:
+    def supports(self, model) -> bool:
         """Return whether the model is one mesh with one degree of freedom, or a gear train."""
         return model.one_mesh or bool(model.mesh_names)
 
     def scheme(self) -> Scheme:
         """Return the `Scheme` of the classical Runge-Kutta method."""
-        return Scheme(True)
+        return Scheme(runge_kutta=True)
 
 
 class Newmark(FixedSteps):
@@ -77,14 +77,14 @@ class Newmark(FixedSteps):
 
     def scheme(self, contact: str) -> Scheme:
         """Return the `Scheme` for the treatment of contact, "frozen" or "iterated"."""
-        return Scheme(False, contact == "iterated", 0.0, 0.0, 0.25, 0.5)
+        return Scheme(runge_kutta=False, iterated=contact == "iterated", beta=0.25, gamma=0.5)
 
 
 class GeneralisedAlpha(FixedSteps):
     """The generalised-alpha method, with numerical damping by its spectral radius.
 
-    Chung, Hulbert: J. Appl. Mech. 60 (1993) 371-375. Mesh force and damping are those of the middle
-    state at the share 1 - alpha_f of the step.
+    Chung, Hulbert: J. Appl. Mech. 60 (1993) 371-375. Mesh force and damping are evaluated at the
+    fraction 1 - alpha_f of the step.
     """
 
     ORDER = 2
@@ -93,15 +93,14 @@ class GeneralisedAlpha(FixedSteps):
         "spectral_radius": Option(
             0.8,
             partial(checks.number, allowed="from 0 to 1", accept=lambda r: 0.0 <= r <= 1.0),
-            "rho_inf: what is left per step of the fastest oscillations; 1: no numerical damping",
+            "rho_inf: factor per step on the fastest oscillations; 1: no numerical damping",
         ),
     }
 
     def scheme(self, contact: str, spectral_radius: float) -> Scheme:
-        """Return the `Scheme` of Chung and Hulbert's optimal parameters.
+        """Return the `Scheme` with Chung and Hulbert's optimal parameters.
 
-        The treatment of contact is "frozen" or "iterated"; the spectral radius is that of the
-        fastest oscillations.
+        `contact` is "frozen" or "iterated"; `spectral_radius` is that of the fastest oscillations.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
@@ -118,14 +117,14 @@ class _Run(Run):
         super().__init__(problem)
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
-            middle_share = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
-            self.excitation = tabulate_excitation(problem.law, steps_per_period, middle_share)
+            middle_fraction = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
+            self.excitation = tabulate_excitation(problem.law, steps_per_period, middle_fraction)
             self.acceleration = math.nan
 
     def _take_steps(self, period: int, states: np.ndarray) -> int:
-        """Fill states, shape (k + 1, size), from the first, the start of a mesh period.
+        """Take k steps from the start of a mesh period and return the status.
 
-        Returns the status.
+        The first row of `states`, shape (k + 1, size), is the initial state; the others are filled.
         """
         problem = self.problem
         if isinstance(problem, OneDegree):
@@ -140,37 +139,36 @@ class _Run(Run):
         return status
 
     def _interpolate(self, t: np.ndarray, states: np.ndarray, phases: np.ndarray) -> np.ndarray:
-        """Return states at phases by cubics through step ends t with their states and rates."""
+        """Return the states at `phases` by cubic Hermite interpolation between the step ends t."""
         i = np.clip(np.searchsorted(t, phases, side="right") - 1, 0, len(t) - 2)
-        h = (t[i + 1] - t[i])[:, None]
-        share, change = (phases - t[i])[:, None] / h, states[i + 1] - states[i]
+        step_lengths = (t[i + 1] - t[i])[:, None]
+        fraction, change = (phases - t[i])[:, None] / step_lengths, states[i + 1] - states[i]
         rates = self.problem.rates_at_step_ends(t[i], states[i], t[i + 1], states[i + 1])
-        start_slope, end_slope = h * rates
+        start_slope, end_slope = step_lengths * rates
         quadratic = 3.0 * change - 2.0 * start_slope - end_slope
         cubic = start_slope + end_slope - 2.0 * change
-        return states[i] + share * (start_slope + share * (quadratic + share * cubic))
+        return states[i] + fraction * (start_slope + fraction * (quadratic + fraction * cubic))
 
     def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         steps, period = self.steps_per_period, 0
-        periods_per_record = max(1, _STEPS_PER_RECORD // steps)
-        table = np.empty((min(periods_per_record, self.periods) * steps + 1, state.size))
-        period_starts = MESH_PERIOD * np.arange(periods_per_record + 1)[:, None]
-        t = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
+        periods_per_batch = max(1, _STEPS_PER_RECORD // steps)
+        batch_states = np.empty((min(periods_per_batch, self.periods) * steps + 1, state.size))
+        period_starts = MESH_PERIOD * np.arange(periods_per_batch + 1)[:, None]
+        batch_phases = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
         record_start = min(self.first_recorded, self.first_strobe)
         while period < self.periods:
-            next_stop = record_start if period < record_start else self.periods
-            count = min(periods_per_record, next_stop - period)
-            states = table[: count * steps + 1]
+            last_period = record_start if period < record_start else self.periods
+            period_count = min(periods_per_batch, last_period - period)
+            states = batch_states[: period_count * steps + 1]
             states[0] = state
             status = self._take_steps(period, states)
             if status != OK:
                 return states[-1], status
             if period >= record_start:
-                phases = t[: len(states)]
-                interpolate = partial(self._interpolate, phases, states)
-                self.record_steps(period, phases, states, interpolate)
-            state, period = states[-1].copy(), period + count
+                t = batch_phases[: len(states)]
+                self.record_steps(period, t, states, partial(self._interpolate, t, states))
+            state, period = states[-1].copy(), period + period_count
         return state, OK
 
 

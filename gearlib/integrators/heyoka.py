@@ -1,7 +1,7 @@
-"""heyoka: Taylor steps of order 20 with terminal events on flank lines.
+"""heyoka: Taylor steps of order 20 with terminal events at contact changes.
 
-All numbers of an expression are runtime parameters. So an expression is compiled once per thread
-and serves all models and tunings of the same structure.
+All numbers of an expression are runtime parameters, so that an expression is compiled once per
+thread and serves all models and tunings of the same structure.
 """
 
 import threading
@@ -16,7 +16,13 @@ from gearlib.engines.orbit import Span
 from gearlib.engines.taylor.series import damping_of
 from gearlib.integrators.method import Integrator, Option, Package
 from gearlib.integrators.recording import Run
-from gearlib.integrators.right_hand_sides import OneDegree, PiecewiseLinear, right_hand_side
+from gearlib.integrators.right_hand_sides import (
+    COAST_FLANK,
+    DRIVE_FLANK,
+    OneDegree,
+    PiecewiseLinear,
+    right_hand_side,
+)
 from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
 
 
@@ -36,7 +42,7 @@ class Heyoka(Integrator):
         )
     }
 
-    def takes(self, model) -> bool:
+    def supports(self, model) -> bool:
         """Return True: the method can run all models."""
         return True
 
@@ -58,7 +64,7 @@ class _Compiled(NamedTuple):
 
 
 class _Equations(NamedTuple):
-    """A compiled integrator with the numbers that make it a branch of a model."""
+    """A compiled integrator with the parameter values of a branch of a model."""
 
     compiled: _Compiled
     parameter_values: np.ndarray
@@ -69,15 +75,15 @@ class _Equations(NamedTuple):
 def _compile_for_thread(
     thread: int, equations: tuple, events: tuple, tolerance: float
 ) -> _Compiled:
-    """Return the compiled integrator of a thread, which alone may use it.
+    """Return a compiled integrator that only the thread with the identifier `thread` may use.
 
-    Equations are (variable, derivative); events are (expression, direction of its zero: 1, -1, or 0
-    for both).
+    Equations are (variable, derivative); events are (expression, sign of its derivative at a zero:
+    1, -1, or 0 for both).
     """
     import heyoka as hy
 
     directions = hy.event_direction.any, hy.event_direction.positive, hy.event_direction.negative
-    # The automatic cooldown is infinite for a start at rest on a flank line.
+    # The automatic cooldown would be infinite for a start at rest with the flanks just touching.
     terminal_events = [
         hy.t_event(expression, direction=directions[direction], cooldown=0.0)
         for expression, direction in events
@@ -104,7 +110,7 @@ class _Run(Split):
         from heyoka import taylor_outcome
 
         (integrator, state_view, parameters), values, flanks = self.equations(branch, state)
-        # Parameters that no expression uses have no place in the view.
+        # The view has no entries for parameters that no expression uses.
         parameters[:], state_view[:] = values[: parameters.size], state
         integrator.time = branch.start
         outcome, _, _, steps, interpolate, _ = integrator.propagate_until(
@@ -136,19 +142,19 @@ class _Run(Split):
     def _crossing_of(
         self, branch: Branch, t: float, state: np.ndarray, flank: tuple[int, int]
     ) -> int | None:
-        """Return the index of the branch's crossing of a (mesh, flank) that a state meets.
+        """Return the index in `branch.crossings` of the crossing of a (mesh, flank) by a state.
 
         If the state only touches the flank, it is moved away and None is returned. The phase t is
         counted from the start of the mesh period.
         """
         phase, (mesh, side) = branch.period_start + t, flank
-        speed = self.problem.flank_distance_rates(phase, state)[side][mesh]
+        direction = self.problem.flank_distance_rates(phase, state)[side][mesh]
         for i, crossing in enumerate(branch.crossings):
             if (crossing.mesh, crossing.flank) == flank:
-                if crossing.direction * speed > 0.0:
+                if crossing.direction * direction > 0.0:
                     return i
-                speed = -crossing.direction
-        distance = self.restart_distance(state) * (1.0 if speed > 0.0 else -1.0)
+                direction = -crossing.direction
+        distance = self.restart_distance(state) * (1.0 if direction > 0.0 else -1.0)
         self.problem.set_distance(phase, state, mesh, side, distance)
         return None
 
@@ -157,7 +163,7 @@ class _OneDegreeRun(_Run):
     """One degree of freedom: an integrator for each contact code and sign of x'."""
 
     problem: OneDegree
-    #: Just above the rounding of a state on the coast flank line.
+    #: Just above the rounding error of a displacement at which the coast side touches.
     RESTART_DISTANCE = 1e-15
 
     def __init__(self, problem: OneDegree, tol: float):
@@ -181,16 +187,12 @@ class _OneDegreeRun(_Run):
         return self._branches[arguments]
 
     def _build_equations(
-        self,
-        segment: int,
-        contact_code: int,
-        velocity_sign: int,
-        crossings: list[FlankCrossing],
+        self, segment: int, contact_code: int, velocity_sign: int, crossings: list[FlankCrossing]
     ) -> _Equations:
         """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
-        The sign is 0 without quadratic damping. With it, x' = 0 also ends a step, since |x'| is
-        another polynomial for the other sign.
+        The sign is 0 without quadratic damping. With it x' = 0 is an event too, because |x'| is not
+        smooth there.
         """
         import heyoka as hy
 
@@ -209,25 +211,23 @@ class _OneDegreeRun(_Run):
                 terms.append(parameter(sine) * hy.sin(order * hy.time))
             return hy.sum(terms)
 
+        # Coefficients of v, |v| v and v^3.
         d1, d2, d3 = damping_of(law, contact_code)
-        drag = parameter(d1) + parameter(-d2 if velocity_sign < 0 else d2) * v
-        drag = drag + parameter(d3) * v * v
-        force = harmonic_sum(law.force_harmonics) - drag * v - parameter(law.ground_stiffness) * x
+        damping = parameter(d1) + parameter(-d2 if velocity_sign < 0 else d2) * v
+        damping = damping + parameter(d3) * v * v
+        force = harmonic_sum(law.force_harmonics) - damping * v
+        force = force - parameter(law.ground_stiffness) * x
         if contact_code != BACKLASH:
-            lines, harmonics, flank_line = (
-                law.stiffness_lines,
-                law.stiffness_harmonics,
-                law.drive_line,
-            )
+            lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
             if contact_code == INVERSE:
                 lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
-                flank_line = law.coast_line
+            contact_limit = flank_lines[COAST_FLANK if contact_code == INVERSE else DRIVE_FLANK]
             start_value, slope = lines[segment]
             phase = hy.time - parameter(law.segment_bounds[segment])
             stiffness = parameter(start_value) + parameter(slope) * phase + harmonic_sum(harmonics)
-            u, (p2, p3) = x - parameter(flank_line), law.stiffness_powers
-            powers = parameter(contact_code * p2) + parameter(p3) * u
-            force -= stiffness * (u + powers * u * u)
+            deflection, (p2, p3) = x - parameter(contact_limit), law.stiffness_powers
+            nonlinearity = parameter(contact_code * p2) + parameter(p3) * deflection
+            force -= stiffness * (deflection + nonlinearity * deflection * deflection)
         events = [
             (x - parameter(flank_lines[crossing.flank]), crossing.direction)
             for crossing in crossings

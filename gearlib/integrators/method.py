@@ -38,7 +38,7 @@ class Package(NamedTuple):
         return f"pip install {self.distribution}"
 
 
-#: Options of several methods.
+#: Options that several methods share.
 RELATIVE = Option(1e-3, checks.finite_positive, "relative tolerance of a step")
 ABSOLUTE = Option(
     1e-6, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"
@@ -46,14 +46,14 @@ ABSOLUTE = Option(
 
 
 class Integrator:
-    """A method of integration; subclasses define `solver` and, for other models, `takes`."""
+    """A method of integration; subclasses define `solver` and, for other models, `supports`."""
 
-    #: Order of its steps; None: closed forms, or several.
+    #: Order of its steps; None: closed forms, or solvers of several orders.
     ORDER: ClassVar[int | None] = None
     #: Descriptions of its treatment of events, and of the models that it can run.
     EVENTS: ClassVar[str] = ""
     MODELS: ClassVar[str] = "one degree of freedom, any damping, stiffness and excitation"
-    #: Name -> `Option`; the package that it needs beside those of the library, or None.
+    #: Name -> `Option`; the package that it needs besides those of the library, or None.
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
@@ -61,47 +61,39 @@ class Integrator:
     solver: Any
 
     def run(
-        self,
-        model,
-        tuning: float,
-        state,
-        span: Span,
-        samples: int = 0,
-        keep_events: bool = True,
-        **options,
+        self, model, tuning: float, state, span: Span, samples=0, keep_events=True, **options
     ) -> Record:
         """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
 
-        It has `samples` samples in each recorded period, and no events unless `keep_events`. The
-        options are those of the method.
+        The record has `samples` samples per recorded period, and events only if `keep_events`.
         """
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.solver(model, tuning, span, **options).run(state, span, *tables)
 
-    def takes(self, model) -> bool:
-        """Return whether the method can run a model: only one mesh with one degree of freedom."""
+    def supports(self, model) -> bool:
+        """Return whether the method can run a model: by default only one degree of freedom."""
         return model.one_mesh
 
     def sweep(
         self,
         model,
         tunings: np.ndarray,
-        order: np.ndarray,
+        order,
         state,
         warm_start: bool,
-        span: Span,
+        span,
         rows: Rows,
         **options,
     ) -> None:
-        """Run a model at many tunings, in an order of their indices, and fill their result rows.
+        """Run a model at many tunings and fill `rows`, the rows of the result table.
 
-        With `warm_start` a run starts from the end of the run before, else from the given state.
-        The options are those of the method.
+        `order` holds the indices of the tunings in the order of the runs. With `warm_start` each
+        run starts from the final state of the previous one, else from `state`.
         """
 
         def run(tuning, previous_record):
-            start = tuple(previous_record.final) if previous_record else state
-            return self.run(model, tuning, start, span, keep_events=False, **options)
+            initial_state = tuple(previous_record.final) if previous_record else state
+            return self.run(model, tuning, initial_state, span, keep_events=False, **options)
 
         run_each(run, tunings, order, warm_start, rows)
 
@@ -113,24 +105,23 @@ class Exact(Integrator):
     EVENTS = "phases end at switches and crossings, which are isolated by proof"
     MODELS = "linear damping with rectangular stiffness, one or six degrees of freedom"
 
-    def takes(self, model) -> bool:
-        """Return whether the method can run a model: the model must have an engine for it."""
+    def supports(self, model) -> bool:
+        """Return whether the model has an engine for this method."""
         return self.NAME in model.propagators
 
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options) -> Record:
         """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
 
-        It has `samples` samples in each recorded period, and no events unless `keep_events`. The
-        options are those of the method.
+        The record has `samples` samples per recorded period, and events only if `keep_events`.
         """
         engine = model.propagator(tuning, self.NAME, **options)
         return engine.run(engine.start(state), span, samples, keep_events=keep_events)
 
     def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:
-        """Run a model at many tunings, in an order of their indices, and fill their result rows.
+        """Run a model at many tunings and fill `rows`, the rows of the result table.
 
-        With `warm_start` a run starts from the end of the run before, else from the given state.
-        The options are those of the method.
+        `order` holds the indices of the tunings in the order of the runs. With `warm_start` each
+        run starts from the final state of the previous one, else from `state`.
         """
         engine = model.propagator(tunings[0], self.NAME, **options)
         engine.sweep(tunings, order, state, warm_start, span, rows)

@@ -1,4 +1,4 @@
-"""A run of a method with steps, and its record: samples, extrema, times and changes of contact."""
+"""A run of a method with steps, and its record: samples, extrema, contact times and events."""
 
 import math
 from collections.abc import Callable
@@ -22,10 +22,10 @@ from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 
 #: Mesh phase of one mesh period, rad.
 MESH_PERIOD = 2.0 * math.pi
-#: Largest component of a state. Beyond it floats have no room for squares.
+#: Largest component of a state; the squares of larger ones would soon overflow.
 MAX_STATE = 1e150
-#: A mesh period that starts this close before a step begins with the step. The tolerance covers
-#: the rounding of the phase of a long run.
+#: A mesh period that starts at most this far before a step counts as starting with the step. The
+#: tolerance, rad, covers the rounding of the phase of a long run.
 _PERIOD_START_TOLERANCE = 1e-9
 #: Column of a summary that holds the time at each contact code.
 _TIME_COLUMNS = {
@@ -41,7 +41,7 @@ def within_range(state: np.ndarray) -> bool:
 
 
 def next_contact_code(code: int, final_code: int, backlash: float) -> int:
-    """Return the next contact code of a mesh on the way from a code to a final code.
+    """Return the contact code that follows `code` when a mesh changes from it to `final_code`.
 
     Without backlash the contact changes directly from one flank to the other.
     """
@@ -57,7 +57,7 @@ class Run:
     """
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Set the right-hand side and the settings of the solver, and tabulate low stiffness."""
+        """Store the right-hand side and the solver's settings; tabulate times of low stiffness."""
         self.problem, self.settings, self.evaluations = problem, settings, 0
         self.meshes = range(len(problem.backlashes))
         # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.
@@ -89,56 +89,52 @@ class Run:
         strobe_periods = min(periods, orbit.strobe_periods(problem.repeats))
         self.first_strobe = periods - strobe_periods
         self.strobes = np.empty((len(self.meshes), strobe_periods + 1, 2))
-        (z, contact_codes), code, period = problem.initial_state(state), status.OVERFLOW, 0
-        if within_range(z):
+        state, contact_codes = problem.initial_state(state)
+        run_status, period = status.OVERFLOW, 0
+        if within_range(state):
             # The status reports a diverging run, so numpy need not warn of an overflow.
             with np.errstate(all="ignore"):
-                z, code = self.integrate(z, contact_codes)
-        if code == status.OK:
-            self.add_strobes(np.array([periods]), z[None])
+                state, run_status = self.integrate(state, contact_codes)
+        if run_status == status.OK:
+            self.add_strobes(np.array([periods]), state[None])
             period = self._orbit_period()
         if self.events:
-            # A step over several changes of contact adds them mesh by mesh.
+            # Events within a step are added mesh by mesh, so that they are not in temporal order.
             sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
             events = np.array(sorted_events)[:, : events.shape[1]]
         columns = summary.shape[-1]
         summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., :columns]
-        events = events[: len(self.events) if code == status.OK else 0]
-        final = np.ravel(problem.final_state(MESH_PERIOD * periods, z))
-        return Record(z, final, period, samples, events, summary, code, self.evaluations)
+        events = events[: len(self.events) if run_status == status.OK else 0]
+        final = np.ravel(problem.final_state(MESH_PERIOD * periods, state))
+        return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
 
     def _orbit_period(self) -> int:
         """Return the number of mesh periods after which all meshes repeat, 0 if they do not."""
-        heights = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
+        displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
         tuning, repeats = self.problem.tuning, self.problem.repeats
         periods = [
-            orbit.orbit_period(strobes, tuning, height, repeats)
-            for strobes, height in zip(self.strobes, heights, strict=True)
+            orbit.orbit_period(strobes, tuning, displacement_range, repeats)
+            for strobes, displacement_range in zip(self.strobes, displacement_ranges, strict=True)
         ]
         return 0 if 0 in periods else math.lcm(*periods)
 
     def _excitation_phase(self, period: Any) -> Any:
-        """Return the excitation phase at the start of a mesh period, its number or an array."""
+        """Return the excitation phase at the start of a mesh period, a number or an array."""
         return MESH_PERIOD * (period % self.problem.repeats)
 
     def add_strobes(self, periods: np.ndarray, states: np.ndarray) -> None:
-        """Keep the mesh motion of states, shape (k, size), at the starts of k mesh periods."""
+        """Store the mesh motion of states, shape (k, size), at the starts of k mesh periods."""
         motion = self.problem.mesh_motion(self._excitation_phase(periods), states)
         self.strobes[:, periods - self.first_strobe] = np.transpose(motion, (2, 1, 0))
 
     def record_steps(
-        self,
-        period: int,
-        t: np.ndarray,
-        states: np.ndarray,
-        interpolate: Callable,
-        refined_phases: np.ndarray | tuple = (),
+        self, period: int, t, states, interpolate: Callable, refined_phases: Any = ()
     ) -> None:
-        """Record k steps, in which switches and changes of contact are allowed.
+        """Record k steps, within which stiffness and contact may change.
 
-        The step ends t, shape (k + 1,), are counted from the start of mesh period `period`; states
-        have shape (k + 1, size). `interpolate(phases)` returns states between step ends. States at
-        refined phases count for extrema. Contact changes on straight lines between step ends.
+        The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
+        `period`; states have shape (k + 1, size). `interpolate(phases)` returns states between step
+        ends. Extrema include `refined_phases`. Contact events are found by linear interpolation.
         """
         problem, start_phase = self.problem, self._excitation_phase(period)
         strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
@@ -172,19 +168,11 @@ class Run:
         for mesh in self.meshes:
             self._add_contact_times(period, mesh, recorded_t[:-1], t, states, distances)
 
-    def record_branch(
-        self,
-        period: int,
-        t: np.ndarray,
-        states: np.ndarray,
-        interpolate: Callable,
-        segment: int,
-        contact_codes: np.ndarray,
-    ) -> None:
+    def record_branch(self, period: int, t, states, interpolate, segment: int, contact_codes):
         """Record k steps within one stiffness segment, without a change of contact.
 
-        The step ends t, shape (k + 1,), are counted from the start of mesh period `period`; states
-        have shape (k + 1, size). `interpolate(phases)` returns states between step ends.
+        The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
+        `period`; states have shape (k + 1, size). `interpolate(phases)` returns states between.
         """
         phases = self._excitation_phase(period) + t
         segments = np.full(len(t), segment)
@@ -200,17 +188,12 @@ class Run:
             self._add_times(mesh, phases[:1], phases[-1:], contact_codes[mesh : mesh + 1])
 
     def _add_samples(
-        self,
-        period: int,
-        end: float,
-        interpolate: Callable,
-        segment: int | None = None,
-        contact_codes: np.ndarray | None = None,
+        self, period: int, end: float, interpolate: Callable, segment=None, contact_codes=None
     ) -> None:
         """Fill the samples before the phase `end`, counted from the start of a mesh period.
 
-        `interpolate(phases)` returns states. Without a segment and contact codes those of the
-        states are used.
+        `interpolate(phases)` returns states. By default the stiffness segment and the contact codes
+        are determined from phases and states.
         """
         problem = self.problem
         skipped = (self.first_recorded - period) * self.samples_per_period
@@ -235,7 +218,7 @@ class Run:
     def _add_states(
         self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Add k states to the extrema; return (mesh forces, their rates by phase), shape (k, m).
+        """Update the extrema by k states; return (mesh forces, their derivatives by phase), (k, m).
 
         Segments of the stiffness have shape (k,), contact codes (k, m).
         """
@@ -252,18 +235,11 @@ class Run:
             self.summary[:, min_column] = np.minimum(minima, min_values)
         return forces, force_rates
 
-    def _add_steps(
-        self,
-        t: np.ndarray,
-        states: np.ndarray,
-        segments_before: np.ndarray,
-        segments_after: np.ndarray,
-        contact_codes: np.ndarray,
-    ) -> None:
+    def _add_steps(self, t, states, segments_before, segments_after, contact_codes) -> None:
         """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
         The step ends t have shape (k + 1,), their states (k + 1, size), contact codes (k + 1, m).
-        At a switch the segment before a step end, shape (k,), differs from that after, (k + 1,).
+        Segments before the last k step ends and after all step ends differ where stiffness jumps.
         """
         h = np.diff(t)[:, None]
         forces, rates = self._add_states(t, states, segments_after, contact_codes)
@@ -277,18 +253,13 @@ class Run:
         self.summary[:, FORCE_SUM] += areas.sum(axis=0)
 
     def _add_contact_times(
-        self,
-        period: int,
-        mesh: int,
-        recorded_starts: np.ndarray,
-        t: np.ndarray,
-        states: np.ndarray,
-        distances: np.ndarray,
+        self, period: int, mesh: int, recorded_starts, t, states, distances
     ) -> None:
         """Add the times at each contact code and the changes of contact of one mesh in k steps.
 
-        Steps with ends t, (k + 1,), are recorded from `recorded_starts`, (k,), on; both are counted
-        from the start of a mesh period. The flank distances have shape (k + 1, 2, m).
+        `t`, (k + 1,), are the step ends; each step is recorded from its phase in `recorded_starts`,
+        (k,). Phases count from the start of a mesh period. `distances`, (k + 1, 2, m), are those of
+        all m meshes from both flanks.
         """
         start_phase = self._excitation_phase(period)
         codes = contact_codes_at(distances[:, :, mesh : mesh + 1])[:, 0]
@@ -297,9 +268,8 @@ class Run:
         for i in np.flatnonzero(~is_unchanged).tolist():
             start = float(recorded_starts[i])
             ends = slice(i, i + 2)
-            intervals += self._add_changes(
-                period, mesh, start, t[ends], states[ends], distances[ends, :, mesh]
-            )
+            step = t[ends], states[ends], distances[ends, :, mesh]
+            intervals += self._add_changes(period, mesh, start, *step)
         changed_starts, changed_ends, changed_codes = np.array(intervals).reshape(-1, 3).T
         starts = np.append(recorded_starts[is_unchanged], changed_starts)
         ends = np.append(t[1:][is_unchanged], changed_ends)
@@ -309,7 +279,7 @@ class Run:
     def _add_times(
         self, mesh: int, starts: np.ndarray, ends: np.ndarray, contact_codes: np.ndarray
     ) -> None:
-        """Add intervals of phase, each with one contact code of a mesh, to the times in contact."""
+        """Add the lengths of intervals of phase to the times of a mesh at each contact code."""
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
             self.summary[mesh, column] += (end - start).sum()
@@ -329,18 +299,12 @@ class Run:
         return repetitions * time_until_bounds[-1] + np.interp(phase, bounds, time_until_bounds)
 
     def _add_changes(
-        self,
-        period: int,
-        mesh: int,
-        recorded_start: float,
-        t: np.ndarray,
-        states: np.ndarray,
-        distances: np.ndarray,
+        self, period: int, mesh: int, recorded_start: float, t, states, distances
     ) -> list[tuple]:
         """Add the changes of contact of a mesh in one step; return the intervals between them.
 
-        The step has the ends t, (2,), with states, (2, size), and flank distances, (2, 2). It is
-        recorded from `recorded_start` on. Intervals are (start, end, contact code).
+        `t`, `states` and flank `distances` are those at both ends of the step, which is recorded
+        from `recorded_start` on. Intervals are (start, end, contact code).
         """
         code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
         start, end = t.tolist()
@@ -348,16 +312,16 @@ class Run:
         while code != final_code:
             next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
             flank = DRIVE_FLANK if NORMAL in (code, next_code) else COAST_FLANK
-            distance, end_distance = distances[:, flank].tolist()
-            share = 0.0
-            if distance != end_distance:
-                share = distance / (distance - end_distance)
-            crossing = start + share * (end - start)
-            if crossing > recorded_start:
-                state = states[0] + share * (states[1] - states[0])
-                self.add_event(period, crossing, state, mesh, code, next_code)
-                intervals.append((recorded_start, crossing, code))
-                recorded_start = crossing
+            start_distance, end_distance = distances[:, flank].tolist()
+            fraction = 0.0
+            if start_distance != end_distance:
+                fraction = start_distance / (start_distance - end_distance)
+            event_phase = start + fraction * (end - start)
+            if event_phase > recorded_start:
+                state = states[0] + fraction * (states[1] - states[0])
+                self.add_event(period, event_phase, state, mesh, code, next_code)
+                intervals.append((recorded_start, event_phase, code))
+                recorded_start = event_phase
             code = next_code
         return [*intervals, (recorded_start, end, code)]
 
@@ -370,7 +334,7 @@ class Run:
         if self.keep_events:
             passed_periods = int(t // MESH_PERIOD)
             phase = t - passed_periods * MESH_PERIOD
-            motion = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
-            speed = float(motion[1][mesh])
-            event = (period + passed_periods, phase, code_before, code_after, speed, mesh)
+            _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
+            velocity = float(velocities[mesh])
+            event = (period + passed_periods, phase, code_before, code_after, velocity, mesh)
             self.events.append(event)

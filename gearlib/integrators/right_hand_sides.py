@@ -1,8 +1,8 @@
-"""Models as right-hand sides for methods with steps: dimensionless, over the phase of the run.
+"""Right-hand sides of models for methods with steps: dimensionless, as functions of phase.
 
-A branch of a model is one segment of constant stiffness with one contact code for each of its m
-meshes. If t is an array, shape (k,), states have a row for each phase, shape (k, size), and so have
-the results. Both classes have the attributes
+A branch of a model is one segment of the stiffness with one contact code for each of its m meshes.
+If the phase t is an array, shape (k,), states have shape (k, size), and results a row for each
+phase. Both classes have the attributes
 
 ``segment_bounds, first_segment``
     phases that bound the segments, and the index of the first segment of each mesh period;
@@ -36,14 +36,14 @@ def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
 
 
 def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
-    """Return contact codes, shape (..., m), of distances from both flanks, shape (..., 2, m)."""
-    drive = flank_distances[..., DRIVE_FLANK, :]
-    coast = flank_distances[..., COAST_FLANK, :]
-    return np.where(drive >= 0.0, NORMAL, np.where(coast <= 0.0, INVERSE, BACKLASH))
+    """Return contact codes, shape (..., m), for distances from both flanks, shape (..., 2, m)."""
+    drive_distances = flank_distances[..., DRIVE_FLANK, :]
+    coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, INVERSE, BACKLASH)
+    return np.where(drive_distances >= 0.0, NORMAL, coast_codes)
 
 
 class _RightHandSide:
-    """Segments and contact of a right-hand side."""
+    """Stiffness segments and contact codes of a right-hand side."""
 
     segment_bounds: Any
     flank_distances: Any
@@ -68,8 +68,8 @@ class _RightHandSide:
     ) -> int | None:
         """Return the index of the first flank crossing that a state has reached, or None.
 
-        A state has reached a `FlankCrossing` if it is beyond the flank line, or before it by less
-        than the tolerance, and moves in the direction of the crossing.
+        A state has reached a `FlankCrossing` if it moves in the direction of the crossing, and its
+        flank distance has changed sign or is below the tolerance.
         """
         distances, rates = self.flank_distances(t, state).tolist(), None
         for i, crossing in enumerate(crossings):
@@ -88,7 +88,7 @@ class OneDegree(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
-        """Take over the law of a model at a tuning, smoothed if the sharpness is positive."""
+        """Store the equation of motion of a model, smoothed if the sharpness is positive."""
         self.law = law = model.law(tuning)
         self.contact_law = equation_of_motion.contact_law_of(law, sharpness)
         self.segment_bounds = law.segment_bounds
@@ -100,12 +100,12 @@ class OneDegree(_RightHandSide):
         self.tuning = tuning
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
-        """Return (state, contact codes) at phase 0 for a displacement and dx/dtau."""
+        """Return (state, contact codes) at phase 0 for a state (displacement, dx/dtau)."""
         contact_code = contact_between(*self._flank_lines, *state)
         return np.array(state, dtype=float), np.array([contact_code])
 
     def final_state(self, t: float, state: np.ndarray) -> tuple[float, float]:
-        """Return displacement and velocity of a state at the phase t, as results report them."""
+        """Return displacement and velocity of a state, as results report them."""
         return float(state[0]), float(state[1])
 
     def flank_distances(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ class OneDegree(_RightHandSide):
         return (state[..., :1] - self._flank_lines)[..., None]
 
     def flank_distance_rates(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the rates by phase of the flank distances, shape (2, 1)."""
+        """Return the derivatives of the flank distances by phase, shape (2, 1)."""
         return np.full((2, 1), state[1])
 
     def mesh_motion(self, t: float | np.ndarray, state: np.ndarray) -> tuple:
@@ -123,19 +123,20 @@ class OneDegree(_RightHandSide):
     def set_distance(
         self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
     ) -> None:
-        """Move a state, in place, to a distance from a flank line; there is only one mesh."""
+        """Move a state, in place, to a distance from a flank; there is only one mesh."""
         state[0] += distance - (state[0] - self._flank_lines[flank])
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
-        """Return False: the flanks of one degree of freedom stand still and never touch at once."""
+        """Return False: with one degree of freedom both flanks never touch at once."""
         return False
 
     def branch_derivative(
         self, t: float, state: np.ndarray, segment: int, contact_codes: np.ndarray
     ) -> np.ndarray:
         """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
-        branch = np.array([t]), state[None], np.array([segment]), contact_codes[None]
-        return np.array([state[1], self._branch_forces(*branch)[2, 0]])
+        arguments = np.array([t]), state[None], np.array([segment]), contact_codes[None]
+        _, _, accelerations = self._stiffness_and_acceleration(*arguments)
+        return np.array([state[1], accelerations[0]])
 
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
         """Return the derivative of a state by phase, with the contact that the state has."""
@@ -143,10 +144,8 @@ class OneDegree(_RightHandSide):
         acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.law, t, x, v)
         return np.array([v, acceleration])
 
-    def _branch_forces(
-        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
-    ) -> np.ndarray:
-        """Return stiffness, spring force over stiffness, and acceleration of k states, (3, k).
+    def _stiffness_and_acceleration(self, t, states, segments, contact_codes) -> np.ndarray:
+        """Return mesh stiffness, mesh force over stiffness, and acceleration of k states, (3, k).
 
         Contact codes have shape (k, 1), states (k, 2).
         """
@@ -165,7 +164,7 @@ class OneDegree(_RightHandSide):
         derivatives use the stiffness inside the step.
         """
         accelerations = [
-            self._branch_forces(t, z, segments, self.contact_codes(t, z))[2]
+            self._stiffness_and_acceleration(t, z, segments, self.contact_codes(t, z))[2]
             for t, z, segments in (
                 (start, states, self.segment_after(start)),
                 (end, new_states, self.segment_before(end)),
@@ -176,39 +175,35 @@ class OneDegree(_RightHandSide):
     def mesh_forces(
         self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (elastic forces, zeros) of k states on branches, shape (k, 1).
+        """Return (elastic mesh forces, zeros) of k states, shape (k, 1).
 
-        The zeros stand for force rates, which only the mean force of trains needs.
+        The zeros stand for derivatives of the forces, which only the mean force of trains needs.
         """
-        stiffness, spring, _ = self._branch_forces(t, states, segments, contact_codes)
-        forces = (self.tuning**2 * stiffness * spring)[:, None]
+        stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
+            t, states, segments, contact_codes
+        )
+        forces = (self.tuning**2 * stiffness * force_over_stiffness)[:, None]
         return forces, np.zeros_like(forces)
 
-    def fill_samples(
-        self,
-        samples: np.ndarray,
-        t: np.ndarray,
-        states: np.ndarray,
-        segments: np.ndarray,
-        contact_codes: np.ndarray,
-    ) -> None:
-        """Fill the sample table, shape (k, 6), with states on stiffness segments and contacts."""
-        stiffness, spring, acceleration = self._branch_forces(t, states, segments, contact_codes)
+    def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
+        """Fill the sample table, (k, 6), from k states, their segments and contact codes."""
+        stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
+            t, states, segments, contact_codes
+        )
         stiffness = self.tuning**2 * stiffness
-        x, v = states[:, 0], states[:, 1]
-        columns = [x, v, acceleration, contact_codes[:, 0], stiffness, stiffness * spring]
-        samples[:] = np.stack(columns, axis=1)
+        (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
+        samples[:] = np.stack([x, v, acceleration, code, stiffness, force], axis=1)
 
 
 class PiecewiseLinear(_RightHandSide):
-    """A piecewise-linear system, whose constant and harmonics are given functions of the phase.
+    """A piecewise-linear system that is excited by a constant and by harmonics of the phase.
 
-    A full state is a state followed by the constant 1 and the harmonics. Rates are by phase; rates
-    of a train system are by theta, reference frequency times time.
+    A full state is a state followed by the constant 1 and the harmonics. Derivatives are by phase;
+    those of a train system are by theta, reference frequency times time.
     """
 
     def __init__(self, model, tuning: float):
-        """Take over the system of a model at a tuning, with its flank distances and rates."""
+        """Store the system of a model at a tuning, its flank distances and their derivatives."""
         self.propagator = model.propagator(tuning)
         self.system, self._grid = self.propagator.whole()
         system, size = self.system, model.size
@@ -222,7 +217,7 @@ class PiecewiseLinear(_RightHandSide):
         self.scale = np.ones(len(system.base_matrix))
         if not self._is_train:
             self.scale[:size] = self.propagator.scale
-        #: Functionals of the full state: distances from both flanks, shape (2, m, full size).
+        #: Rows whose products with the full state are the flank distances, (2, m, full size).
         self.distances = self.scale * np.stack([system.drive_lines, system.coast_lines])
         self._distance_columns = np.moveaxis(self.distances, 2, 1).copy()
         self._distance_rates = (
@@ -230,7 +225,7 @@ class PiecewiseLinear(_RightHandSide):
         )
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.drive_lines))
-        # Moves of the coordinates that change the distance of one mesh only.
+        # Columns: displacements of the coordinates that change the distance of one mesh only.
         self._separate_moves = [
             np.linalg.pinv(mesh_vectors[:, : size // 2]) for mesh_vectors in self.distances
         ]
@@ -246,7 +241,7 @@ class PiecewiseLinear(_RightHandSide):
         return full
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
-        """Return (state, contact codes) at phase 0 for a start of the model."""
+        """Return (state, contact codes) at phase 0 for an initial state of the model."""
         state_scale = self.scale[: self.size]
         z = self.propagator.start(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
@@ -258,7 +253,7 @@ class PiecewiseLinear(_RightHandSide):
     def final_state(self, t: float, state: np.ndarray) -> tuple:
         """Return (displacements, velocities) as results report them.
 
-        Those of a train are of all coordinates, those of one mesh two floats.
+        For a train these are arrays over all coordinates, for one mesh two floats.
         """
         if self._is_train:
             half = self.size // 2
@@ -272,7 +267,7 @@ class PiecewiseLinear(_RightHandSide):
         return np.moveaxis(distances, 0, 1) if isinstance(t, np.ndarray) else distances
 
     def flank_distance_rates(self, t: float, state: np.ndarray) -> np.ndarray:
-        """Return the rates by phase of the flank distances, shape (2, m)."""
+        """Return the derivatives of the flank distances by phase, shape (2, m)."""
         return self._distance_rates @ self.full_state(t, state)
 
     def mesh_motion(self, t: float | np.ndarray, state: np.ndarray) -> tuple:
@@ -283,10 +278,10 @@ class PiecewiseLinear(_RightHandSide):
     def set_distance(
         self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
     ) -> None:
-        """Move a state, in place, to a distance of one mesh from a flank line."""
+        """Move a state, in place, to a distance from one flank of a mesh."""
         present_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
-        move = self._separate_moves[flank][:, mesh]
-        state[: self.size // 2] += move * (distance - present_distance)
+        direction = self._separate_moves[flank][:, mesh]
+        state[: self.size // 2] += direction * (distance - present_distance)
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
         """Return whether both flanks of a mesh touch at once in a state at the phase t."""
@@ -294,7 +289,7 @@ class PiecewiseLinear(_RightHandSide):
         return equation_of_motion.is_jammed(self.system, self.may_jam, t, system_state)
 
     def nonzero_entries(self) -> np.ndarray:
-        """Return which entries of `branch_matrix` differ from zero on any branch, bool."""
+        """Return a mask of the entries of `branch_matrix` that are nonzero on any branch."""
         system = self.system
         force_input = system.force_input[..., : self.size, None]
         force_output = system.force_output[..., None, :]
@@ -304,7 +299,7 @@ class PiecewiseLinear(_RightHandSide):
     def branch_matrix(self, segment: int, contact_codes: np.ndarray) -> np.ndarray:
         """Return the matrix that maps full states to derivatives of the state by phase.
 
-        It belongs to a segment of the stiffness and the contact codes of the meshes.
+        It holds for one segment of the stiffness and the contact codes of all meshes.
         """
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
@@ -329,7 +324,7 @@ class PiecewiseLinear(_RightHandSide):
     def rates_at_step_ends(
         self, start: np.ndarray, states: np.ndarray, end: np.ndarray, new_states: np.ndarray
     ) -> np.ndarray:
-        """Return the slopes of straight lines over k steps, twice, shape (2, k, size).
+        """Return the mean rates of change over k steps, twice, shape (2, k, size).
 
         The steps lead from states at the phases `start` to new states at the phases `end`.
         """
@@ -338,7 +333,7 @@ class PiecewiseLinear(_RightHandSide):
     def mesh_forces(
         self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
     ) -> np.ndarray:
-        """Return (elastic forces of the meshes, their rates by phase), shape (2, k, m).
+        """Return (elastic forces of the meshes, their derivatives by phase), shape (2, k, m).
 
         States have shape (k, size), contact codes (k, m).
         """
@@ -354,15 +349,8 @@ class PiecewiseLinear(_RightHandSide):
         # A missing coast flank has infinite distances, which `where` never selects.
         return stiffness * np.where(contact_codes == NORMAL, drive, coast)
 
-    def fill_samples(
-        self,
-        samples: np.ndarray,
-        t: np.ndarray,
-        states: np.ndarray,
-        segments: np.ndarray,
-        contact_codes: np.ndarray,
-    ) -> None:
-        """Fill the sample table of the model with k states on stiffness segments and contacts."""
+    def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
+        """Fill the sample table of the model from k states, their segments and contact codes."""
         system_states = self.scale * self.full_state(t, states)
         table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
         self.propagator.fill(table, samples, self.system)

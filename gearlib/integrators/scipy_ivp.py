@@ -1,8 +1,8 @@
 """scipy's solvers of initial-value problems, without events or split at switches and contact.
 
 ``events=False``: one run over the whole span, in the steps of `scipy.integrate.solve_ivp`; dense
-output is kept only where it is recorded. ``events=True``: `solve_ivp` ends at every switch of
-stiffness, and by terminal events at every change of contact, and is started again.
+output is kept only where it is recorded. ``events=True``: `solve_ivp` is restarted at every switch
+of stiffness and, by terminal events, at every change of contact.
 """
 
 from functools import partial
@@ -38,30 +38,21 @@ class Scipy(Integrator):
         ),
     }
 
-    def takes(self, model) -> bool:
+    def supports(self, model) -> bool:
         """Return True: the method can run all models."""
         return True
 
-    def solver(
-        self,
-        model,
-        tuning: float,
-        span: Span,
-        solver: str,
-        rtol: float,
-        atol: float,
-        events: bool,
-    ) -> Run:
-        """Return the `Run` of a model at one tuning by the scipy solver with a name.
+    def solver(self, model, tuning: float, span: Span, solver, rtol, atol, events) -> Run:
+        """Return the `Run` of a model at one tuning by the scipy solver called `solver`.
 
         With `events` the run is split at switches of stiffness and at changes of contact.
         """
-        run_class = _SplitRun if events else _WholeRun
+        run_class = _SplitRun if events else _UnsplitRun
         return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
 
 
-class _WholeRun(Run):
-    """One run over the whole span."""
+class _UnsplitRun(Run):
+    """A single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
@@ -70,11 +61,11 @@ class _WholeRun(Run):
         if self.first_strobe == 0:
             self.add_strobes(np.array([0]), state[None])
         while solver.status == "running":
-            t, z = solver.t, solver.y.copy()
+            t, start_state = solver.t, solver.y.copy()
             if int(t // MESH_PERIOD) > period:
                 period, steps_in_period = int(t // MESH_PERIOD), 0
             if steps_in_period >= self.max_events:
-                return z, status.EVENT_LIMIT
+                return start_state, status.EVENT_LIMIT
             steps_in_period += 1
             solver.step()
             if not within_range(solver.y):
@@ -82,11 +73,11 @@ class _WholeRun(Run):
             if self.problem.is_jammed(solver.t, solver.y):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
-                return z, status.STALLED
+                return start_state, status.STALLED
             is_recorded = solver.t > MESH_PERIOD * self.first_recorded
             passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
             if is_recorded or passes_strobe:
-                steps.append((t, z, solver.dense_output()))
+                steps.append((t, start_state, solver.dense_output()))
             if steps and (not is_recorded or len(steps) == _STEPS_PER_RECORD):
                 self._record_solver_steps(steps, solver)
                 steps = []
@@ -95,7 +86,7 @@ class _WholeRun(Run):
         return solver.y, status.OK
 
     def _create_solver(self, state: np.ndarray):
-        """Return the scipy solver, which starts from a state at phase 0 and counts evaluations."""
+        """Return a scipy solver that starts from a state at phase 0 and counts its evaluations."""
         from scipy import integrate
 
         def derivative(t, z):
@@ -107,7 +98,7 @@ class _WholeRun(Run):
         return solver_class(derivative, 0.0, state, MESH_PERIOD * self.periods, **tolerances)
 
     def _record_solver_steps(self, steps: list[tuple], solver) -> None:
-        """Record steps (start phase, start state, dense output) up to the state of the solver."""
+        """Record steps, (start phase, start state, dense output), up to the solver's state."""
         from scipy.integrate import OdeSolution
 
         phases = np.array([step[0] for step in steps] + [solver.t])

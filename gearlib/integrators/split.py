@@ -1,6 +1,6 @@
 """Runs that are split at switches of stiffness and at changes of contact of any mesh.
 
-A subclass of `Split` defines how its solver integrates one arc, which no switch interrupts.
+A subclass of `Split` defines how its solver integrates one arc without switches.
 """
 
 import itertools
@@ -22,7 +22,7 @@ from gearlib.integrators.right_hand_sides import (
 
 
 class FlankCrossing(NamedTuple):
-    """A crossing of a flank line that ends the present contact of a mesh."""
+    """A zero of a flank distance at which the contact code of a mesh changes."""
 
     mesh: int
     flank: int  #: DRIVE_FLANK or COAST_FLANK
@@ -51,7 +51,7 @@ class Arc(NamedTuple):
 
 
 class Stall(Exception):
-    """The error that a solver could not continue."""
+    """Raised when a solver cannot continue."""
 
 
 class Split(Run):
@@ -60,12 +60,12 @@ class Split(Run):
     Simultaneous events of several meshes are treated one after the other.
     """
 
-    #: Distance from the flank line after a crossing, as a share of the norm of the state. It is
-    #: needed because an event function must not start at zero.
+    #: Distance from the flank after a crossing, relative to the norm of the state. It is needed
+    #: because an event function must not start at zero.
     RESTART_DISTANCE = 1e-14
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, **settings):
-        """Set the right-hand side and the settings of the solver, and list the segments."""
+        """Store the right-hand side and the settings of the solver, and list the segments."""
         super().__init__(problem, **settings)
         #: For each mesh period: (segment, start, end) of its segments.
         self._segments = []
@@ -77,7 +77,7 @@ class Split(Run):
             self._segments.append(list(segments))
 
     def restart_distance(self, state: np.ndarray) -> float:
-        """Return the distance from the flank line at which a state restarts after a crossing."""
+        """Return the distance from the flank at which a state restarts after a crossing."""
         return self.RESTART_DISTANCE * max(1.0, math.sqrt(state @ state))
 
     def solve(self, branch: Branch, state: np.ndarray) -> Arc:
@@ -88,7 +88,7 @@ class Split(Run):
         raise NotImplementedError
 
     def possible_crossings(self, contact_codes: np.ndarray) -> list[FlankCrossing]:
-        """Return the flank crossings that can end the contacts of the meshes, codes (m,)."""
+        """Return the flank crossings that would change the contact codes, shape (m,)."""
         crossings = []
         for mesh, code in enumerate(contact_codes.tolist()):
             backlash = self.problem.backlashes[mesh]
@@ -98,10 +98,9 @@ class Split(Run):
                     crossings.append(FlankCrossing(mesh, COAST_FLANK, -1, INVERSE))
             else:
                 code_after = next_contact_code(code, BACKLASH, backlash)
-                is_drive = code == NORMAL
-                flank, other_flank = (
-                    (DRIVE_FLANK, COAST_FLANK) if is_drive else (COAST_FLANK, DRIVE_FLANK)
-                )
+                flank, other_flank = DRIVE_FLANK, COAST_FLANK
+                if code == INVERSE:
+                    flank, other_flank = other_flank, flank
                 crossings.append(FlankCrossing(mesh, flank, -code, code_after))
                 if self.problem.may_jam[mesh]:
                     crossings.append(FlankCrossing(mesh, other_flank, -code, BOTH))
@@ -132,15 +131,9 @@ class Split(Run):
         return state, status.OK
 
     def _integrate_segment(
-        self,
-        period: int,
-        segment: int,
-        start: float,
-        end: float,
-        state: np.ndarray,
-        contact_codes: np.ndarray,
+        self, period: int, segment: int, start: float, end: float, state, contact_codes
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Integrate over a segment of constant stiffness; return (state, contact codes, status).
+        """Integrate over one stiffness segment; return (state, contact codes, status).
 
         The phases `start` and `end` are counted from the start of the mesh period.
         """
@@ -150,7 +143,7 @@ class Split(Run):
             self.arc_count += 1
             if self.arc_count > self.max_events:
                 return state, contact_codes, status.EVENT_LIMIT
-            # The solver may see no change of sign if the state is on a flank within rounding.
+            # The solver may miss the sign change if the flank distance is only a rounding error.
             tolerance = 0.5 * self.restart_distance(state)
             index = self.problem.reached_crossing(period_start + t, state, crossings, tolerance)
             if index is None:
@@ -173,14 +166,9 @@ class Split(Run):
         return state, contact_codes, status.OK
 
     def _cross(
-        self,
-        period: int,
-        t: float,
-        state: np.ndarray,
-        contact_codes: np.ndarray,
-        crossing: FlankCrossing,
+        self, period: int, t: float, state, contact_codes, crossing: FlankCrossing
     ) -> np.ndarray:
-        """Move a state just beyond the flank line that it crosses; return the new contact codes.
+        """Move a state just beyond the flank that it crosses; return the new contact codes.
 
         The phase t is counted from the start of the mesh period.
         """

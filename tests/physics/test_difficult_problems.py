@@ -48,7 +48,7 @@ def test_own_solvers_are_right_wherever_they_take_the_model(method):
     for i, (name, problem) in enumerate(PROBLEMS.items()):
         cell = column.isel(problem=i, trial=0)
         verdict = failures.VERDICTS[int(cell.verdict)]
-        if integrators.METHODS[method].takes(problem.model):
+        if integrators.METHODS[method].supports(problem.model):
             assert verdict == "right", name
             # Far below the tolerance, which is made for others; chaos has no common state.
             assert float(cell.error) < (problem.tolerance if name == "chaos" else 1e-6), name

@@ -59,7 +59,7 @@ STATES = ("displacement", "velocity", "acceleration", "dynamic_force", "final_st
 SHARES = ("normal", "backlash", "inverse", "min_stiffness")
 
 
-INSTALLED = {method for method in WAYS if integrators.about(method).available}
+INSTALLED = {method for method in WAYS if integrators.describe_method(method).available}
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -68,7 +68,7 @@ def test_a_motion_is_that_of_the_exact_method(method, name):
     (options, *errors), case = WAYS[method], MOTIONS[name]
     span = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
     span["initial_state"] = case.state
-    if not integrators.METHODS[method].takes(case.model):
+    if not integrators.METHODS[method].supports(case.model):
         with pytest.raises(ValueError, match=f"method = '{method}' is not allowed .* it takes"):
             simulate(case.model, case.tuning, method=method, **span)
         return

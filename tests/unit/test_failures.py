@@ -135,7 +135,7 @@ def test_the_judge_is_never_the_method_itself():
     known = difficult_problems.problems()
     for key, question in known.items():
         for method, module in integrators.METHODS.items():
-            if module.takes(question.model):
+            if module.supports(question.model):
                 judge, options = failures.reference_method(question, method)
                 assert judge != method or (method == "scipy" and options["rtol"] == 1e-13), key
     assert failures.reference_method(known["rest_near"], "rk4") == ("exact", {})

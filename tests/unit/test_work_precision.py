@@ -43,7 +43,7 @@ def test_every_method_has_a_ladder_that_it_accepts():
     model = problems.build("cubic", PARAMETERS, {}, SETTINGS).model
     for method in (one for one in integrators.methods() if one.available):
         for _, _, options in wp.rungs(method.name):
-            if integrators.METHODS[method.name].takes(model):
+            if integrators.METHODS[method.name].supports(model):
                 integrators.choose(model, method.name, options)
 
 

@@ -29,8 +29,8 @@ _STAGE_WEIGHTS = np.array(
 _ERROR_WEIGHTS = np.array(
     [71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]
 )
-#: Weights of the dense output: a row for each stage, columns for the powers 1 to 4 of the share
-#: of the step.
+#: Weights of the dense output: a row for each stage, columns for the powers 1 to 4 of the
+#: fraction of the step.
 DENSE_WEIGHTS = np.array(
     [
         [1.0, -183 / 64, 37 / 12, -145 / 128],
@@ -56,8 +56,8 @@ class StepControl(NamedTuple):
 def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     """Return the displacement and velocity after a Runge-Kutta step of length h from phase t.
 
-    Stages, shape (7, 2), are rates (x', x''): the first is given, the others are filled. The
-    excitation holds the arguments of `acceleration_at` up to the force harmonics.
+    `stages`, shape (7, 2), are derivatives (x', x''): the first is an input, the others are filled.
+    `excitation` holds segment bounds, stiffness lines and harmonics, and force harmonics.
     """
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics = excitation
     new_x, new_v = x, v
@@ -83,7 +83,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
 
 @inlined
 def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
-    """Return the relative error of a step of length h, which must not exceed the rtol of control.
+    """Return the relative error of a step of length h, which the step control compares with rtol.
 
     The step leads from (x, v) to (new_x, new_v) with the stages (x', x''), shape (7, 2).
     """
@@ -99,7 +99,7 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
 
 @inlined
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
-    """Return the length of the first step from (x, v) with acceleration a, as ode45 chooses it.
+    """Return the length that ode45 chooses for the first step, from (x, v) with acceleration a.
 
     The run starts at phase 0 and ends at the phase `end`.
     """
@@ -112,12 +112,13 @@ def _first_step(control: StepControl, end: float, x: float, v: float, a: float) 
 
 @kernel
 def take_embedded_steps(equation, record_start, end, max_attempts, progress, times, states, stages):
-    """Take steps until the tables are full or the phase `end`; return (steps, status, evaluations).
+    """Take up to k steps, until the phase `end`; return (steps in the tables, status, evaluations).
 
-    The equation is (Law, ContactLaw, StepControl). Fills times, (k + 1,), and states, (k + 1, 2),
-    from the first, and stages, (k, 7, 2), rates (x', x''). Steps before `record_start` are
-    overwritten. `progress` holds the next step length (0 at the start), the mesh period, and the
-    attempted steps in it, `max_attempts` at most.
+    The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values. The steps
+    fill the others, and the derivatives (x', x'') in `stages`, (k, 7, 2). Steps that end before
+    `record_start` are overwritten. `equation` is (Law, ContactLaw, StepControl). `progress` holds
+    the next step length (0 at the start), the present mesh period, and the number of steps
+    attempted in it, which is at most `max_attempts`.
     """
     law, contact_law, control = equation
     # Each attribute access counts references, so the loop uses local names.
@@ -135,7 +136,7 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
         rates[0, 0], rates[0, 1] = v, a
         min_step = 16.0 * np.spacing(t)
         h = min(control.max_step, max(min_step, h))
-        # The last step is stretched by a tenth rather than followed by a tiny one.
+        # The last step is stretched by up to a tenth rather than followed by a tiny one.
         is_last = 1.1 * h >= end - t
         h = end - t if is_last else h
         has_failed = False

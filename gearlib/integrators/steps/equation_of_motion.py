@@ -4,9 +4,9 @@ The equation of one degree of freedom is, in static deflections and mesh phase,
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact where the displacement lies beyond a flank. In the smoothed law the shares
+with contact for x >= drive_line and x <= coast_line. In the smoothed law the factors
 H1 = (1 + tanh(sharpness (x - drive_line))) / 2 and H2 = (1 - tanh(sharpness (x - coast_line))) / 2
-of both flanks multiply spring force and damping.
+of drive and coast side multiply spring force and damping.
 """
 
 import math
@@ -29,17 +29,17 @@ class ContactLaw(NamedTuple):
 
     drive_damping: tuple  #: d1, d2, d3 in drive-side contact
     backlash_damping: tuple  #: d1, d2, d3 in the backlash
-    coast_damping: tuple  #: d1, d2, d3 in back-side contact
+    coast_damping: tuple  #: d1, d2, d3 in coast-side contact
     stiffness_powers: tuple  #: p2, p3 of the contact stiffness
-    drive_line: float  #: displacement of the drive-side flank, static deflections
-    coast_line: float  #: displacement of the back-side flank
+    drive_line: float  #: displacement above which the drive side touches, static deflections
+    coast_line: float  #: displacement below which the coast side touches
     ground_stiffness: float  #: e, stiffness towards x = 0 that acts without contact, too
     sharpness: float = 0.0  #: sharpness of the smoothed law, per static deflection; 0: not smoothed
     is_simple: bool = False  #: whether the law is sharp and its damping and stiffness linear
 
 
 def contact_law_of(law: Law, sharpness: float = 0.0) -> ContactLaw:
-    """Return the contact law of a mesh law, smoothed if `sharpness` is positive."""
+    """Return the contact law of an equation of motion, smoothed if `sharpness` is positive."""
     damping = [tuple(d.tolist()) for d in (law.drive_damping, law.backlash_damping)]
     damping.append(tuple(law.coast_damping.tolist()))
     powers = tuple(law.stiffness_powers.tolist())
@@ -58,7 +58,7 @@ def contact_law_of(law: Law, sharpness: float = 0.0) -> ContactLaw:
 
 @inlined
 def contact_code_at(contact_law: ContactLaw, x: float) -> int:
-    """Return the contact code of a displacement; a flank line belongs to contact."""
+    """Return the contact code (drive side, coast side or backlash) at the displacement x."""
     if x >= contact_law.drive_line:
         return NORMAL
     return INVERSE if x <= contact_law.coast_line else BACKLASH
@@ -71,15 +71,15 @@ def damping_force(coefficients: tuple, v: float) -> float:
 
 
 @inlined
-def _spring_force(contact_law: ContactLaw, deflection: float) -> float:
-    """Return g, the contact force over the stiffness c, at an elastic deflection."""
+def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
+    """Return g, the elastic contact force over the mesh stiffness, at an elastic deflection."""
     p2, p3 = contact_law.stiffness_powers
     return deflection + (p2 * abs(deflection) + p3 * deflection * deflection) * deflection
 
 
 @inlined
 def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
-    """Return (1 in contact, else 0; displacement of the flank; damping d1, d2, d3)."""
+    """Return (1 in contact, else 0; displacement at first contact; damping d1, d2, d3)."""
     if contact_code == NORMAL:
         return 1.0, contact_law.drive_line, contact_law.drive_damping
     if contact_code == INVERSE:
@@ -89,50 +89,51 @@ def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
 
 @inlined
 def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
-    """Return (spring force g, damping force) of the sharp law for a contact code."""
-    is_touching, line, damping = contact_terms(contact_law, contact_code)
-    return is_touching * _spring_force(contact_law, x - line), damping_force(damping, v)
+    """Return (elastic force over stiffness g, damping force) for a contact code, not smoothed."""
+    is_touching, flank, damping = contact_terms(contact_law, contact_code)
+    return is_touching * _force_over_stiffness(contact_law, x - flank), damping_force(damping, v)
 
 
 @inlined
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
-    """Return (spring force g, share of contact H1 + H2) of the smoothed law at displacement x."""
+    """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed law."""
     sharpness, drive_line = contact_law.sharpness, contact_law.drive_line
-    coast_line, coast_share = contact_law.coast_line, 0.0
-    drive_share = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_line)))
-    force = drive_share * _spring_force(contact_law, x - drive_line)
+    coast_line, h2 = contact_law.coast_line, 0.0
+    h1 = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_line)))
+    g = h1 * _force_over_stiffness(contact_law, x - drive_line)
     if coast_line > -math.inf:
-        coast_share = 0.5 * (1.0 - math.tanh(sharpness * (x - coast_line)))
-        force += coast_share * _spring_force(contact_law, x - coast_line)
-    return force, drive_share + coast_share
+        h2 = 0.5 * (1.0 - math.tanh(sharpness * (x - coast_line)))
+        g += h2 * _force_over_stiffness(contact_law, x - coast_line)
+    return g, h1 + h2
 
 
 @inlined
 def force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v) -> tuple:
-    """Return (spring force g, acceleration x'') for a contact code, which the smoothed law ignores.
+    """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
-    Mesh stiffness and external force are those of the present phase.
+    Mesh stiffness and external force are those of the present phase. A smoothed contact law ignores
+    the contact code.
     """
     if contact_law.sharpness > 0.0:
-        spring, share = _smoothed_contact(contact_law, x)
-        drag = share * damping_force(contact_law.drive_damping, v)
-        free_drag = (1.0 - share) * damping_force(contact_law.backlash_damping, v)
-        return spring, external_force - drag - free_drag - stiffness * spring
-    spring, drag = contact_forces(contact_law, contact_code, x, v)
+        g, contact_factor = _smoothed_contact(contact_law, x)
+        drag = contact_factor * damping_force(contact_law.drive_damping, v)
+        free_drag = (1.0 - contact_factor) * damping_force(contact_law.backlash_damping, v)
+        return g, external_force - drag - free_drag - stiffness * g
+    g, drag = contact_forces(contact_law, contact_code, x, v)
     ground_force = contact_law.ground_stiffness * x
-    return spring, external_force - ground_force - drag - stiffness * spring
+    return g, external_force - ground_force - drag - stiffness * g
 
 
 @inlined
 def acceleration(
     contact_law: ContactLaw, stiffness: float, external_force: float, x: float, v: float
 ) -> float:
-    """Return x'' with the contact that the displacement x has.
+    """Return x'' at displacement x and velocity v, which determine the contact.
 
     Mesh stiffness and external force are those of the present phase.
     """
     if contact_law.is_simple:
-        # This branch takes half the time of the general law. Comparisons of methods need it.
+        # This branch takes half the time of the general one, which timings of methods would show.
         damping = contact_law.drive_damping[0]
         if x >= contact_law.drive_line:
             return external_force - damping * v - stiffness * (x - contact_law.drive_line)
@@ -145,7 +146,7 @@ def acceleration(
 
 @inlined
 def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
-    """Return the sum at a phase of harmonics, shape (k, 3): order, cosine, sine coefficient."""
+    """Return a Fourier sum at a phase; `harmonics` has rows (order, cosine, sine coefficient)."""
     total = 0.0
     for j in range(harmonics.shape[0]):
         order = harmonics[j, 0]
@@ -159,10 +160,10 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
 
 @inlined
 def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> float:
-    """Return c(phase + side): straight lines on segments plus harmonics, phase from 0 to 2 pi.
+    """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
-    At a switch `side`, +-SAME_PHASE_TOLERANCE, selects the segment after or before it. The lines,
-    shape (m, 2), are (start value, slope), their bounds have shape (m + 1,).
+    Where the stiffness jumps, `side`, +-SAME_PHASE_TOLERANCE, selects the segment after or before.
+    The lines, shape (m, 2), are (start value, slope); the segment bounds have shape (m + 1,).
     """
     shifted_phase = phase + side
     if shifted_phase < 0.0:
@@ -182,7 +183,7 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> flo
 def acceleration_at(
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
-    """Return x'' at the phase t of the run, with the contact that the displacement x has.
+    """Return x'' at the phase t, displacement x and velocity v, which determines the contact.
 
     The mesh stiffness is a line (start value, slope) on each segment plus harmonics, the force a
     sum of harmonics; harmonics have the columns order, cosine, sine.
@@ -196,7 +197,7 @@ def acceleration_at(
 
 @kernel
 def mesh_acceleration(contact_law: ContactLaw, law: Law, t: float, x: float, v: float) -> float:
-    """Return x'' of one mesh at the phase t, with the contact that the displacement x has."""
+    """Return x'' of one mesh at phase t, displacement x (which decides contact) and velocity v."""
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_line:
         lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
     else:
@@ -207,7 +208,7 @@ def mesh_acceleration(contact_law: ContactLaw, law: Law, t: float, x: float, v: 
 
 @inlined
 def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
-    """Return c at the phase t on a segment, also where rounding puts t just before its start.
+    """Return the mesh stiffness at the phase t, which rounding may put just before the segment.
 
     The lines, shape (m, 2), are (start value, slope) of the segments.
     """
@@ -220,10 +221,10 @@ def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -
 def forces_and_accelerations(
     contact_law, law, phases, segments, contact_codes, states
 ) -> np.ndarray:
-    """Return (stiffness c, spring force g, x'') of states, shape (k, 2), as an array (k, 3).
+    """Return (mesh stiffness, elastic force over stiffness, x'') of states (k, 2), shape (k, 3).
 
-    Phases, segments of the stiffness and contact codes have shape (k,). A smoothed law ignores
-    contact codes.
+    Phases, segments of the stiffness and contact codes have shape (k,). A smoothed contact law
+    ignores the contact codes.
     """
     # Each attribute access counts references, so the loop uses local names.
     bounds, force_harmonics = law.segment_bounds, law.force_harmonics
@@ -247,7 +248,7 @@ def forces_and_accelerations(
 
 @kernel
 def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.ndarray:
-    """Return d(state)/dtau of a gear train at the phase t, with the contact of the state.
+    """Return d(state)/dtau of a gear train at the phase t; the state determines the contacts.
 
     The state, shape (2 N,), holds displacements, then velocities.
     """
@@ -279,9 +280,9 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
 
 @kernel
 def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndarray) -> bool:
-    """Return whether both flanks of a mesh touch at once at the phase t.
+    """Return whether both flanks of a mesh touch at once in a state at the phase t.
 
-    `may_jam`, bool, tells for each mesh whether that is possible.
+    `may_jam` is a mask of the meshes in which that is possible.
     """
     if not may_jam.any():
         return False

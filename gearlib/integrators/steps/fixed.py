@@ -31,7 +31,7 @@ from gearlib.integrators.steps.equation_of_motion import (
 
 #: Largest number of iterations of the contact force in a step. A linear contact needs 2 or 3.
 MAX_ITERATIONS = 50
-#: A residual below this share of the size of its terms is due to rounding.
+#: A residual below this fraction of the size of its terms is due to rounding.
 _RESIDUAL_TOLERANCE = 1e-14
 
 
@@ -47,105 +47,110 @@ class Scheme(NamedTuple):
 
 
 @kernel
-def tabulate_excitation(law: Law, steps: int, middle_share: float) -> tuple:
-    """Return stiffness and force, shape (steps, 3), of the steps of a mesh period, and the jumps.
+def tabulate_excitation(law: Law, steps: int, middle_fraction: float) -> tuple:
+    """Return (stiffness, external force, jump mask) for the equal steps of one mesh period.
 
-    The columns hold the values at the start, at `middle_share` of the step and at the end. The
-    jumps, shape (steps,), tell whether the stiffness jumps at the start of a step.
+    Stiffness and force, shape (steps, 3), are those at the start, at `middle_fraction` of the step
+    and at the end. The mask is true for steps at whose start the stiffness jumps.
     """
     stiffness, force = np.empty((steps, 3)), np.empty((steps, 3))
     for k in range(steps):
-        for column, share in enumerate((0.0, middle_share, 1.0)):
-            phase = 2.0 * math.pi * ((k + share) / steps)
-            side = -SAME_PHASE_TOLERANCE if share == 1.0 else SAME_PHASE_TOLERANCE
+        for column, fraction in enumerate((0.0, middle_fraction, 1.0)):
+            phase = 2.0 * math.pi * ((k + fraction) / steps)
+            side = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
             stiffness[k, column] = stiffness_at(
                 law.segment_bounds, law.stiffness_lines, law.stiffness_harmonics, phase, side
             )
             force[k, column] = harmonic_sum(law.force_harmonics, phase)
     # The stiffness is periodic, so the first step follows the last one.
-    jumps = np.abs(stiffness[:, 0] - np.roll(stiffness[:, 2], 1)) > 1e-9 * stiffness[:, 0]
-    return stiffness, force, jumps
+    has_jump = np.abs(stiffness[:, 0] - np.roll(stiffness[:, 2], 1)) > 1e-9 * stiffness[:, 0]
+    return stiffness, force, has_jump
 
 
 @inlined
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
-    Mesh stiffness and external force are those at the start, the middle and the end of the step.
+    `stiffness` and external `force` hold the values at the start, the middle and the end.
     """
-    half = 0.5 * h
+    half_step = 0.5 * h
     a1 = acceleration(contact_law, stiffness[0], force[0], x, v)
-    v2 = v + half * a1
-    a2 = acceleration(contact_law, stiffness[1], force[1], x + half * v, v2)
-    v3 = v + half * a2
-    a3 = acceleration(contact_law, stiffness[1], force[1], x + half * v2, v3)
+    v2 = v + half_step * a1
+    a2 = acceleration(contact_law, stiffness[1], force[1], x + half_step * v, v2)
+    v3 = v + half_step * a2
+    a3 = acceleration(contact_law, stiffness[1], force[1], x + half_step * v2, v3)
     v4 = v + h * a3
     a4 = acceleration(contact_law, stiffness[2], force[2], x + h * v3, v4)
-    sixth = h / 6.0
-    return x + sixth * (v + 2.0 * (v2 + v3) + v4), v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+    weight = h / 6.0
+    return x + weight * (v + 2.0 * (v2 + v3) + v4), v + weight * (a1 + 2.0 * (a2 + a3) + a4)
 
 
 @inlined
 def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
-    Contact, stiffness and damping are those of the `start`, (x, v, a). The middle state without
-    the new acceleration is `middle`, (x, v).
+    Contact, stiffness and damping are those of the state `start`, (x, v, a), of the step of length
+    h. `middle` is the (x, v) of the middle state if the acceleration at the end were 0.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
-    am, af = scheme.alpha_m, scheme.alpha_f
+    alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
+    # Derivatives of the middle state by the acceleration at the end.
+    dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.stiffness_powers
-    x_factor, v_factor = (1.0 - af) * scheme.beta * h * h, (1.0 - af) * scheme.gamma * h
-    is_touching, line, d = contact_terms(contact_law, contact_code_at(contact_law, start_x))
-    deflection, speed = abs(start_x - line), abs(start_v)
+    is_touching, flank, (d1, d2, d3) = contact_terms(
+        contact_law, contact_code_at(contact_law, start_x)
+    )
+    deflection, speed = abs(start_x - flank), abs(start_v)
     secant_stiffness = stiffness * is_touching * (1.0 + (p2 + p3 * deflection) * deflection)
-    secant_damping = d[0] + (d[1] + d[2] * speed) * speed
-    net_force = force - am * start_a - secant_damping * middle_v
-    net_force = net_force - secant_stiffness * (middle_x - line)
-    return net_force / (1.0 - am + secant_damping * v_factor + secant_stiffness * x_factor)
+    secant_damping = d1 + (d2 + d3 * speed) * speed
+    net_force = force - alpha_m * start_a - secant_damping * middle_v
+    net_force = net_force - secant_stiffness * (middle_x - flank)
+    return net_force / (1.0 - alpha_m + secant_damping * dv_da + secant_stiffness * dx_da)
 
 
 @inlined
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
-    """Return the acceleration at the end of a generalised-alpha step by Newton's method.
+    """Return (acceleration at the end, iterations, convergence) by Newton's method.
 
-    Arguments are those of `_frozen_acceleration`. Returns (acceleration, iterations, whether they
-    converged).
+    The arguments are a generalised-alpha `scheme`, the step length h, mesh stiffness and external
+    force, the `start`, (x, v, a), and the `middle`, (x, v) for zero acceleration at the end.
     """
     start_x, start_v, start_a = start
     middle_x, middle_v = middle
-    am, af = scheme.alpha_m, scheme.alpha_f
+    alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
+    # Derivatives of the middle state by the acceleration at the end.
+    dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
     p2, p3 = contact_law.stiffness_powers
-    x_factor, v_factor = (1.0 - af) * scheme.beta * h * h, (1.0 - af) * scheme.gamma * h
     a, iterations = start_a, 0
     while iterations < MAX_ITERATIONS:
-        x, v = middle_x + x_factor * a, middle_v + v_factor * a
+        x, v = middle_x + dx_da * a, middle_v + dv_da * a
         contact_code = contact_code_at(contact_law, x)
-        spring, drag = contact_forces(contact_law, contact_code, x, v)
-        residual = (1.0 - am) * a + am * start_a + drag + stiffness * spring - force
-        is_touching, line, d = contact_terms(contact_law, contact_code)
-        u, speed = is_touching * abs(x - line), abs(v)
-        tangent_stiffness = stiffness * is_touching * (1.0 + (2.0 * p2 + 3.0 * p3 * u) * u)
-        tangent_damping = d[0] + (2.0 * d[1] + 3.0 * d[2] * speed) * speed
+        g, drag = contact_forces(contact_law, contact_code, x, v)
+        residual = (1.0 - alpha_m) * a + alpha_m * start_a + drag + stiffness * g - force
+        is_touching, flank, (d1, d2, d3) = contact_terms(contact_law, contact_code)
+        deflection, speed = is_touching * abs(x - flank), abs(v)
+        dg_dx = is_touching * (1.0 + (2.0 * p2 + 3.0 * p3 * deflection) * deflection)
+        tangent_stiffness = stiffness * dg_dx
+        tangent_damping = d1 + (2.0 * d2 + 3.0 * d3 * speed) * speed
         iterations += 1
-        size = abs(a) + abs(am * start_a) + abs(force) + abs(drag)
-        size += tangent_stiffness * (abs(x) + u + abs(start_x) + h * abs(start_v))
+        size = abs(a) + abs(alpha_m * start_a) + abs(force) + abs(drag)
+        size += tangent_stiffness * (abs(x) + deflection + abs(start_x) + h * abs(start_v))
         if abs(residual) <= _RESIDUAL_TOLERANCE * size:
             return a, iterations, True
-        a -= residual / (1.0 - am + tangent_damping * v_factor + tangent_stiffness * x_factor)
-    # If the damping jumps with contact, the residual may jump over zero. Then the state lies on
-    # the flank line, with a damping between those of both sides.
-    for line in (contact_law.drive_line, contact_law.coast_line):
-        if abs(line) < math.inf:
-            a_on_line = (line - middle_x) / x_factor
-            v = middle_v + v_factor * a_on_line
-            residual = (1.0 - am) * a_on_line + am * start_a - force
+        a -= residual / (1.0 - alpha_m + tangent_damping * dv_da + tangent_stiffness * dx_da)
+    # If the damping jumps with contact, the residual may jump over zero. Then the flanks just
+    # touch, with a damping between those of contact and backlash.
+    for flank in (contact_law.drive_line, contact_law.coast_line):
+        if abs(flank) < math.inf:
+            a = (flank - middle_x) / dx_da
+            v = middle_v + dv_da * a
+            residual = (1.0 - alpha_m) * a + alpha_m * start_a - force
             contact_residual = residual + damping_force(contact_law.drive_damping, v)
             backlash_residual = residual + damping_force(contact_law.backlash_damping, v)
             iterations += 1
             if contact_residual * backlash_residual <= 0.0:
-                return a_on_line, iterations, True
+                return a, iterations, True
     return a, iterations, False
 
 
@@ -153,13 +158,13 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
 def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
-    Mesh stiffness and external force are those at the share 1 - alpha_f of the step of length h.
+    Mesh stiffness and external force are those at the fraction 1 - alpha_f of the step of length h.
     The accelerations `start_a` and a are those of the method, not of the equation of motion.
     """
-    share = 1.0 - scheme.alpha_f
+    fraction = 1.0 - scheme.alpha_f
     # The middle state is linear in a: these are its displacement and velocity for a = 0.
-    middle_v = start_v + share * h * (1.0 - scheme.gamma) * start_a
-    middle_x = start_x + share * h * (start_v + h * (0.5 - scheme.beta) * start_a)
+    middle_v = start_v + fraction * h * (1.0 - scheme.gamma) * start_a
+    middle_x = start_x + fraction * h * (start_v + h * (0.5 - scheme.beta) * start_a)
     start, middle = (start_x, start_v, start_a), (middle_x, middle_v)
     a, evaluations, converged = 0.0, 1, True
     if scheme.iterated:
@@ -177,13 +182,13 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
 def take_steps(
     contact_law: ContactLaw, scheme: Scheme, excitation: tuple, a: float, states: np.ndarray
 ) -> tuple:
-    """Fill states, shape (k + 1, 2), from the first one, the state at the start of a mesh period.
+    """Take k steps from the start of a mesh period; return (status, evaluations, acceleration).
 
-    The excitation comes from `tabulate_excitation`. The acceleration `a` of generalised-alpha at
-    the first state is NaN if it is that of the equation of motion. Returns (status, evaluations,
-    acceleration at the last state).
+    The first row of `states`, shape (k + 1, 2), is the initial state; the others are filled. The
+    excitation is that of `tabulate_excitation`. The acceleration `a` of generalised-alpha at the
+    first state is NaN if it follows from the equation of motion; the last one is returned.
     """
-    stiffness, force, jumps = excitation
+    stiffness, force, has_jump = excitation
     steps = stiffness.shape[0]
     h = 2.0 * math.pi / steps
     x, v, evaluations, converged = states[0, 0], states[0, 1], 0, True
@@ -195,7 +200,7 @@ def take_steps(
             x, v = runge_kutta_step(contact_law, h, stiffness_k, force_k, x, v)
             evaluations += 4
         else:
-            if jumps[k] or math.isnan(a):
+            if has_jump[k] or math.isnan(a):
                 # The acceleration jumps with the stiffness.
                 a = acceleration(contact_law, stiffness[k, 0], force[k, 0], x, v)
                 evaluations += 1
@@ -213,10 +218,11 @@ def take_steps(
 
 @kernel
 def take_train_steps(system, may_jam, period, steps, states, limit) -> tuple:
-    """Fill states of a train, shape (k + 1, size), from the first; return (status, evaluations).
+    """Take k Runge-Kutta steps of a gear train; return (status, evaluations).
 
-    They start with mesh period `period` and lie `steps` per mesh period apart. The run ends early
-    if a component exceeds the limit or both flanks touch in a mesh that `may_jam`, bool.
+    The first row of `states`, shape (k + 1, size), is the state at the start of mesh period
+    `period`; the others are filled, `steps` per mesh period. The run ends early if a component
+    exceeds `limit` or both flanks touch in one of the meshes of the mask `may_jam`.
     """
     h = 2.0 * math.pi / steps
     for i in range(states.shape[0] - 1):

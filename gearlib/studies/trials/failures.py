@@ -220,7 +220,7 @@ def run(
 def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
     """Return method and options of the reference with which a method is compared on a problem."""
     for judge in integrators.AUTOMATIC:
-        if judge != method and integrators.METHODS[judge].takes(problem.model):
+        if judge != method and integrators.METHODS[judge].supports(problem.model):
             return judge, {}
     return SPLIT_REFERENCE
 

@@ -156,7 +156,7 @@ def _setting_errors(
     `expected` is the exact motion, `reference` has the exact settled orbit and its multiplier.
     """
     state = event = multiplier = evaluations = math.nan
-    if integrators.METHODS[method].takes(problem.model):
+    if integrators.METHODS[method].supports(problem.model):
         motion = problems.run(problem, method, options)
         # Smaller errors are below the accuracy of the reference of a gear train.
         accuracy = references.TRAIN_ACCURACY if problem.model.mesh_names else 0.0
@@ -241,7 +241,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
 
     The shortest of `repeats` runs counts. NaN if the method cannot run the model or stops early.
     """
-    if not integrators.METHODS[method].takes(problem.model):
+    if not integrators.METHODS[method].supports(problem.model):
         return math.nan
     _, integrator, options = integrators.choose(problem.model, method, options)
 
