@@ -20,12 +20,12 @@ PICTURE = Path(__file__).parents[1] / "images" / "home.png"
 def outline(gear, centre, turn):
     """Return the outline of a gear, its first tooth under an angle, shape (2, n), mm."""
     tooth = Tooth(gear, gear.width)
-    tip = gear.tip_roll_length / tooth.base
-    x, y, _ = tooth.flank(np.linspace(tooth.foot, tip, 12))
+    tip = gear.tip_roll_length / tooth.base_radius
+    x, y, _ = tooth.flank(np.linspace(tooth.form_phi, tip, 12))
     # Down to the root, a little wider there, in a straight line for the fillet.
     angle = 1.25 * math.atan2(x[0], y[0])
-    x = np.r_[tooth.root * math.sin(angle), x]
-    y = np.r_[tooth.root * math.cos(angle), y]
+    x = np.r_[tooth.root_radius * math.sin(angle), x]
+    y = np.r_[tooth.root_radius * math.cos(angle), y]
     one = np.abs(x) + 1j * y
     both = np.r_[one, -one[::-1].conj()]
     pitch = 2.0 * math.pi / gear.teeth

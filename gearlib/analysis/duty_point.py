@@ -15,7 +15,7 @@ from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_erro
 from gearlib.data.result import result
 from gearlib.models.geometry.iso import dynamic_factor
 from gearlib.models.geometry.mesh import torque_of
-from gearlib.models.load_sharing_pair import tooth_pairs_of
+from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
@@ -110,7 +110,7 @@ def _model_of_drawn_gears(mesh: Any, torque: float, options: dict) -> tuple:
     `torque` is that of the pinion in N m, `options` are those of `duty_point`. If thousands of mesh
     periods pass until the same teeth meet again, only the first are modelled.
     """
-    model = tooth_pairs_of(mesh, torque=torque, **options)
+    model = default_load_sharing_pair(mesh, torque=torque, **options)
     max_repeats = _MAX_TABLES // 2 ** math.ceil(mesh.total_contact_ratio)
     if model.repeats <= max_repeats:
         return model, False

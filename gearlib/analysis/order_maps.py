@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline
 from gearlib import checks
 from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many
-from gearlib.models.from_values import model_of
+from gearlib.models.from_values import model_from_json
 from gearlib.models.harmonics import Harmonics
 
 #: Phases, and revolutions, closer than this count as equal.
@@ -411,7 +411,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
     if variable in ("displacement", "velocity"):
         return np.empty(0)
     phases = event_phases
-    model = model_of(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
+    model = model_from_json(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
         # Phases of run-ups count from the mesh phase 0.
         begin = 0.0 if "time" in run.dims else float(run.phase[0])
@@ -430,7 +430,7 @@ def _stiffness_switches(model: Any) -> tuple:
         starts = model.system(1.0).starts
         return starts[:-1], starts[-1]
     switches = [[0.0]]
-    for side in (model.equation.near, model.equation.far):
+    for side in (model.equation.drive_stiffness, model.equation.coast_stiffness):
         ends = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
         jumps = np.abs(np.roll(ends, 1) - side.lines[:, 0])
         switches.append(side.breaks[:-1][jumps > PHASE_TOLERANCE * np.abs(side.lines[:, 0]).max()])

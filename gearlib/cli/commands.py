@@ -277,7 +277,8 @@ def _scattering(gears, model, tolerance, thickness_class, distance_class, qualit
     for one in section.parameters if is_section else parameters:
         kind = known[one.parameter].kind if one.parameter in known else None
         laws[one.parameter] = one.law(f"tolerances.{one.parameter}", kind)
-    of_drawing = laws.keys() & tolerated.of_drawing().keys() - tolerated.of_pair().keys()
+    drawing_only = tolerated.drawing_parameters().keys() - tolerated.pair_parameters().keys()
+    of_drawing = laws.keys() & drawing_only
     if is_section and section.correlations:
         laws["correlations"] = [[*pair.parameters, pair.rho] for pair in section.correlations]
     if not has_classes and not of_drawing:

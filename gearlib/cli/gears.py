@@ -39,9 +39,9 @@ class Gears(NamedTuple):
 
         settings, gears = self.settings, self.drawn
         if self.kind == "train":
-            from gearlib.models.from_values import described
+            from gearlib.models.from_values import train_from_description
 
-            return described(**settings.train_parameters(self.damping))
+            return train_from_description(**settings.train_parameters(self.damping))
         pair = GearPair(**settings.pair_parameters(self.damping))
         if self.kind == "six_degrees":
             if settings.six_degrees.bearing_stiffness is None:
@@ -49,10 +49,10 @@ class Gears(NamedTuple):
             return SixDegreePair(pair=pair, **settings.six_degree_parameters())
         if not (tooth_pairs and gears and gears.modification_key()):
             return pair
-        from gearlib.models.load_sharing_pair import tooth_pairs_of
+        from gearlib.models.load_sharing_pair import default_load_sharing_pair
 
         method = {"stiffness": gears.stiffness or "iso", "options": gears.stiffness_options}
-        teeth = tooth_pairs_of(gears.mesh(), torque=gears.driving_torque(), **method)
+        teeth = default_load_sharing_pair(gears.mesh(), torque=gears.driving_torque(), **method)
         return teeth.replace(**{name: getattr(pair, name) for name in DAMPINGS})
 
 

@@ -10,8 +10,8 @@ from gearlib import checks
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
 from gearlib.config.types import Section, entry, like, several
-from gearlib.models.geometry.drawings import renaming
-from gearlib.models.geometry.mesh import damping_coefficient, drawn_damping
+from gearlib.models.geometry.drawings import parameters_renamed
+from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
 from gearlib.parameters import RUN_OUT
 
@@ -72,8 +72,8 @@ class Damping(_Coefficients):
                 raise ValueError(f"{key_list} are not allowed together: it must be one of them")
             key, value = given_keys[0], getattr(self, given_keys[0])
             if pair and t.from_context(info, "drawn"):
-                with renaming(lambda argument, owner: f".{argument}"):
-                    drawn_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
+                with parameters_renamed(lambda argument, owner: f".{argument}"):
+                    checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
                     value /= math.hypot(math.tau, value)

@@ -10,9 +10,9 @@ from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, entry, like
 from gearlib.models.geometry.drawings import gear as drawn_gear
-from gearlib.models.geometry.drawings import renaming
+from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
-from gearlib.models.geometry.mesh import Mesh, bodies, torque_of
+from gearlib.models.geometry.mesh import Mesh, six_degree_parameters, torque_of
 
 #: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality are assumed.
 FZG_C = {
@@ -61,7 +61,7 @@ def in_keys(section_key: str = "", options: Iterable[str] | None = None, **gear_
             argument = f"stiffness_options.{argument}"
         return f"{ring_key if argument == 'outer_diameter' else section_key}.{argument}"
 
-    return renaming(config_key)
+    return parameters_renamed(config_key)
 
 
 _ADDENDUM, _DEDENDUM, _RADIUS = (t.type_of(x.kind) for x in parameters.declared(Rack).values())
@@ -204,7 +204,7 @@ class Gears(MethodSection, DrawnPair):
         Friction, run-out and bearing damping are 0; the bearing stiffness is left out.
         """
         zeros = {"friction": [0.0] * 2, "eccentricities": [0.0] * 2, "bearing_damping": [0.0] * 4}
-        values = {key: rounded(value) for key, value in bodies(self.mesh()).items()}
+        values = {key: rounded(value) for key, value in six_degree_parameters(self.mesh()).items()}
         del values["teeth"]
         return values | zeros
 

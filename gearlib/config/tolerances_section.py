@@ -126,10 +126,11 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
     def of_drawing(self):
         """Return whether parameters of the drawing scatter, not those of the pair."""
         names = {tolerance.parameter for tolerance in self.parameters}
-        return names <= tolerated.of_drawing().keys() and not names <= tolerated.of_pair().keys()
+        of_pair = names <= tolerated.pair_parameters().keys()
+        return names <= tolerated.drawing_parameters().keys() and not of_pair
 
     def _known(self):
-        return tolerated.of_drawing() if self.of_drawing() else tolerated.of_pair()
+        return tolerated.drawing_parameters() if self.of_drawing() else tolerated.pair_parameters()
 
     def laws(self, values):
         """Return the laws for `gearlib.scatter`, refused where the gears cannot have them.
@@ -139,7 +140,8 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
         laws = self._laws("tolerances", values)
         for key, (name, law) in zip(self.keys().values(), laws.items(), strict=True):
             if "distribution" not in law:
-                tolerated.check_range(key, law, self._known()[name], tolerated.extent(law))
+                values = tolerated.centre_and_limits(law)
+                tolerated.check_range(key, law, self._known()[name], values)
         if self.correlations:
             laws["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
         return laws
@@ -151,7 +153,7 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
             key, name = f"{section}.parameters[{i}]", tolerance.parameter
             law = tolerance.law(key, self._known()[name].kind)
             if "distribution" not in law:
-                law = tolerated.complete(key, law, model_value=values.get(name))
+                law = tolerated.complete_scatter(key, law, model_value=values.get(name))
             laws[name] = law
         return laws
 
@@ -171,4 +173,4 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
 
 def known_parameters():
     """Return name -> `Parameter` of all that may scatter."""
-    return tolerated.of_drawing() | tolerated.of_pair()
+    return tolerated.drawing_parameters() | tolerated.pair_parameters()

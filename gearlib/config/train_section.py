@@ -18,7 +18,7 @@ from gearlib.config.gears_section import (
     in_keys,
 )
 from gearlib.config.types import OwnGrid, Recorded, Section, Started, entry, grid, like, several
-from gearlib.models.geometry.drawings import planets_of
+from gearlib.models.geometry.drawings import planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh, torque_of
 from gearlib.models.trains import elements, planetary, ready_made
@@ -53,7 +53,7 @@ class PlanetarySet(_Set):
         keys = {name: f".{name}" for name in ("sun", "planet", "ring")}
         with in_keys("", self.stiffness_options, **keys):
             places = {"planets", "positions", "centre_distance", "backlashes"}
-            planets = planets_of(sun, planet, ring, **self.model_dump(include=places))
+            planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=places))
             arguments = self.arguments()
             names = {*DrawnMesh.model_fields, "options"} & arguments.keys()
             share = arguments["torque"] / len(planets.positions)
@@ -61,7 +61,7 @@ class PlanetarySet(_Set):
                 # The sun carries its share, a planet the same force at its radius.
                 mesh.train_parameters(
                     torque=share * mesh.pinion.teeth / sun.teeth,
-                    stated=("torque", arguments["torque"], "N m"),
+                    load_argument=("torque", arguments["torque"], "N m"),
                     **{name: arguments[name] for name in names},
                 )
         return self

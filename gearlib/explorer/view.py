@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
 from gearlib.data import motions
 from gearlib.data.motions import without_growth
-from gearlib.models.load_sharing_pair import tooth_pairs_of
+from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import LOWEST_SHARE, sweep, sweep_down
@@ -59,7 +59,7 @@ def look(mapping: dict, damping: str) -> View:
     mesh, torque = gears.mesh(), gears.driving_torque()
     ratios = {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     method = {"stiffness": gears.stiffness, "options": gears.stiffness_options}
-    teeth = tooth_pairs_of(mesh, torque=torque, **ratios, **method)
+    teeth = default_load_sharing_pair(mesh, torque=torque, **ratios, **method)
     resonance = pair.speed(1.0)
     speed = float(pair.speed(tuning))
     ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)

@@ -26,11 +26,10 @@ _PROFILES = {
 _TRAINS_OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
 
 
-def model_of(text: str) -> Model | None:
-    """Return the model that a dataset describes in a text, or None if that is not possible.
+def model_from_json(text: str) -> Model | None:
+    """Return the model whose ``as_dict()`` has a canonical JSON text, or None if there is none.
 
-    The text is the `canonical_json` of ``model.as_dict()``, and the model must reproduce it
-    exactly. A `LoadSharingPair` cannot be restored.
+    Datasets store such texts. A `LoadSharingPair` cannot be restored.
     """
     try:
         fields = _field_values(json.loads(text))
@@ -41,7 +40,7 @@ def model_of(text: str) -> Model | None:
 
 
 def _field_values(value: Any) -> Any:
-    """Return a decoded JSON value as models store it, with tuples, infinities and `Harmonics`."""
+    """Return a decoded JSON value with tuples, infinities and `Harmonics`, as models store it."""
     if isinstance(value, dict):
         entries = {name: _field_values(entry) for name, entry in value.items()}
         return Harmonics(**entries) if entries.keys() == {"cosines", "sines"} else entries
@@ -51,9 +50,9 @@ def _field_values(value: Any) -> Any:
 
 
 def _model_with(values: dict[str, Any]) -> Model | None:
-    """Return the model with the fields in a dict, or None if no class has these fields.
+    """Return the model with these field values, or None if no class of models has such fields.
 
-    The fields determine the class. The dict is changed.
+    The names of the fields determine the class. The dict `values` is changed.
     """
     if "bodies" in values:
         for name, element in {"bodies": Body, "meshes": Mesh, "shafts": Shaft}.items():
@@ -70,12 +69,12 @@ def _model_with(values: dict[str, Any]) -> Model | None:
     return None if values else pair
 
 
-def described(kind: str, arguments: dict[str, Any], pair: dict[str, Any] | None) -> GearTrain:
+def train_from_description(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     """Return the gear train that the section `train` of a configuration describes.
 
-    `kind` is its kind, such as "idler" or "planetary"; `arguments` are those of the function or
-    class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` holds the arguments
-    of the `GearPair` that some kinds need, or None.
+    `kind` is a kind of trains such as "idler" or "planetary"; `arguments` are those of the function
+    or class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` holds the
+    arguments of the `GearPair` that some kinds need, or None.
     """
     if kind in _TRAINS_OF_PAIRS:
         return getattr(ready_made, kind)(GearPair(**pair), **arguments)
@@ -96,9 +95,9 @@ def described(kind: str, arguments: dict[str, Any], pair: dict[str, Any] | None)
 
 
 def _body(drawn_gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
-    """Return the `Body` of this name with given fields, and those of its drawing if it has one.
+    """Return the `Body` with this name and these fields, and those of its drawing if it has one.
 
-    `drawn_gears` maps names of bodies to `SpurGear`; `gear` is not None if the body is drawn.
+    `drawn_gears` maps names of bodies to `SpurGear`; `gear` is None if the body is not drawn.
     """
     if gear:
         return Body.from_gear(drawn_gears[name], name, **fields)
@@ -113,10 +112,11 @@ def _mesh(
     centre_distance: float | None = None,
     **values: Any,
 ) -> Mesh:
-    """Return the `Mesh` with the fields in `values`, or that of two drawn gears.
+    """Return the `Mesh` with the fields in `values`.
 
-    `drawn_gears` maps names of bodies to `SpurGear`. If both gears are drawn and no stiffness is
-    given, the stiffness follows by a method and its options. `centre_distance` is in m.
+    `drawn_gears` maps names of bodies to `SpurGear`. If both gears are drawn and `values` have no
+    stiffness, it is computed by the method `stiffness` with its options, as are the other missing
+    fields. `centre_distance` is in m.
     """
     values = {"material_damping": None} | values
     for name in {"deviation", "inverse_deviation"} & values.keys():

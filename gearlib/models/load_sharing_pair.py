@@ -23,11 +23,11 @@ from gearlib import checks
 from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.load_sharing import (
-    MIN_LINES,
-    SAME_PLACE,
+    MIN_INTERVALS_PER_PITCH,
+    SAME_POSITION_TOLERANCE,
     ToothPairs,
     checked_errors,
-    corner_zones,
+    corner_contact_lengths,
     face_slices,
     pairs_at,
     tooth_pairs,
@@ -47,11 +47,11 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 _MAX_STEP_ANGLE = 1.18
 #: Options of the stiffness methods of a drawing; only the coupling concerns pairs of teeth.
 _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "hertz")
-#: Tuning at which inertia adds less than 1 % to the load if corners touch on `_USUAL_ZONE` base
-#: pitches; with a shorter zone it is lower, down to a quarter.
-_QUASI_STATIC_TUNING, _USUAL_ZONE = 2e-4, 0.05
+#: Tuning at which inertia adds less than 1 % to the load if corners touch over this many base
+#: pitches; with a shorter corner contact it is lower, down to a quarter.
+_QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
 #: Intervals between the phases at which a pair begins to touch and reaches its path of contact.
-_INTERVALS_OF_A_ZONE = 32
+_CORNER_INTERVALS = 32
 
 
 @documented
@@ -159,7 +159,7 @@ class LoadSharingPair(WithPair):
             )
         pairs = tooth_pairs(self.drawing, phases, **self._options)
         # Transmission errors x of both loads, in m, one for each phase.
-        unloaded, loaded = pairs.share([0.0, self.load]).error
+        unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).error
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
@@ -173,15 +173,9 @@ class LoadSharingPair(WithPair):
         names = ("stiffness", "coupling", "deviation", "pitch_errors", "load")
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
-    def _pairs(
-        self, pitches: np.ndarray, middle: np.ndarray | None = None, inside: Any = None
-    ) -> ToothPairs:
-        """Return the pairs of teeth in mesh at m phases `pitches`, in base pitches, shape (m,).
-
-        `middle`, shape (m,), are phases that decide which pairs are in mesh, by default `pitches`;
-        `inside`, shape (m, k), is whether each pair can touch, by default computed.
-        """
-        return pairs_at(self.drawing, pitches, middle, inside, **self._options)
+    def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> ToothPairs:
+        """Return the pairs of teeth in mesh; the arguments are those of `pairs_at`."""
+        return pairs_at(self.drawing, pitches, *selection, **self._options)
 
     def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
         """Return the forces of the pairs of teeth on the drive side.
@@ -198,8 +192,9 @@ class LoadSharingPair(WithPair):
         numpy.ndarray, shape (m, k)
             Forces in N of the k pairs; the first pair is the one that came into mesh last.
         """
-        pairs = self._pairs(np.asarray(phase, float) / math.tau + self._shift)
-        return pairs.forces_at(np.asarray(displacement, float) * self.static_deflection).force[0]
+        pairs = self._pairs(np.asarray(phase, float) / math.tau + self._phase_offset)
+        displacement = np.asarray(displacement, float) * self.static_deflection
+        return pairs.forces_at_displacement(displacement).force[0]
 
     @property
     def repeats(self) -> int:
@@ -207,17 +202,19 @@ class LoadSharingPair(WithPair):
         return len(self.pitch_errors)
 
     @cached_property
-    def _corner_zone(self) -> Any:
-        """Lengths of corner contact before and behind the path of contact in base pitches."""
-        return corner_zones(self.drawing, self.corner_contact, self.load, self.pitch_errors)
+    def _corner_lengths(self) -> Any:
+        """Lengths of corner contact (before, behind) the path of contact in base pitches."""
+        return corner_contact_lengths(
+            self.drawing, self.corner_contact, self.load, self.pitch_errors
+        )
 
-    def _breaks(self) -> np.ndarray:
+    def _breakpoints(self) -> np.ndarray:
         """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
         mesh = self.drawing
-        line_count = face_slices(mesh, self.repeats).lines
-        if line_count:  # A helical face, given at equal distances.
-            line_count *= math.ceil(self.phases / MIN_LINES)
-            return (self._shift + np.arange(line_count) / line_count) % 1.0
+        count = face_slices(mesh, self.repeats).intervals_per_pitch
+        if count:  # The gears are helical.
+            count *= math.ceil(self.phases / MIN_INTERVALS_PER_PITCH)
+            return (self._phase_offset + np.arange(count) / count) % 1.0
         start, end = mesh.path
         kinks = [start, end]  # positions on the path of contact, m
         for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
@@ -229,57 +226,55 @@ class LoadSharingPair(WithPair):
                 kinks += [position for position in table.position if start < position < end]
         equal_intervals = np.arange(self.phases) / self.phases
         breaks = [(np.array(kinks) - start) / mesh.base_pitch, equal_intervals]
-        if any(self._corner_zone):
+        if any(self._corner_lengths):
             before, behind = (
-                np.linspace(0.0, length, _INTERVALS_OF_A_ZONE + 1) for length in self._corner_zone
+                np.linspace(0.0, length, _CORNER_INTERVALS + 1) for length in self._corner_lengths
             )
             breaks += [0.0 - before, mesh.contact_ratio + behind]
-        return np.append(np.concatenate(breaks), self._shift) % 1.0
+        return np.append(np.concatenate(breaks), self._phase_offset) % 1.0
 
     @property
-    def _shift(self) -> float:
-        """Base pitches from the start of contact to phase 0, where most pairs touch."""
+    def _phase_offset(self) -> float:
+        """Base pitches from the start of contact of a pair to phase 0, where most pairs touch."""
         return (self.drawing.contact_ratio % 1.0) / 2.0
 
     def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
         """Return the number of the last pair of teeth in mesh at phases in base pitches."""
-        return np.floor(
-            pitches + self._corner_zone[0] + face_slices(self.drawing, self.repeats).reach
-        )
+        half_overlap = face_slices(self.drawing, self.repeats).half_overlap
+        return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
     @cached_property
     def tables(self) -> tuple[ToothPairSystem, float]:
         """The `ToothPairSystem` without tuning and damping, and its largest stiffness.
 
-        Segments lie between neighbouring breaks of the whole period, from phase 0 on.
+        Segments lie between neighbouring breakpoints of the whole period, which starts at phase 0.
         """
-        repeats, shift = self.repeats, self._shift
-        pitches = np.sort((np.arange(repeats)[:, None] + self._breaks()).ravel())
-        pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_PLACE]
-        pitches = pitches[pitches < repeats - SAME_PLACE]
-        first = int(np.searchsorted(pitches, shift - SAME_PLACE))
-        pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + shift]])
+        repeats, offset = self.repeats, self._phase_offset
+        pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())
+        pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_POSITION_TOLERANCE]
+        pitches = pitches[pitches < repeats - SAME_POSITION_TOLERANCE]
+        first = int(np.searchsorted(pitches, offset - SAME_POSITION_TOLERANCE))
+        pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + offset]])
         left, right = pitches[:-1], pitches[1:]
         middles = (left + right) / 2.0
-        inside, on_path, ends = self._segments(left, middles, right)
+        can_touch, on_path, ends = self._segments(left, middles, right)
         pair_numbers = self._pair_numbers(middles)
         lengths = math.tau * (right - left)
-        left_laws, right_laws = (self._force_laws(end, on_path) for end in ends)
-        force = _linear_laws(left_laws[0], right_laws[0], lengths)
-        overlap = _linear_laws(left_laws[1], right_laws[1], lengths)
-        smallest_gaps = [np.where(inside, end.gap, math.inf).min(-1) for end in ends]
-        # Bit i of the number is set if pair i can touch.
-        touchable_pairs = inside @ 2 ** np.arange(inside.shape[1])
-        other_pairs = touchable_pairs != np.roll(touchable_pairs, 1)
-        starts = math.tau * (pitches - shift)
-        firsts = np.searchsorted(starts, math.tau * np.arange(repeats + 1) - 1e-9)
+        left_forces, left_overlaps = self._force_coefficients(ends[0], on_path)
+        right_forces, right_overlaps = self._force_coefficients(ends[1], on_path)
+        smallest_gaps = [np.where(can_touch, end.gap, math.inf).min(-1) for end in ends]
+        # Bit i of a mask is set if pair i can touch.
+        pair_masks = can_touch @ 2 ** np.arange(can_touch.shape[1])
+        masks_change = pair_masks != np.roll(pair_masks, 1)
+        starts = math.tau * (pitches - offset)
+        period_starts = math.tau * np.arange(repeats + 1)
         system = ToothPairSystem(
             starts=starts,
-            first_segment=firsts,
-            renewed=other_pairs | (pair_numbers != np.roll(pair_numbers, 1)),
-            inside=touchable_pairs,
-            force=force,
-            overlap=overlap,
+            first_segment=np.searchsorted(starts, period_starts - 1e-9),
+            renewed=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
+            inside=pair_masks,
+            force=_with_rates(left_forces, right_forces, lengths),
+            overlap=_with_rates(left_overlaps, right_overlaps, lengths),
             slip=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
             damping=np.zeros(2),
             lower=-self.backlash_ratio,
@@ -288,64 +283,69 @@ class LoadSharingPair(WithPair):
             repeats=repeats,
             closing=bool(-np.min(smallest_gaps) > self.backlash),
         )
-        max_stiffness = max(force_law[..., 0].max() for force_law in (left_laws[0], right_laws[0]))
-        return system, max_stiffness
+        return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
 
     def _segments(
         self, left: np.ndarray, middles: np.ndarray, right: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
-        """Return the pairs of teeth in mesh in p segments, up to k at a time.
+        """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, ends).
 
-        The segments are given by their ends and middles in base pitches, (p,) each. The result is
-        (which pairs can touch, (p, k), which of them lie on their path of contact, (p, k), and the
-        `ToothPairs` at the left and at the right ends).
+        The segments are given by their ends and middles in base pitches, (p,) each. `can_touch`,
+        (p, k), is whether a pair can touch, `on_path`, (p, k), whether it also lies on its path of
+        contact, and `ends` holds the `ToothPairs` at the left and at the right ends.
         """
         mesh, pitches = self.drawing, np.concatenate([left, right])
         segment_middles = np.concatenate([middles] * 2)
         if mesh.overlap_ratio == 0.0:
             pairs = self._pairs(middles)
-            inside = pairs.inside
+            can_touch = pairs.can_touch
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            pairs = self._pairs(pitches, segment_middles, np.concatenate([inside] * 2))
+            both_ends = np.concatenate([can_touch] * 2)
+            pairs = self._pairs(pitches, segment_middles, both_ends)
             indices = np.arange(pitches.size)
         else:
-            # Most segments start with the pairs at the end of the last one, computed only once.
+            # Most segments start with the pairs at the end of the one before, computed only once.
             phases = np.column_stack([pitches, self._pair_numbers(segment_middles)])
             _, first, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
             pairs = self._pairs(pitches[first], segment_middles[first])
-        ends = [pairs.at_phases(at_end) for at_end in np.split(indices.reshape(-1), 2)]
+        ends = [pairs.at_phases(end_indices) for end_indices in np.split(indices.reshape(-1), 2)]
         if mesh.overlap_ratio != 0.0:
-            inside = on_path = ends[0].inside | ends[1].inside
-        return inside, inside & on_path, [replace(end, inside=inside) for end in ends]
+            can_touch = on_path = ends[0].can_touch | ends[1].can_touch
+        return can_touch, can_touch & on_path, [replace(end, can_touch=can_touch) for end in ends]
 
-    def _force_laws(self, pairs: ToothPairs, on_path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the dimensionless forces and overlaps of all 2^k sets of touching pairs of teeth.
+    def _force_coefficients(
+        self, pairs: ToothPairs, on_path: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return dimensionless coefficients (forces, overlaps) for all sets of touching pairs.
 
-        There are k pairs at each of m phases; `on_path`, shape (m, k), is whether a pair lies on
-        its path of contact. The force at a displacement x is a x - b, with (a, b) of shape
-        (m, 2^k + 1, 2), the last for the coast side. The overlap of the flanks of a pair is
-        p x - r, with (p, r) of shape (m, 2^k, k, 2).
+        There are k pairs of teeth at each of m phases and thus 2^k sets; bit i of the index of a
+        set is 1 if pair i touches. `on_path`, shape (m, k), is whether a pair lies on its path of
+        contact. The mesh force at a displacement x is a x - b with forces[phase, set] = (a, b),
+        and the last set, 2^k, is contact on the coast side. The overlap of the flanks of a pair is
+        p x - r with overlaps[phase, set, pair] = (p, r).
         """
         m, k = pairs.gap.shape
-        force, overlap = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
-        for number in range(2**k):
-            touching = [i for i in range(k) if number >> i & 1]
-            possible = pairs.inside[:, touching].all(-1)
+        forces, overlaps = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
+        for set_index in range(2**k):
+            touching = [i for i in range(k) if set_index >> i & 1]
+            possible = pairs.can_touch[:, touching].all(-1)
             if not possible.any():
                 continue
-            slope, offset = pairs.force_law(touching)
-            law = np.stack([slope.sum(-1) / self.mean_stiffness, offset.sum(-1) / self.load], -1)
-            force[possible, number] = law[possible]
+            stiffness, offset = pairs.force_coefficients(touching)
+            mesh_stiffness = stiffness.sum(-1) / self.mean_stiffness
+            coefficients = np.stack([mesh_stiffness, offset.sum(-1) / self.load], -1)
+            forces[possible, set_index] = coefficients[possible]
             # The forces of the touching pairs displace the flanks of all pairs.
             compliance = pairs.compliance[:, :, touching]
-            overlap[:, number, :, 0] = 1.0 - (compliance @ slope[..., None])[..., 0]
+            overlaps[:, set_index, :, 0] = 1.0 - (compliance @ stiffness[..., None])[..., 0]
             distance = pairs.gap - (compliance @ offset[..., None])[..., 0]
-            overlap[:, number, :, 1] = distance / self.static_deflection
-            coast = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
-            force[coast, -1, 0] = law[coast, 0]
+            overlaps[:, set_index, :, 1] = distance / self.static_deflection
+            # On the coast side all pairs on their path of contact touch.
+            coast_side = on_path[:, touching].all(-1) & (on_path.sum(-1) == len(touching))
+            forces[coast_side, -1, 0] = mesh_stiffness[coast_side]
         if self.backlash < math.inf:
-            force[:, -1, 1] = -self.backlash_ratio * force[:, -1, 0]
-        return force, overlap
+            forces[:, -1, 1] = -self.backlash_ratio * forces[:, -1, 0]
+        return forces, overlaps
 
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period."""
@@ -355,36 +355,36 @@ class LoadSharingPair(WithPair):
     @property
     def slowest_tuning(self) -> float:
         """Smallest tuning of a simulated duty point; below it, the motion is quasi-static."""
-        zone_length = sum(self._corner_zone)
-        share = min(max(zone_length / _USUAL_ZONE, 0.25), 1.0) if zone_length else 1.0
-        return _QUASI_STATIC_TUNING * share * (1.0 if self.repeats == 1 else 10.0)
+        length = sum(self._corner_lengths)
+        factor = min(max(length / _TYPICAL_CORNER_LENGTH, 0.25), 1.0) if length else 1.0
+        return _QUASI_STATIC_TUNING * factor * (1.0 if self.repeats == 1 else 10.0)
 
     def system(self, tuning: float) -> ToothPairSystem:
-        """Return the force laws of the pairs of teeth for the engine at a tuning."""
+        """Return the forces and overlaps of the pairs of teeth for the engine at a tuning."""
         system, max_stiffness = self.tables
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         longest = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, longest=longest, tuning=tuning)
 
 
-def _linear_laws(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return laws (slope, offset) of p segments as linear functions of phase, shape (p, ..., 4).
+def _with_rates(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return coefficients (a, b) of p segments with their rates by phase, shape (p, ..., 4).
 
-    `left` and `right`, shape (p, ..., 2), are the laws at both ends of segments with these lengths,
-    (p,). The last axis is (slope, its rate, offset, its rate), as the engine expects it.
+    `left` and `right`, shape (p, ..., 2), are the coefficients at both ends of segments with these
+    lengths, (p,). The last axis is (a, da/dtau, b, db/dtau).
     """
     rates = (right - left) / lengths.reshape(-1, *[1] * (left.ndim - 1))
     return np.concatenate([left, rates], axis=-1)[..., [0, 2, 1, 3]]
 
 
-def tooth_pairs_of(
+def default_load_sharing_pair(
     mesh: Mesh, *, stiffness: Any = None, options: dict | None = None, **arguments: Any
 ) -> LoadSharingPair:
     """Return the `LoadSharingPair` of drawn gears with a default stiffness method.
 
-    The default is the energy method or, if a bore is too large for it, ISO 6336. From the options
-    of the method only the coupling is used; `arguments` are the others of
-    `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
+    The default is the energy method or, if a bore is too large for it, ISO 6336. Of the options of
+    the method only the coupling is used; `arguments` are those of `LoadSharingPair.from_geometry`,
+    such as torque and damping_ratio.
     """
     if stiffness is None:
         try:

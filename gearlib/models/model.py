@@ -104,11 +104,11 @@ class Model:
         return self.equation.law(tuning, tolerance)
 
     def system(self, tuning: float) -> Any:
-        """Return the matrices of a piecewise-linear model at a tuning, as a `TrainSystem`."""
+        """Return the matrices of a piecewise-linear model at a tuning as a `TrainSystem`."""
         return (self.train or self.equation).system(tuning)
 
     def linear(self, system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the natural modes of a `TrainSystem` in permanent contact, dimensionless.
+        """Return the dimensionless natural modes of a `TrainSystem` in permanent contact.
 
         They are (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one mode
         or motion per column.
@@ -116,25 +116,24 @@ class Model:
         if self.train:
             return self.train.linear(system)
         identity = np.ones((1, 1))
-        return np.array([self.equation.natural]), identity, np.zeros((1, 0)), identity
+        return np.array([self.equation.natural_frequency]), identity, np.zeros((1, 0)), identity
 
     def outputs(self, system: Any) -> np.ndarray:
-        """Return the row vectors that map states to extra recorded variables, (e, 3, p, n).
+        """Return the row vectors that map states to the extra recorded variables, (e, 3, p, n).
 
-        There are e variables, 3 contact states and p segments, and states have n components.
+        There are e variables, 3 contact states, p stiffness segments and n components of a state.
         """
         return np.zeros((0, *system.effect.shape[:2], len(system.base_matrix)))
 
     def initial(self, system: Any, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
-        full_state = 0.0 * system.drive_lines[0]
+        full_state = np.zeros_like(system.drive_lines[0])
         full_state[:2] = state
         return full_state
 
     def check_state(self, initial_state: Any) -> Any:
         """Return a checked initial state: displacement and dx/dtau, or all components."""
-        n = self.size
-        if isinstance(initial_state, (tuple, list)) and len(initial_state) == n > 2:
+        if isinstance(initial_state, (tuple, list)) and len(initial_state) == self.size > 2:
             return tuple(
                 checks.number("initial_state", entry, "finite", math.isfinite)
                 for entry in initial_state
@@ -148,21 +147,21 @@ class Model:
         A name is a field of the model or its `GearPair`, an entry of a field with several values
         such as ``masses[0]``, or a ratio of the pair in `RATIOS`.
         """
-        numbers: dict = {}
-        for owner in filter(None, (self, self.mesh)):
-            declarations = parameters.declared(type(owner))
-            for name, value in fields_of(owner).items():
+        settable: dict = {}
+        for model in filter(None, (self, self.mesh)):
+            declarations = parameters.declared(type(model))
+            for name, value in fields_of(model).items():
                 parameter = declarations.get(name, parameters.Parameter(None, name))
                 units, description = parameters.cf_units(parameter.unit), parameter.long_name
                 if type(value) is float and math.isfinite(value):
-                    numbers.setdefault(name, (units, description))
+                    settable.setdefault(name, (units, description))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):
                     for i, entry in enumerate(value):
                         if math.isfinite(entry):
-                            numbers[f"{name}[{i}]"] = units, f"{description} [{i}]"
+                            settable[f"{name}[{i}]"] = units, f"{description} [{i}]"
         if self.mesh:
-            numbers |= {name: ("1", description) for name, description in RATIO_NAMES.items()}
-        return numbers
+            settable |= {name: ("1", description) for name, description in RATIO_NAMES.items()}
+        return settable
 
     def value(self, name: str) -> float:
         """Return a number of the model by its name in `settable`, such as ``masses[0]``."""
@@ -217,8 +216,10 @@ class Model:
         They are the last columns of the table of samples, shape (samples, columns).
         """
         columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
-        named_columns = zip(self.extra_samples, columns, strict=True)
-        return {name: (("phase",), values) for name, values in named_columns}
+        return {
+            name: (("phase",), column)
+            for name, column in zip(self.extra_samples, columns, strict=True)
+        }
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
         """Return the summary variables that other models do not have, name -> (dims, values).
@@ -251,18 +252,21 @@ class Model:
         if self.equation is not None:
             equation = self.equation
             force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
-            lengths += [force / equation.natural**2, np.abs(equation.deviation[:, 1:]).sum()]
+            lengths.append(force / equation.natural_frequency**2)
+            lengths.append(np.abs(equation.deviation[:, 1:]).sum())
         return float(max(lengths))
 
     def bound(self, tuning: float, state: Any = (0.0, 0.0)) -> float:
         """Return the displacement above which a motion counts as unbounded.
 
-        It exceeds the lengths of the model and of the initial `state`, n displacements then n
-        velocities, by `UNBOUNDED_FACTOR`. A state given by name, such as "static", adds nothing.
+        It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,
+        which holds n displacements and n velocities or is a name such as "static".
         """
-        n = 0 if isinstance(state, str) else len(state) // 2
-        lengths = [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]] if n else [0.0]
-        return UNBOUNDED_FACTOR * max(self.extent, *lengths)
+        lengths = [self.extent]
+        if not isinstance(state, str):
+            n = len(state) // 2
+            lengths += [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]]
+        return UNBOUNDED_FACTOR * max(lengths)
 
     def damped(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
@@ -271,7 +275,7 @@ class Model:
         return bool(equation.damping[first_row:].any())
 
     def scales(self) -> dict:
-        """Return the dataset variables that depend on the model alone, name -> value."""
+        """Return the dataset variables that do not depend on the tuning, name -> value."""
         return {}
 
     def tuning_at(self, speed: Any) -> Any:
@@ -284,9 +288,9 @@ class Model:
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning: Any) -> dict:
-        """Return the dataset variables that depend on the tuning (float or array) alone.
+        """Return the dataset variables that follow from the tuning (float or array).
 
-        They are name -> value in SI units, speed in rpm; empty if nothing rotates.
+        They are name -> value in SI units, speed in rpm; the dict is empty if nothing rotates.
         """
         if self.speed is None:
             return {}
@@ -319,15 +323,15 @@ class Model:
         ValueError
             If a name is unknown, or the model does not allow a value.
         """
-        own_fields = fields_of(self)
-        known_fields = own_fields | (fields_of(self.mesh) if self.mesh else {})
-        checks.known(type(self).__name__, changes, list(known_fields))
+        model_fields = fields_of(self)
+        all_fields = model_fields | (fields_of(self.mesh) if self.mesh else {})
+        checks.known(type(self).__name__, changes, list(all_fields))
         recomputed = {
             name: None
             for name, default in self.defaults.items()
             if name not in changes and getattr(self, name) == default(self)
         }
-        pair_changes = {name: changes.pop(name) for name in {*changes} - {*own_fields}}
+        pair_changes = {name: changes.pop(name) for name in {*changes} - {*model_fields}}
         pair = changes.get("pair", self.mesh)
         if pair_changes and is_model(pair):
             changes["pair"] = pair.replace(**pair_changes)
@@ -347,8 +351,8 @@ def natural_scale(model: Any, units: str) -> float:
     force, length, frequency = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
     mass = force / length / frequency**2
     scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
-    powers = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
-    return math.prod(scales.get(unit, 1.0) ** int(power or 1) for unit, power in powers)
+    factors = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
+    return math.prod(scales.get(unit, 1.0) ** int(exponent or 1) for unit, exponent in factors)
 
 
 def unchecked(dataclass: type, **values: Any) -> Any:

@@ -3,9 +3,9 @@
     x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
 
-    g(x) = x - upper     x >= upper           NORMAL contact, c and d of the near side
+    g(x) = x - upper     x >= upper           NORMAL contact, c and d of the drive side
          = 0             lower < x < upper    BACKLASH, d of the gap
-         = x - lower     x <= lower           INVERSE contact, c and d of the far side
+         = x - lower     x <= lower           INVERSE contact, c and d of the coast side
 
 with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the time t of the model; nu is the frequency
 of the excitation in that unit. Each model converts its parameters to an `Equation`. The engines
@@ -50,26 +50,25 @@ _QUADRATIC, _CUBIC = Number("N s^2/m^2", least=0), Number("N s^3/m^3", least=0)
 class Equation:
     """Parameters of the equation of motion above, in a unit of length and of time."""
 
-    upper: float  #: displacement where the near contact begins, finite
-    lower: float  #: displacement where the far contact begins, <= upper; -inf: no far contact
-    near: Pieces  #: stiffness c(tau) of the near contact
-    far: Pieces  #: stiffness of the far contact; the same object if both are equal
-    damping: np.ndarray  #: d1, d2, d3 of far contact, gap and near contact, shape (3, 3)
-    powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
-    ground: float = 0.0  #: stiffness e to the ground
+    upper: float  #: displacement where drive-side contact begins, finite
+    lower: float  #: displacement where coast-side contact begins, <= upper; -inf: no such contact
+    drive_stiffness: Pieces  #: stiffness c(tau) of drive-side contact
+    coast_stiffness: Pieces  #: of coast-side contact; the same object if both are equal
+    damping: np.ndarray  #: d1, d2, d3 in coast-side contact, gap, drive-side contact, shape (3, 3)
+    stiffness_powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
+    ground_stiffness: float = 0.0  #: stiffness e to the ground
     load: float = 1.0  #: mean force F
     #: Rows (n, a_n, b_n) of the force, shape (k, 3), and of the deviation f, shape (j, 3).
     force: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     deviation: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
-    natural: float = 1.0  #: natural frequency in contact, which sets the step length
+    natural_frequency: float = 1.0  #: natural frequency in contact, which sets the step length
 
     def is_piecewise_linear(self) -> bool:
         """Return whether the equation is linear with constant coefficients between switches."""
-        nonlinear = self.damping[:, 1:].any() or self.powers.any()
-        constant = all(
-            not side.harmonics.size and not side.lines[:, 1].any() for side in (self.near, self.far)
-        )
-        return bool(constant and not nonlinear)
+        nonlinear = self.damping[:, 1:].any() or self.stiffness_powers.any()
+        for pieces in (self.drive_stiffness, self.coast_stiffness):
+            nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()
+        return not nonlinear
 
     def law(self, tuning: float, tolerance: float) -> Law:
         """Return the equation at an excitation frequency, the tuning, for Taylor steps.
@@ -77,7 +76,7 @@ class Equation:
         `tolerance` is the allowed error of a step. Velocities are by mesh phase, so that x' becomes
         nu x' and the equation is divided by nu^2.
         """
-        force_scale, (near, far) = 1.0 / tuning**2, self.sides()
+        force_scale, (drive, coast) = 1.0 / tuning**2, self.stiffness_pieces()
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
@@ -86,19 +85,19 @@ class Equation:
             self.upper - self.lower,
             damping[NORMAL + 1],
             damping[BACKLASH + 1],
-            self.powers,
-            near.breaks,
-            near.lines * force_scale,
-            near.low,
-            near.harmonics * harmonic_scale,
+            self.stiffness_powers,
+            drive.breaks,
+            drive.lines * force_scale,
+            drive.low,
+            drive.harmonics * harmonic_scale,
             np.vstack([[0.0, self.load * force_scale, 0.0], self._excitation(force_scale)]),
             tolerance,
             self.upper,
             self.lower,
-            self.ground * force_scale,
+            self.ground_stiffness * force_scale,
             damping[INVERSE + 1],
-            far.lines * force_scale,
-            far.harmonics * harmonic_scale,
+            coast.lines * force_scale,
+            coast.harmonics * harmonic_scale,
         )
 
     def system(self, tuning: float) -> TrainSystem:
@@ -108,7 +107,7 @@ class Equation:
         a cosine and a sine of each order, over the time t of the model. The deviation f moves the
         flanks, so that its inertia does not appear as a force.
         """
-        near, far = self.sides()
+        drive, coast = self.stiffness_pieces()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size
         upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
@@ -122,43 +121,44 @@ class Equation:
                 column = 3 + 2 * int(np.searchsorted(orders, order))
                 row_vector[column : column + 2] += cosine, sine
         # At this point upper @ state is x and (upper @ free) @ state is dx/dt.
-        free[1] -= self.ground * upper + gap_damping * (upper @ free)
+        free[1] -= self.ground_stiffness * upper + gap_damping * (upper @ free)
         lower[:] = upper
         upper[2] = -self.upper
-        flanks = {NORMAL: (upper, near.lines[:, 0], self.damping[NORMAL + 1, 0] - gap_damping)}
+        damping = self.damping[NORMAL + 1, 0] - gap_damping
+        flanks = {NORMAL: (upper, drive.lines[:, 0], damping)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower
             damping = self.damping[INVERSE + 1, 0] - gap_damping
-            flanks[INVERSE] = lower, far.lines[:, 0], damping
-        return one_mesh_system.one_mesh(
-            free, force_input, flanks, near.low, near.breaks, orders, tuning
+            flanks[INVERSE] = lower, coast.lines[:, 0], damping
+        return one_mesh_system.single_mesh_system(
+            free, force_input, flanks, drive.low, drive.breaks, orders, tuning
         )
 
     def _excitation(self, force_scale: float) -> np.ndarray:
-        """Return the scaled forces, then the inertia of the deviation, as (order, cosine, sine)."""
+        """Return the scaled force and the inertia of the deviation, rows (order, cosine, sine)."""
         inertia = self.deviation.copy()
         # The second derivative of a harmonic of order n is -n^2 times the harmonic.
         inertia[:, 1:] *= -(inertia[:, :1] ** 2)
         return np.vstack([self.force * np.array([1.0, force_scale, force_scale]), inertia])
 
-    def sides(self) -> tuple[Pieces, Pieces]:
+    def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
         """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
-        if self.near is self.far:
-            return self.near, self.far
-        breaks = np.union1d(self.near.breaks, self.far.breaks)
-        return self.near.cut_at(breaks), self.far.cut_at(breaks)
+        if self.drive_stiffness is self.coast_stiffness:
+            return self.drive_stiffness, self.coast_stiffness
+        breaks = np.union1d(self.drive_stiffness.breaks, self.coast_stiffness.breaks)
+        return self.drive_stiffness.cut_at(breaks), self.coast_stiffness.cut_at(breaks)
 
 
-def equation_of_pair(
+def pair_equation(
     pair: GearPair,
     stiffness: Pieces,
     nonlinear_damping: np.ndarray | float = 0.0,
     **other_terms: np.ndarray,
 ) -> Equation:
-    """Return the dimensionless equation of motion of a gear pair.
+    """Return the dimensionless equation of motion of a gear pair with a mesh stiffness.
 
-    `nonlinear_damping`, shape (3, 3), has the rows coast side, backlash and drive side and the
-    columns 0, d2 and d3; `other_terms` are further fields of `Equation`, such as the force.
+    `nonlinear_damping`, shape (3, 3), has rows for coast side, backlash and drive side and columns
+    (0, d2, d3); `other_terms` are further fields of `Equation`, such as the force.
     """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
@@ -225,21 +225,21 @@ class OneDegreePair(WithPair):
         damping_scales = np.array(
             [1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass]
         )
-        # Linear, quadratic and cubic damping; the linear damping is that of the pair.
+        # Columns of the linear, 0 here, the quadratic and the cubic damping.
         in_contact = 0.0, self.quadratic_damping, self.cubic_damping
         in_backlash = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
         powers = np.array([self.quadratic_stiffness, self.cubic_stiffness])
-        return equation_of_pair(
+        return pair_equation(
             pair,
             self.profile.pieces(pair),
             np.array([in_contact, in_backlash, in_contact]) * damping_scales,
-            powers=powers * [deflection, deflection**2],
+            stiffness_powers=powers * [deflection, deflection**2],
             force=self.excitation.table(1.0 / pair.load),
             deviation=self.deviation.table(1.0 / deflection),
         )
 
 
-class _Stiffness(Number):
+class _StiffnessKind(Number):
     """A constant stiffness, a `Series` or `Steps`."""
 
     words = "a finite number >= 0, a Series or Steps"
@@ -248,7 +248,7 @@ class _Stiffness(Number):
         return value if isinstance(value, (Series, Steps)) else super().check(name, value)
 
 
-class _Edge(Number):
+class _LowerEdge(Number):
     """The lower edge, which may be at -infinity."""
 
     words = "a number < infinity"
@@ -257,8 +257,8 @@ class _Edge(Number):
         return value < math.inf
 
 
-_STIFFNESS = _Stiffness("1", least=0)
-_Stiff = float | Series | Steps
+_STIFFNESS = _StiffnessKind("1", least=0)
+_StiffnessValue = float | Series | Steps
 
 
 @documented
@@ -279,11 +279,11 @@ class DeadZoneOscillator(Model):
 
     upper_edge: Annotated[float, FINITE, "Upper edge, where the upper contact begins"] = 0.0
     lower_edge: Annotated[
-        float, _Edge("1"), "Lower edge, where the lower contact begins; -inf: there is none"
+        float, _LowerEdge("1"), "Lower edge, where the lower contact begins; -inf: there is none"
     ] = -math.inf
-    upper_stiffness: Annotated[_Stiff, _STIFFNESS, "Stiffness of the upper contact", "c_u"]
+    upper_stiffness: Annotated[_StiffnessValue, _STIFFNESS, "Stiffness of the upper contact", "c_u"]
     lower_stiffness: Annotated[
-        _Stiff | None,
+        _StiffnessValue | None,
         _STIFFNESS,
         "Stiffness of the lower contact; by default that of the upper one",
         "c_l",
@@ -364,7 +364,7 @@ class DeadZoneOscillator(Model):
     @cached_property
     def equation(self) -> Equation:
         """The equation of motion in the units of the parameters."""
-        near = _pieces(self.upper_stiffness)
+        upper = _pieces(self.upper_stiffness)
         same_stiffness = self.lower_stiffness == self.upper_stiffness or math.isinf(self.lower_edge)
         stiffest = max(_mean(self.upper_stiffness), _mean(self.lower_stiffness))
         damping = np.zeros((3, 3))
@@ -372,14 +372,14 @@ class DeadZoneOscillator(Model):
         return Equation(
             upper=self.upper_edge,
             lower=self.lower_edge,
-            near=near,
-            far=near if same_stiffness else _pieces(self.lower_stiffness),
+            drive_stiffness=upper,
+            coast_stiffness=upper if same_stiffness else _pieces(self.lower_stiffness),
             damping=damping,
-            ground=self.ground_stiffness,
+            ground_stiffness=self.ground_stiffness,
             load=self.load,
             force=self.forcing.table(),
             deviation=self.deviation.table(),
-            natural=math.sqrt(self.ground_stiffness + stiffest),
+            natural_frequency=math.sqrt(self.ground_stiffness + stiffest),
         )
 
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.engines.codes import NORMAL
+from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
-def one_mesh(
+def single_mesh_system(
     free: np.ndarray,
     force_input: np.ndarray,
     flanks: dict[int, tuple],
@@ -21,41 +21,42 @@ def one_mesh(
 ) -> TrainSystem:
     """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
-    `free`, shape (n, n), is the matrix of dz/dtheta in the backlash; `force_input`, shape (n,), is
-    the change of dz/dtheta by a unit contact force. `flanks` maps the contact code NORMAL and, if
-    there is a coast flank, INVERSE to (row vector (n,) that maps z to the distance of the flanks,
-    stiffness of each segment (p,), damping minus damping in the backlash). `low`, shape (p,), marks
-    segments below the mean stiffness, `starts`, shape (p + 1,), are their boundaries in phase.
-    `orders` are the orders of the excitation, with a cosine and a sine each at the end of z.
+    `free`, shape (n, n), is the matrix of dz/dt in the backlash, and a unit contact force adds
+    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code NORMAL and, if there is a
+    coast flank, INVERSE to (row vector (n,) that maps z to the distance of the flanks, stiffness of
+    each segment (p,), damping minus damping in the backlash). `low`, shape (p,), marks segments
+    below the mean stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders`
+    are those of the excitation; z ends with a cosine and a sine of each order.
     """
     n, p = len(free), len(low)
     constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
-    near = flanks[NORMAL][0]
-    far = flanks[-NORMAL][0] if -NORMAL in flanks else missing_flank(n, constant)
-    effect, effects = np.zeros((3, p, 1), np.int64), {}
+    drive_line = flanks[NORMAL][0]
+    coast_line = flanks[INVERSE][0] if INVERSE in flanks else absent_flank(n, constant)
+    force_index, forces = np.zeros((3, p, 1), np.int64), {}
     stiffness = np.zeros((3, p, 1), free.dtype)
     stiffness[:] = flanks[NORMAL][1][:, None]
-    for code, (distance, levels, damping) in flanks.items():
+    for code, (distance_row, levels, damping) in flanks.items():
         stiffness[code + 1, :, 0] = levels
         for segment, level in enumerate(levels):
-            # distance @ free is the rate of a distance, which does not contain accelerations.
-            force = level * distance + damping * (distance @ free)
-            numbered_force = (len(effects) + 1, force)
+            # distance_row @ free gives the rate of the distance, without accelerations.
+            force_row = level * distance_row + damping * (distance_row @ free)
             # Segments with the same contact, stiffness and side of the mean share one force.
-            same_force = (code, level, low[segment])
-            effect[code + 1, segment, 0] = effects.setdefault(same_force, numbered_force)[0]
-    force_inputs, force_outputs = np.zeros((2, 1, len(effects) + 1, 2, n), free.dtype)
-    for number, force in effects.values():
-        force_inputs[0, number, 0], force_outputs[0, number, 0] = force_input, force
+            key = (code, level, low[segment])
+            index, _ = forces.setdefault(key, (len(forces) + 1, force_row))
+            force_index[code + 1, segment, 0] = index
+    force_inputs, force_outputs = np.zeros((2, 1, len(forces) + 1, 2, n), free.dtype)
+    for index, force_row in forces.values():
+        force_inputs[0, index, 0], force_outputs[0, index, 0] = force_input, force_row
     # Scaling velocities by the highest frequency of all contacts makes the norm small.
     half = constant // 2
     matrices = free + np.swapaxes(force_inputs[0], 1, 2) @ force_outputs[0]
     matrices = matrices[:, :constant, :constant]
-    frequency = math.sqrt(_largest_norm(matrices[:, half:, :half])) or 1.0
+    frequency = math.sqrt(_max_norm(matrices[:, half:, :half])) or 1.0
     scale = np.array([1.0, frequency]).repeat(half)
-    norm = _largest_norm(matrices * scale / scale[:, None])
+    norm = _max_norm(matrices * scale / scale[:, None])
     return TrainSystem(
-        *(free, near[None], far[None], force_inputs, force_outputs, effect, stiffness),
+        *(free, drive_line[None], coast_line[None]),
+        *(force_inputs, force_outputs, force_index, stiffness),
         low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
@@ -66,13 +67,15 @@ def one_mesh(
     )
 
 
-def _largest_norm(matrices: np.ndarray) -> float:
+def _max_norm(matrices: np.ndarray) -> float:
     """Return the largest Frobenius norm of matrices, shape (k, n, n)."""
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
-def by_phase(system: TrainSystem, contact_codes: list[int], segment: int) -> np.ndarray:
-    """Return the state matrix by mesh phase, dz/dtau = matrix z, shape (n, n).
+def state_matrix_by_phase(
+    system: TrainSystem, contact_codes: list[int], segment: int
+) -> np.ndarray:
+    """Return the state matrix A of dz/dtau = A z with the mesh phase tau, shape (n, n).
 
     `contact_codes` holds the contact state of each mesh, -1, 0 or 1; `segment` is the number of
     the stiffness segment.
@@ -98,8 +101,8 @@ def harmonic_oscillators(n: int, first: int, frequencies: np.ndarray) -> np.ndar
     return matrix
 
 
-def missing_flank(n: int, constant: int) -> np.ndarray:
-    """Return the distance row vector (n,) of a flank that never touches: its distance is always 1.
+def absent_flank(n: int, constant: int) -> np.ndarray:
+    """Return the row vector, (n,), that maps a state to the distance 1, for a missing flank.
 
     `constant` is the index of the state component that is always 1.
     """
@@ -114,7 +117,7 @@ def contact_map(model: Any, tuning: float) -> np.ndarray:
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
     contact_codes = [NORMAL] * len(system.drive_lines)
     for segment, length in enumerate(np.diff(system.starts)):
-        matrix = by_phase(system, contact_codes, segment)[:n, :n].copy()
+        matrix = state_matrix_by_phase(system, contact_codes, segment)[:n, :n].copy()
         # Steps no longer than `system.longest` keep the matrix exponential accurate.
         steps = math.ceil(length / tuning / system.longest)
         step_map = exponential(matrix, length / steps)

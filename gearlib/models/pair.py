@@ -142,10 +142,10 @@ class GearPair(PairParameters, Model):
     def equation(self) -> Any:
         """The `Equation` of motion with lengths in static deflections and times in 1 / Omega_s."""
         # Imported here, since reading the configuration needs the fields but no equation.
-        from gearlib.models.one_degree import equation_of_pair
+        from gearlib.models.one_degree import pair_equation
         from gearlib.models.profiles import Rectangular
 
-        return equation_of_pair(self, Rectangular().pieces(self))
+        return pair_equation(self, Rectangular().pieces(self))
 
     @property
     def propagators(self) -> dict[str, str]:

@@ -272,7 +272,7 @@ def _check_table(profile: Any, min_length: int) -> None:
         raise ValueError(f"{table} is not allowed: {allowed}")
     rising = all(current < following for current, following in pairwise(phase))
     if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
-        reason = "is not allowed: it must rise strictly within [0, 2 pi)"
+        reason = "is not allowed: it must increase strictly within [0, 2 pi)"
         raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
 
 

@@ -39,7 +39,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
-from gearlib.models.geometry.mesh import bodies
+from gearlib.models.geometry.mesh import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model, unchecked
 from gearlib.models.one_mesh_system import contact_map
@@ -183,7 +183,8 @@ class SixDegreePair(WithPair):
         """
         fields = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
         pair = GearPair.from_geometry(mesh, **more)
-        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(bodies(mesh) | fields))
+        drawn_fields = six_degree_parameters(mesh)
+        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(drawn_fields | fields))
 
     parameters = property(
         lambda model: named(type(model)), doc="Continuation parameters: the two phases, in rad."

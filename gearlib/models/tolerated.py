@@ -11,18 +11,18 @@ from gearlib.models.pair_parameters import RATIOS, PairParameters
 from gearlib.parameters import Parameter, numbers
 
 #: Config keys of the plain descriptions of a scattering value.
-KINDS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
+SCATTER_KEYS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
 #: Allowed descriptions, for error messages.
-WORDS = (
+ALLOWED_SCATTER = (
     "one of {mean, std}, {min, max}, {nominal, upper, lower} with deviations from the nominal "
     "value, or {distribution: a name of scipy.stats, and its parameters}"
 )
-_LEFT_OUT = ("mean", "nominal")
+_OPTIONAL_KEYS = ("mean", "nominal")
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
 #: Parameters of the load and the damping of drawn gears.
-OF_LOAD = {
+LOAD_PARAMETERS = {
     "torque": Parameter(parameters.DRIVING_TORQUE, "Torque of the pinion", "T"),
     "damping_ratio": Parameter(parameters.NONNEGATIVE, "Damping ratio in contact", "beta"),
     "material_damping": Parameter(parameters.DAMPING, "Damping of the material in contact", "k_1"),
@@ -31,7 +31,7 @@ OF_LOAD = {
     ),
 }
 #: Parameters of the first mesh harmonic of the flank deviation of drawn gears.
-OF_FLANKS = {
+FLANK_PARAMETERS = {
     f"deviation_{name}": Parameter(
         parameters.ERROR, f"First mesh harmonic of the deviation of the flanks, its {name}", "f"
     )
@@ -39,38 +39,39 @@ OF_FLANKS = {
 }
 
 
-def of_pair() -> dict[str, Parameter]:
+def pair_parameters() -> dict[str, Parameter]:
     """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
     ratios = {name: Parameter(parameters.NONNEGATIVE, name.replace("_", " ")) for name in RATIOS}
     return numbers(PairParameters) | ratios
 
 
-def of_drawing() -> dict[str, Any]:
+def drawing_parameters() -> dict[str, Any]:
     """Return the parameters of drawn gears that can scatter, name -> `Parameter`.
 
     Names of a single gear have a prefix, as in ``pinion.shift``.
     """
-    drawing_parameters = numbers(Mesh) | OF_LOAD | OF_FLANKS
+    drawing_parameters = numbers(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
     for gear in ("pinion", "wheel"):
         for name, parameter in numbers(SpurGear).items():
             drawing_parameters[f"{gear}.{name}"] = parameter
     return drawing_parameters
 
 
-def complete(
+def complete_scatter(
     parameter_name: str, scatter: dict[str, Any], model_value: float | None = None
 ) -> dict[str, float]:
     """Return a plain description of the scatter of a parameter with all its numbers.
 
-    `scatter` has the keys of one of `KINDS`; deviations may be texts such as ``"5 %"`` of the mean
-    or nominal value. `model_value` is the default of ``mean`` and ``nominal``. Raises ValueError
-    with the parameter name if the description is not allowed.
+    `scatter` has the keys of one of `SCATTER_KEYS`; deviations may be texts such as ``"5 %"`` of
+    the mean or nominal value. `model_value` is the default of ``mean`` and ``nominal``. Raises
+    ValueError with the parameter name if the description is not allowed.
     """
-    checks.require(hasattr(scatter, "items"), parameter_name, scatter, WORDS)
+    checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
-    keys: tuple = next((kind for kind in KINDS if scatter and {*scatter} <= {*kind}), ())
+    keys: tuple = next((keys for keys in SCATTER_KEYS if scatter and {*scatter} <= {*keys}), ())
     missing = [key for key in keys if key not in scatter]
-    checks.require(keys and {*missing} <= {*_LEFT_OUT}, parameter_name, scatter, WORDS)
+    complete = keys and {*missing} <= {*_OPTIONAL_KEYS}
+    checks.require(complete, parameter_name, scatter, ALLOWED_SCATTER)
     centre = keys[0]
     suffix = "" if missing else f", of {centre} = {scatter[centre]!r}"
     if missing and model_value is None:
@@ -96,7 +97,7 @@ def complete(
     return values
 
 
-def extent(values: dict[str, float]) -> tuple[float, float, float]:
+def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
     """Return (centre, smallest value, largest value) of a completed description of scatter."""
     if "std" in values:
         return values["mean"], -math.inf, math.inf
@@ -107,23 +108,23 @@ def extent(values: dict[str, float]) -> tuple[float, float, float]:
 
 
 def check_range(
-    parameter_name: str, scatter: dict, parameter: Parameter, extent: tuple[float, float, float]
+    parameter_name: str, scatter: dict, parameter: Parameter, values: tuple[float, float, float]
 ) -> None:
-    """Raise ValueError if a parameter may not have the centre or a finite end of its scatter.
+    """Raise ValueError if a parameter may not have the centre or a finite limit of its scatter.
 
-    `scatter` is the plain description, `extent` its (centre, smallest value, largest value).
+    `scatter` is the plain description, `values` are its (centre, smallest value, largest value).
     """
     kind = getattr(parameter, "kind", None)
     if not isinstance(kind, parameters.Number):
         return
-    centre, *ends = extent
+    centre, *limits = values
     if "min" in scatter:
-        end_names = f"{parameter_name}.min", f"{parameter_name}.max"
+        limit_names = f"{parameter_name}.min", f"{parameter_name}.max"
     else:
-        end_names = f"least value of {parameter_name}", f"largest value of {parameter_name}"
-    for end_name, end in zip(end_names, ends, strict=True):
-        if math.isfinite(end):
-            kind.check(end_name, end)
-    centre_key = next((key for key in _LEFT_OUT if key in scatter), None)
+        limit_names = f"least value of {parameter_name}", f"largest value of {parameter_name}"
+    for limit_name, limit in zip(limit_names, limits, strict=True):
+        if math.isfinite(limit):
+            kind.check(limit_name, limit)
+    centre_key = next((key for key in _OPTIONAL_KEYS if key in scatter), None)
     centre_name = f"{parameter_name}.{centre_key}" if centre_key else f"middle of {parameter_name}"
     kind.check(centre_name, centre)

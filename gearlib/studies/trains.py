@@ -11,7 +11,7 @@ import xarray as xr
 
 from gearlib.data.motions import FRACTION_TOLERANCE, contact_loss_fraction
 from gearlib.data.result import result
-from gearlib.models.from_values import described
+from gearlib.models.from_values import train_from_description
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
@@ -146,10 +146,10 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return all meshes of a gear train over tuning.
 
-    `train` has arguments of `gearlib.models.from_values.described`, `settings` are those of
-    `gearlib.studies.many_starts`.
+    `train` has the arguments of `gearlib.models.from_values.train_from_description`, `settings` are
+    those of `gearlib.studies.many_starts`.
     """
-    model, tunings = described(**train), np.asarray(tunings, float)
+    model, tunings = train_from_description(**train), np.asarray(tunings, float)
     dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _VARIABLES)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
@@ -171,7 +171,7 @@ def campbell(
     `settings`, whose case of equal branches is used. `orders` is the highest multiple of each mesh
     frequency.
     """
-    model = described(**train) if train else reducer_of(GearPair(**pair), settings)
+    model = train_from_description(**train) if train else reducer_of(GearPair(**pair), settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     data = data.assign(

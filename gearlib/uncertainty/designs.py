@@ -20,13 +20,18 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.load_sharing_pair import tooth_pairs_of
+from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.models.tolerated import OF_FLANKS, OF_LOAD, RATIOS, numbers
-from gearlib.models.tolerated import of_drawing as names_of_drawing
+from gearlib.models.tolerated import (
+    FLANK_PARAMETERS,
+    LOAD_PARAMETERS,
+    RATIOS,
+    drawing_parameters,
+    numbers,
+)
 from gearlib.uncertainty import distributions
 
 #: Bits of the coordinates of Sobol' points; they limit the number of different points.
@@ -70,7 +75,7 @@ class DrawnPair:
         self.mesh = checks.drawn_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
-        self.known = names_of_drawing()
+        self.known = drawing_parameters()
         self.described = {
             name: (parameters.cf_units(parameter.kind.unit), _parameter_text(name, parameter))
             for name, parameter in self.known.items()
@@ -79,7 +84,7 @@ class DrawnPair:
     def value(self, name: str) -> Any:
         """Return the nominal value of a parameter, None if the drawing does not have it."""
         gear, _, field = name.rpartition(".")
-        if not gear and name in OF_LOAD | OF_FLANKS:
+        if not gear and name in LOAD_PARAMETERS | FLANK_PARAMETERS:
             return self.options.get(name)
         return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
 
@@ -91,7 +96,7 @@ class DrawnPair:
         mesh, options, (cosine, sine) = self._changed(changes)
         options["stiffness"] = options.get("stiffness") or "iso"
         pair = GearPair.from_geometry(mesh, **options)
-        if not cosine and not sine and not OF_FLANKS.keys() & changes.keys():
+        if not cosine and not sine and not FLANK_PARAMETERS.keys() & changes.keys():
             return pair
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
@@ -103,7 +108,7 @@ class DrawnPair:
             phase = mesh.phase_of(position)
             gap = -(cosine * np.cos(phase) + sine * np.sin(phase))
             options["deviation"] = PathTable(tuple(position), tuple(gap))
-        return tooth_pairs_of(mesh, **options)
+        return default_load_sharing_pair(mesh, **options)
 
     def _changed(self, changes: dict) -> tuple:
         """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
@@ -119,14 +124,14 @@ class DrawnPair:
             options = {name: options[name] for name in options if name not in _DAMPING_NAMES}
         for name, value in changes.items():
             gear, _, field = name.rpartition(".")
-            if name in OF_LOAD:
+            if name in LOAD_PARAMETERS:
                 options[name] = value
             elif gear:
                 gears[gear][field] = value
-            elif name not in OF_FLANKS:
+            elif name not in FLANK_PARAMETERS:
                 fields[field] = value
         pinion, wheel = (_changed_gear(getattr(self.mesh, name), gears[name]) for name in gears)
-        deviations = [changes.get(name, 0.0) for name in OF_FLANKS]
+        deviations = [changes.get(name, 0.0) for name in FLANK_PARAMETERS]
         return Mesh(pinion, wheel, **fields), options, deviations
 
 

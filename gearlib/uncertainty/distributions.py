@@ -66,7 +66,7 @@ def read(
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         raise checks.refusal(
-            "tolerances", tolerances, f"a mapping of parameters to {tolerated.WORDS}"
+            "tolerances", tolerances, f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
         )
     marginals = {}
     for name, tolerance in tolerances.items():
@@ -76,7 +76,7 @@ def read(
             if hasattr(tolerance, "items") and "distribution" in tolerance:
                 marginal = _named_distribution(key, tolerance)
             else:
-                tolerance = tolerated.complete(key, tolerance, value_of(name))
+                tolerance = tolerated.complete_scatter(key, tolerance, value_of(name))
                 marginal = _normal_or_uniform(tolerance)
             tolerated.check_range(key, tolerance, known[name], (marginal.centre, *marginal.limits))
             marginals[name] = marginal
@@ -85,7 +85,7 @@ def read(
 
 def _normal_or_uniform(tolerance: dict) -> Marginal:
     """Return a normal distribution for {mean, std}, a uniform one for the limits of a tolerance."""
-    centre, lower, upper = tolerated.extent(tolerance)
+    centre, lower, upper = tolerated.centre_and_limits(tolerance)
     if "std" in tolerance:
         return Marginal(stats.norm(centre, tolerance["std"]), centre)
     return Marginal(stats.uniform(lower, upper - lower), centre, (lower, upper))

@@ -114,7 +114,7 @@ def test_outline_is_one_smooth_curve():
     for mesh in (iso_example(thickness_allowance=-1e-4), fzg_c(), twenty()):
         tooth = Tooth(mesh.pinion, 1.0)
         x, y, slope = tooth.fillet(mesh.pinion.transverse_pressure_angle)
-        at_x, at_y, _ = tooth.flank(tooth.foot)
+        at_x, at_y, _ = tooth.flank(tooth.form_phi)
         scale = mesh.pinion.module
         assert x == pytest.approx(at_x, abs=1e-12 * scale)
         assert y == pytest.approx(at_y, abs=1e-12 * scale)
@@ -130,7 +130,7 @@ def test_thickness_is_that_of_the_outline(mesh):
     for gear in (mesh.pinion, mesh.wheel):
         radius = gear.tip_diameter / 2.0
         tooth = Tooth(gear, 1.0)
-        x, y, _ = tooth.flank(gear.tip_roll_length / tooth.base)
+        x, y, _ = tooth.flank(gear.tip_roll_length / tooth.base_radius)
         assert math.hypot(x, y) == pytest.approx(radius, rel=1e-12)
         expected = gear.thickness_at(gear.tip_diameter)
         assert 2.0 * radius * math.atan2(x, y) == pytest.approx(expected, rel=1e-9)

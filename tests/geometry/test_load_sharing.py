@@ -155,10 +155,10 @@ def random_pairs(count, coupled, seed):
 def test_against_root_finding_by_scipy(count, coupled):
     """Forces at a displacement by non-negative least squares, the displacement by Brent."""
     pairs, loads = random_pairs(count, coupled, seed=count), [0.1, 1.0, 4.0]
-    found = pairs.share(loads)
+    found = pairs.forces_under_loads(loads)
     for i, load in enumerate(loads):
         for m in range(40):
-            there = pairs.inside[m]
+            there = pairs.can_touch[m]
             root = np.linalg.cholesky(pairs.compliance[m][np.ix_(there, there)])
             gap = pairs.gap[m, there]
 
@@ -254,7 +254,7 @@ def test_slices_of_a_face_are_spur_gears_at_one_displacement(pairs):
     inside[:, 0] = True
     force, stiffness, x = _face_equilibrium(shares, own[each], inside, gap, load)
     slices = ToothPairs(np.zeros(60), gap, inside, own[each], gap)
-    expected = slices.forces_at(np.repeat(x, 5))
+    expected = slices.forces_at_displacement(np.repeat(x, 5))
     for ours, theirs in ((force, expected.force[0]), (stiffness, expected.stiffness[0])):
         np.testing.assert_allclose(
             ours, shares @ theirs.reshape(12, 5, pairs), rtol=1e-10, atol=1e-9 * ours.max()

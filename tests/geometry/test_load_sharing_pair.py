@@ -103,7 +103,7 @@ def test_pairs_that_share_a_body_against_scipy(corners):
     state = np.array([-0.5, 1.5 * tuning])
     for left, right in zip(starts, starts[1:], strict=False):
         middle = (left + right) / 2.0
-        there = pairs(middle, middle).inside[0]
+        there = pairs(middle, middle).can_touch[0]
         root = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(there, there)])
         ends = [pairs(tau, middle).gap[0, there] / model.static_deflection for tau in (left, right)]
         slip = (ends[1].min() - ends[0].min()) / (right - left)
@@ -209,7 +209,7 @@ def test_slow_teeth_carry_their_static_share(name, stiffness):
     model = LoadSharingPair.from_geometry(mesh, **options)
     run = simulate(model, model.slowest_tuning, periods=3, samples_per_period=300)
     static = tooth_pairs(mesh, 300, load=model.load, corners=True, stiffness=stiffness)
-    expected = static.share([model.load]).force[0]
+    expected = static.forces_under_loads([model.load]).force[0]
     np.testing.assert_allclose(expected.sum(-1), model.load, rtol=1e-9)
     forces = model.tooth_forces(run.phase, run.displacement)
     np.testing.assert_allclose(forces, expected, atol=0.01 * model.load)
@@ -227,7 +227,11 @@ def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
         return [point.dynamic_factor.item() for point in points]
 
     found = factors()
-    for name, more in (("_MIN_SLICES", 96), ("MIN_LINES", 96), ("_MAX_SLICES_AT_PHASES", 1e7)):
+    for name, more in (
+        ("_MIN_SLICES", 96),
+        ("MIN_INTERVALS_PER_PITCH", 96),
+        ("_MAX_SLICES_AT_PHASES", 1e7),
+    ):
         monkeypatch.setattr(load_sharing, name, more)
     np.testing.assert_allclose(found, factors(), atol=2e-3)
 

@@ -106,8 +106,8 @@ def direct(tooth, phi):
         slope = (half(radius + step)[1] - half(radius - step)[1]) / 2.0 / step
         return integrand(x, y) * slope
 
-    base = tooth.base
-    low, high = sorted((base * math.hypot(1.0, tooth.foot), base * math.hypot(1.0, phi)))
+    base = tooth.base_radius
+    low, high = sorted((base * math.hypot(1.0, tooth.form_phi), base * math.hypot(1.0, phi)))
     total = quad(on_flank, low, high, epsrel=1e-10)[0]
     if not gear.internal:
 
@@ -129,7 +129,7 @@ def test_the_energy_method_against_quadrature(mesh, share):
         tooth = Tooth(gear, mesh.width)
         if roll < gear.form_roll_length:
             continue  # the ring's tip reaches 0.03 modules into the fillet
-        phi = roll / tooth.base
+        phi = roll / tooth.base_radius
         # Slopes by differences have 8 digits.
         assert tooth.compliance(phi) == pytest.approx(direct(tooth, phi), rel=1e-7)
 
@@ -140,11 +140,11 @@ def test_the_body_after_sainsot():
     tooth = Tooth(mesh.pinion, mesh.width)
     theta, h = tooth.body_shape
     assert h == pytest.approx(mesh.pinion.root_diameter / 0.03, rel=1e-12)
-    phi = mesh.pitch_point / tooth.base
+    phi = mesh.pitch_point / tooth.base_radius
     x, y, b = tooth.flank(phi)
     # The force meets the centre line x tan(b) below its point.
-    u = y - x * math.tan(b) - tooth.root
-    s = 2.0 * tooth.root * theta
+    u = y - x * math.tan(b) - tooth.root_radius
+    s = 2.0 * tooth.root_radius * theta
 
     def shape(a, b_, c, d, e, f):
         return a / theta**2 + b_ * h**2 + c * h / theta + d / theta + e * h + f
@@ -155,7 +155,7 @@ def test_the_body_after_sainsot():
     Q = shape(-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904)
     expected = L * (u / s) ** 2 + M * u / s + P * (1.0 + Q * math.tan(b) ** 2)
     expected *= math.cos(b) ** 2 / (206e9 * 0.014)
-    assert tooth.body(phi) == pytest.approx(expected, rel=1e-10)
+    assert tooth.body_compliance(phi) == pytest.approx(expected, rel=1e-10)
 
 
 def test_the_body_counts_once():
@@ -164,12 +164,12 @@ def test_the_body_counts_once():
     pair = PairCompliance(mesh)
     at = np.array([[mesh.path[0], mesh.path[0] + mesh.base_pitch]])
     shared, apart = (compliance_matrix(pair, at, np.ones((1, 2)), c)[0] for c in (1.0, 0.0))
-    bodies = pair.bodies(at)[:, 0]
+    bodies = pair.body_compliances(at)[:, 0]
     assert shared[0, 1] == pytest.approx(np.sqrt(bodies[:, 0] * bodies[:, 1]).sum(), rel=1e-12)
     assert apart[0, 1] == 0.0
     # Each pair by itself yields alike in both.
     assert np.diag(shared) == pytest.approx(np.diag(apart), rel=1e-12)
-    own = pair.teeth(at)[0] + pair.contact(at, 1.0)[0]
+    own = pair.tooth_compliance(at)[0] + pair.contact_compliance(at, 1.0)[0]
     assert np.diag(shared) == pytest.approx(own + bodies.sum(axis=0), rel=1e-12)
     # Parallel springs, in the case of a body each.
     u = np.array([0.0])
@@ -188,7 +188,7 @@ def test_hertz_contact_logarithmic_in_the_load():
     a = math.sqrt(8.0 * force * mesh.pitch_point / 2.0 * soft)
     x, _, b = Tooth(mesh.pinion, 0.03).flank(math.tan(math.radians(20.0)))
     law = 4.0 * soft * (math.log(2.0 * x / math.cos(b) / a) - 0.3 / 1.4)
-    assert pair.contact(position, force)[0] == pytest.approx(law, rel=1e-12)
+    assert pair.contact_compliance(position, force)[0] == pytest.approx(law, rel=1e-12)
     stiff = [
         mesh.stiffness("energy", hertz="logarithmic", torque=t).mean_stiffness
         for t in (50.0, 500.0, 5000.0)
@@ -280,7 +280,7 @@ def test_the_course_of_a_spur_mesh():
     assert table.mean() == pytest.approx(found.mean_stiffness, rel=1e-6)
     pair = GearPair.from_geometry(mesh, torque=302.0, stiffness="energy", damping_ratio=0.0)
     model = OneDegreePair(pair=pair, profile=table)
-    assert model.equation.near.breaks[-1] == 2.0 * math.pi
+    assert model.equation.drive_stiffness.breaks[-1] == 2.0 * math.pi
 
 
 def test_a_table_of_ones_own():

@@ -157,13 +157,13 @@ def test_energy_method_of_ross():
 
     def body(phi):
         _, y, b = tooth.flank(phi)
-        u = (y - tooth.root) / (2.0 * tooth.root * theta)
+        u = (y - tooth.root_radius) / (2.0 * tooth.root_radius * theta)
         shape = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
         return np.cos(b) ** 2 * shape / (206e9 * 0.02)
 
-    low = math.atan(gear.form_roll_length / tooth.base)
-    high = math.atan(gear.tip_roll_length / tooth.base)
-    contact = PairCompliance(mesh).contact(0.0, 1.0)
+    low = math.atan(gear.form_roll_length / tooth.base_radius)
+    high = math.atan(gear.tip_roll_length / tooth.base_radius)
+    contact = PairCompliance(mesh).contact_compliance(0.0, 1.0)
 
     def pair(turned):
         rolls = np.tan([low + turned, high - turned])

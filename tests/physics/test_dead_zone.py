@@ -63,7 +63,7 @@ ONE = {"upper_stiffness": 1.0}
         # In the middle of the period only, and just behind its start.
         (lambda: Series(1.0, Harmonics((1.25,))), "the stiffness falls to -0.25"),
         (lambda: Series(1.0, Harmonics((), (-0.9, -0.9))), "the stiffness falls to -0.5"),
-        (lambda: Steps((0.0, 0.0), (1.0, 2.0)), "it must rise strictly"),
+        (lambda: Steps((0.0, 0.0), (1.0, 2.0)), "it must increase strictly"),
         (
             lambda: simulate(DeadZoneOscillator(**ONE), 1.0, periods=1, method="rk4"),
             "method = 'rk4' is not allowed for this DeadZoneOscillator",

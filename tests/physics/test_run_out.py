@@ -16,7 +16,7 @@ from gearlib import (
 )
 from gearlib.analysis.trust import scan
 from gearlib.engines import orbit
-from gearlib.models.one_mesh_system import by_phase
+from gearlib.models.one_mesh_system import state_matrix_by_phase
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
 
@@ -50,7 +50,7 @@ def relative(pair, nu, state):
     system = pair.system(nu)
     z, (near,) = pair.initial(system, (0.0, 0.0)), system.drive_lines
     z[: state.size] = state
-    return near @ z, near @ (by_phase(system, [0], 0) @ z)
+    return near @ z, near @ (state_matrix_by_phase(system, [0], 0) @ z)
 
 
 @pytest.mark.parametrize(("teeth", "repeats"), [(EQUAL, 24), (UNEQUAL, 744)])

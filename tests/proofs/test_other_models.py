@@ -51,15 +51,15 @@ def unconfirmed(found):
     equation = found.pair.equation
     far, gap, near = equation.damping[:, 0].tolist()
     model = {"kind": "DeadZoneOscillator", "load": equation.load, "damping": gap}
-    model["ground_stiffness"] = equation.ground
+    model["ground_stiffness"] = equation.ground_stiffness
     for name, rows in (("forcing", equation.force), ("deviation", equation.deviation)):
         model[name] = {}
         for column, parts in enumerate(("cosines", "sines"), start=1):
             orders = range(1, int(rows[:, 0].max(initial=0)) + 1)
             model[name][parts] = [float(rows[rows[:, 0] == n, column].sum()) for n in orders]
     for name, side, edge, damping in (
-        ("upper", equation.near, equation.upper, near),
-        ("lower", equation.far, equation.lower, far),
+        ("upper", equation.drive_stiffness, equation.upper, near),
+        ("lower", equation.coast_stiffness, equation.lower, far),
     ):
         model[f"{name}_edge"], model[f"{name}_damping"] = edge, damping
         values = {"phase": side.breaks[:-1].tolist(), "stiffness": side.lines[:, 0].tolist()}

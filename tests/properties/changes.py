@@ -133,7 +133,7 @@ def _negative(angle):
 
 def as_oscillator(pair, **changes):
     """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
-    pieces = OneDegreePair(pair=pair).equation.near
+    pieces = OneDegreePair(pair=pair).equation.drive_stiffness
     steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
     parameters = {
         "lower_edge": -pair.backlash_ratio,

@@ -9,7 +9,7 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import load, train_section
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from gearlib.models.from_values import described
+from gearlib.models.from_values import train_from_description
 from tests.paper import CONFIG
 
 SET = {
@@ -76,7 +76,7 @@ OWN = {
 
 def read(kind, section):
     settings = load({**CONFIG, "train": {"kind": kind, kind: section}})
-    return described(**settings.train_parameters("k1"))
+    return train_from_description(**settings.train_parameters("k1"))
 
 
 def test_a_planetary_set_is_that_of_the_library():
@@ -160,7 +160,7 @@ def test_motions_ask_for_a_damping_and_rest_does_not():
     train = {"kind": "planetary_set", "planetary_set": section}
     settings = load(CONFIG | {"train": train, "targets": ["train_sweep"]})
     assert "train.planetary_set.damping_ratio is missing" in settings.without_damping()[0]
-    undamped = described(**settings.train_parameters("k1"))
+    undamped = train_from_description(**settings.train_parameters("k1"))
     assert undamped.modes().mode.size and undamped.campbell(1).mode.size
     assert not undamped.static(0.0).status
     with pytest.raises(ValueError, match="damping_ratio of mesh sun 1 is missing"):

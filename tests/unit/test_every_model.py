@@ -40,7 +40,7 @@ from gearlib.analysis.orbits.followed_parameters import (
 )
 from gearlib.data.files import canonical_json
 from gearlib.data.variables import DESCRIPTIONS
-from gearlib.models.from_values import model_of
+from gearlib.models.from_values import model_from_json
 from gearlib.models.model import Model
 from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
@@ -65,15 +65,15 @@ class Stop(Model):
         return Equation(
             upper=0.0,
             lower=-math.inf,
-            near=side,
-            far=side,
+            drive_stiffness=side,
+            coast_stiffness=side,
             damping=damping,
-            powers=np.array([0.0, self.hardening]),
-            ground=0.0,
+            stiffness_powers=np.array([0.0, self.hardening]),
+            ground_stiffness=0.0,
             load=1.0,
             force=Harmonics((0.5,)).table(),
             deviation=Harmonics().table(),
-            natural=math.sqrt(self.stiffness),
+            natural_frequency=math.sqrt(self.stiffness),
         )
 
 
@@ -303,5 +303,5 @@ def test_a_new_model_moves_as_its_equation_says():
 @pytest.mark.parametrize("name", ["gear pair", "one degree", "six degrees", "run-out", "train"])
 def test_a_dataset_tells_its_model(name):
     model = MODELS[name]
-    assert model_of(canonical_json(model.as_dict())) == model
-    assert model_of(canonical_json({"load": 1.0})) is None
+    assert model_from_json(canonical_json(model.as_dict())) == model
+    assert model_from_json(canonical_json({"load": 1.0})) is None

@@ -7,7 +7,7 @@ import yaml
 
 from gearlib.config import cases, load
 from gearlib.geometry import Material, Mesh
-from gearlib.models.from_values import described
+from gearlib.models.from_values import train_from_description
 from tests.geometry.drawings import fzg_c, iso_example, twenty
 
 GALLERY = yaml.safe_load(Path("gallery.yaml").read_text(encoding="utf-8"))
@@ -46,7 +46,7 @@ def test_the_planetary_set_has_the_published_numbers(gallery):
         assert 1e3 * across == pytest.approx(length, abs=5e-5 + 6e-5)
     # Shifts are printed to four digits, and the distance to one.
     assert 1e3 * Mesh(mesh.pinion, mesh.wheel).centre_distance == pytest.approx(56.8, abs=1e-3)
-    train = described(**case.train_parameters("damped"))
+    train = train_from_description(**case.train_parameters("damped"))
     ratio = -train.by_name["carrier"].torque / train.by_name["sun"].torque
     assert ratio == pytest.approx(6.14286, abs=5e-6)
     assert len(train.meshes) == 6 and train.by_name["ring"].base_radius > 0.088

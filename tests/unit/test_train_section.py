@@ -11,7 +11,7 @@ import yaml
 import gearlib
 from gearlib.config import load, train_section
 from gearlib.config import train_section as trains
-from gearlib.models.from_values import described
+from gearlib.models.from_values import train_from_description
 from tests.paper import CONFIG
 from tests.trains.random_trains import random_train
 
@@ -50,7 +50,7 @@ def test_a_ready_made_train_is_that_of_the_library(kind):
     make = getattr(gearlib, kind)
     pair = gearlib.GearPair(**settings.pair_parameters("k1m"))
     expected = make(**values) if kind == "planetary" else make(pair, **values)
-    assert described(**settings.train_parameters("k1m")) == expected
+    assert train_from_description(**settings.train_parameters("k1m")) == expected
 
 
 def test_texts_are_read_in_si_units():
@@ -80,7 +80,7 @@ def test_every_train_can_be_written_as_one_of_its_own(seed):
     section |= {key: fields.pop(key) for key in ("carrier_ratio", "gyroscopic")}
     text = yaml.safe_dump(_plain({"kind": "own", "own": section, **fields}))
     settings = read(yaml.safe_load(text))
-    assert described(**settings.train_parameters("k1")) == train
+    assert train_from_description(**settings.train_parameters("k1")) == train
     assert load(settings.model_dump()) == settings
 
 

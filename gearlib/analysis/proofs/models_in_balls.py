@@ -207,7 +207,7 @@ def _of_pair(pair, tuning: float) -> ModelNumbers:
 def _of_equation(model, tuning: float) -> ModelNumbers:
     """Return the numbers of a model of one degree of freedom from its `Equation` at a tuning."""
     arb, equation = flint().arb, model.equation
-    drive_side, coast_side = equation.sides()
+    drive_side, coast_side = equation.stiffness_pieces()
     starts, waves = [0.0, *drive_side.breaks[1:-1].tolist()], {}
     harmonics = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
     # A deviation f acts by its inertia, f''.
@@ -219,7 +219,7 @@ def _of_equation(model, tuning: float) -> ModelNumbers:
         wave[:, 0] += cosine, sine
     return _of_one_degree(
         1,
-        equation.ground,
+        equation.ground_stiffness,
         equation.load,
         (equation.lower, equation.upper),
         [side.lines[:, 0].tolist() for side in (coast_side, drive_side)],

@@ -16,12 +16,16 @@ _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material"
 #: Key of a gear -> field of its `Rack` that it replaces.
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
 #: Names of gears and of their parts in error messages, as in "module of the wheel".
-_OWNERS = "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
-_OWNED_PARAMETER = re.compile(rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_OWNERS})\b")
+_PART_NAMES = (
+    "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
+)
+_PARAMETER_OF_PART = re.compile(
+    rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PART_NAMES})\b"
+)
 
 
 def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
-    """Build a `SpurGear` from a dict of its fields in SI units, and return it.
+    """Build and return a `SpurGear` from a dict of its fields in SI units.
 
     Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, and the
     keys addendum, dedendum and fillet_radius change this rack. A missing module, width, angle, rack
@@ -44,7 +48,7 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
 
 
 def mesh(values: dict) -> Mesh:
-    """Build a `Mesh` from a dict with pinion, wheel, centre_distance and backlash, and return it.
+    """Build and return a `Mesh` from a dict with pinion, wheel, centre_distance and backlash.
 
     Pinion and wheel are dicts of gears; the wheel takes missing values from the pinion. Lengths are
     in m, and other keys are ignored.
@@ -54,20 +58,22 @@ def mesh(values: dict) -> Mesh:
 
 
 @contextmanager
-def renaming(rename: Callable[[str, str | None], str]) -> Iterator[None]:
-    """Replace the parameter at the beginning of ValueErrors that are raised in this context.
+def parameters_renamed(rename: Callable[[str, str | None], str]) -> Iterator[None]:
+    """Return a context that renames the parameter at the beginning of ValueErrors raised in it.
 
-    `rename` returns the new text from the name of the parameter and from the object that has it:
-    for "width of the wheel = -1 ..." these are "width" and "wheel", for "width = -1 ..." "width"
-    and None.
+    `rename` is called with the name of the parameter and that of the gear or part that has it, and
+    returns the new text: for "width of the wheel = -1 ..." it is called with "width" and "wheel",
+    for "width = -1 ..." with "width" and None.
     """
     try:
         yield
     except ValueError as error:
         message = str(error)
-        match = _OWNED_PARAMETER.match(message) or re.match(r"(sum) of the (shifts)|(\w+)", message)
-        parameter_name, owner = match[1] or match[3], match[2]
-        raise ValueError(f"{rename(parameter_name, owner)}{message[match.end() :]}") from None
+        match = _PARAMETER_OF_PART.match(message) or re.match(
+            r"(sum) of the (shifts)|(\w+)", message
+        )
+        parameter_name, part_name = match[1] or match[3], match[2]
+        raise ValueError(f"{rename(parameter_name, part_name)}{message[match.end() :]}") from None
 
 
 #: Largest position error of a planet in tooth pitches, since angles are often rounded.
@@ -76,15 +82,15 @@ _POSITION_TOLERANCE = 1e-6
 _MAX_SHIFTED_TEETH = 2
 
 
-class Planets(NamedTuple):
-    """The meshes of sun and ring of a planetary set, and the angles of its planets."""
+class PlanetaryMeshes(NamedTuple):
+    """Meshes of the planets with sun and ring of a planetary set, and angles of the planets."""
 
     sun_mesh: Mesh
     ring_mesh: Mesh
     positions: tuple  #: angles, rad
 
 
-def planets_of(
+def planetary_meshes(
     sun: SpurGear,
     planet: SpurGear,
     ring: SpurGear,
@@ -93,10 +99,10 @@ def planets_of(
     positions: Sequence | None = None,
     centre_distance: float | None = None,
     backlashes: Sequence | None = None,
-) -> Planets:
+) -> PlanetaryMeshes:
     """Check a drawn planetary set, and return its meshes and the angles of its planets.
 
-    `planets` is their number, `positions` their angles in rad, by default equally spaced.
+    `planets` is the number of planets, `positions` their angles in rad, by default equally spaced.
     `backlashes` are the normal backlashes of the sun mesh and the ring mesh in m; by default they
     follow from the drawings, as the centre distance in m does.
     """
@@ -104,9 +110,9 @@ def planets_of(
     internal = getattr(ring, "internal", False)
     checks.require(internal, "internal of the ring", False, "True, of a ring gear")
     try:
-        with _renaming_gears("sun mesh", pinion="sun", wheel="planet"):
+        with _planetary_names("sun mesh", pinion="sun", wheel="planet"):
             sun_mesh = Mesh(sun, planet, centre_distance, backlash[0])
-        with _renaming_gears("ring mesh", **{"ring gear": "ring"}, pinion="planet", wheel="ring"):
+        with _planetary_names("ring mesh", **{"ring gear": "ring"}, pinion="planet", wheel="ring"):
             ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
         _check_ring_teeth(sun, planet, ring, centre_distance)
@@ -123,12 +129,12 @@ def planets_of(
                 f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
                 "first"
             )
-    _check_neighbours(sun_mesh, count, angles)
-    return Planets(sun_mesh, ring_mesh, angles)
+    _check_planet_spacing(sun_mesh, count, angles)
+    return PlanetaryMeshes(sun_mesh, ring_mesh, angles)
 
 
 def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
-    """Return the angles of `count` equally spaced planets in rad, or refuse their number."""
+    """Return the angles in rad of `count` equally spaced planets; ValueError if they do not fit."""
     if (sun_teeth + ring_teeth) % count:
         raise ValueError(
             f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / "
@@ -156,7 +162,7 @@ def _check_ring_teeth(
         ) from None
 
 
-def _check_neighbours(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
+def _check_planet_spacing(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
     """Raise ValueError if the tip circles of neighbouring planets overlap.
 
     The planets are the wheel of `sun_mesh`; `angles` are their `count` positions in rad.
@@ -176,10 +182,14 @@ def _check_neighbours(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> No
         )
 
 
-def _renaming_gears(mesh_name: str, **new_names: str) -> AbstractContextManager:
+def _planetary_names(mesh_name: str, **new_names: str) -> AbstractContextManager:
     """Return a context in which ValueErrors name the gears of a planetary set.
 
     `new_names` maps "pinion" and "wheel" of a mesh to names of the set; `mesh_name` replaces every
     other name.
     """
-    return renaming(lambda name, owner: f"{name} of the {new_names.get(owner, mesh_name)}")
+    return parameters_renamed(
+        lambda parameter_name, part_name: (
+            f"{parameter_name} of the {new_names.get(part_name, mesh_name)}"
+        )
+    )

@@ -147,10 +147,7 @@ class TipRelief:
         check(self, " of a tip relief")
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
-        """Return how far the flank lies back at distances from its tip, both in m.
-
-        Distances are measured along the path of contact; the array has the shape of them.
-        """
+        """Return the gap in m at distances from the tip in m, measured along the contact path."""
         import numpy as np  # Checking a drawing needs no numpy, which takes time to import.
 
         fraction = np.maximum(1.0 - np.asarray(tip_distance) / self.length, 0.0)
@@ -165,7 +162,7 @@ class PathTable:
     Parameters
     ----------
     position : sequence of float
-        Radii of curvature of the pinion's flank, m, strictly rising; ``mesh.path`` bounds them.
+        Radii of curvature of the pinion's flank, m, strictly increasing, within ``mesh.path``.
     value : sequence of float
         Deviations of the flanks in m, or stiffnesses of a pair of teeth in N/m; finite.
 
@@ -179,15 +176,16 @@ class PathTable:
     value: tuple
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless positions rise strictly and each of them has a value."""
+        """Raise ValueError unless positions increase strictly and each of them has a value."""
         for name in ("position", "value"):
             # A frozen dataclass sets its fields by `object.__setattr__` only.
             object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
-        if any(following <= position for position, following in pairwise(self.position)):
-            raise ValueError(f"position = {self.position!r} is not allowed: it must rise strictly")
+        if any(position >= next_position for position, next_position in pairwise(self.position)):
+            allowed = "it must increase strictly"
+            raise ValueError(f"position = {self.position!r} is not allowed: {allowed}")
 
     def at(self, position: "ArrayLike") -> "np.ndarray":
         """Return the values at positions on the path of contact, in m, interpolated linearly."""

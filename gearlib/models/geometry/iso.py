@@ -66,7 +66,7 @@ def iso_stiffness(
 
     Notes
     -----
-    The formula is not symmetric: number 1 is the gear with fewer teeth or, of equal tooth numbers,
+    The formula is not symmetric: number 1 is the gear with fewer teeth or, for equal tooth numbers,
     with the larger shift. The standard gives it for x_1 >= x_2 and -0.5 <= x_1 + x_2 <= 2; outside
     this range it is an approximation. Materials other than steel enter by a factor of
     2 E_1 E_2 / (E_1 + E_2) over 206 GPa, helical gears by cos(beta).
@@ -80,20 +80,21 @@ def iso_stiffness(
     flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
     theoretical = 1.0 / flexibility
     angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(mesh.pinion.pressure_angle))
-    rack = sum((1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle_factor for gear in gears) / 2.0
-    blank = min(_blank_factor(gear) for gear in gears)
+    rack_factors = [(1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle_factor for gear in gears]
+    rack_factor = sum(rack_factors) / 2.0
+    blank_factor = min(_blank_factor(gear) for gear in gears)
     moduli = [gear.material.young for gear in gears]
-    material = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL_MODULUS
-    single = (
-        theoretical * _THEORY_FACTOR * blank * rack * math.cos(mesh.pinion.helix_angle) * material
-    )
+    material_factor = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL_MODULUS
+    helix_factor = math.cos(mesh.pinion.helix_angle)
+    single = theoretical * _THEORY_FACTOR * blank_factor * rack_factor * helix_factor
+    single *= material_factor
     application_factor = checks.finite_positive("application_factor", application_factor)
     if torque is not None:
         torque = checks.finite_positive("torque", torque)
         force = mesh.tangential_force(torque) * application_factor / (mesh.width * 1e3)  # N/mm
         single *= min(force / _FULL_STIFFNESS_FORCE, 1.0) ** 0.25
     mean = single * (0.75 * mesh.contact_ratio + 0.25)
-    return IsoStiffness(teeth, theoretical, rack, blank, single, mean)
+    return IsoStiffness(teeth, theoretical, rack_factor, blank_factor, single, mean)
 
 
 def pair_stiffness(mesh: "Mesh", **options: float | None) -> float:
@@ -109,14 +110,14 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     """Return the rectangular mesh stiffness after ISO 6336-1 as (C_max, kappa, epsilon).
 
     C_max is the larger stiffness in N/m, kappa the smaller over the larger one, and epsilon - 1 the
-    share of the mesh period with the larger one. The first pair of teeth has the stiffness c', each
-    further pair 0.75 c'. Helical gears have the extrema and the mean of the average over the face.
+    fraction of the mesh period at C_max. The first pair of teeth has the stiffness c', each further
+    pair 0.75 c'. Helical gears have the extrema and the mean of the average over the face.
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     checks.known("stiffness 'iso'", options, ("torque", "application_factor"))
     single = pair_stiffness(mesh, **options)
     fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs  # share of the period with one pair more
+    segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
     if not mesh.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
@@ -125,12 +126,12 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     periods = math.floor(mesh.overlap_ratio)
     remainder = mesh.overlap_ratio - periods
     max_part, min_part = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
-    max_share = (periods * segment + max_part) / mesh.overlap_ratio
-    min_share = (periods * segment + min_part) / mesh.overlap_ratio
-    high, low = low + step * max_share, low + step * min_share
+    max_fraction = (periods * segment + max_part) / mesh.overlap_ratio
+    min_fraction = (periods * segment + min_part) / mesh.overlap_ratio
+    high, low = low + step * max_fraction, low + step * min_fraction
     if 1.0 - low / high < 1e-12:  # The stiffness is constant at an integer overlap ratio.
         return high, 1.0, 1.5
-    return high, low / high, 1.0 + (segment - min_share) / (max_share - min_share)
+    return high, low / high, 1.0 + (segment - min_fraction) / (max_fraction - min_fraction)
 
 
 def _blank_factor(gear: "SpurGear") -> float:
@@ -210,22 +211,23 @@ def dynamic_factor(
         speed = np.asarray(rpm, float)
     except (TypeError, ValueError):
         speed = np.array(math.nan)
-    possible = speed.size and (np.isfinite(speed) & (speed > 0.0)).all()
-    checks.require(possible, "rpm", rpm, "finite and > 0")
+    valid = speed.size and (np.isfinite(speed) & (speed > 0.0)).all()
+    checks.require(valid, "rpm", rpm, "finite and > 0")
     load_per_width = mesh.tangential_force(torque) * application_factor / mesh.width
     # N/(mm um) is 1e9 N/m per m of face width.
     eigenfrequency = math.sqrt(1e9 * stiffness.mean / (mesh.reduced_mass / mesh.width))
     resonance_speed = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
     lower_limit = 0.5 + 0.35 * min(math.sqrt(load_per_width / _FULL_RESONANCE_LOAD), 1.0)
     gears = (mesh.pinion, mesh.wheel)
-    pitch = _deviation("pitch_deviation", pitch_deviation, gears)
-    pitch = _after_running_in(pitch * math.cos(mesh.pinion.transverse_pressure_angle))
-    form = _after_running_in(_deviation("form_deviation", form_deviation, gears))
-    relief = checks.finite_nonnegative("tip_relief", tip_relief)
-    force_ratio_per_deviation = 1e9 * stiffness.single / load_per_width
-    coarse = any((gear.quality or 0) >= _FIRST_QUALITY_WITHOUT_RELIEF for gear in gears)
-    b_p, b_f = force_ratio_per_deviation * pitch, force_ratio_per_deviation * form
-    b_k = 1.0 if coarse else abs(1.0 - force_ratio_per_deviation * relief)
+    pitch_deviation = _deviation("pitch_deviation", pitch_deviation, gears)
+    pitch_deviation *= math.cos(mesh.pinion.transverse_pressure_angle)
+    pitch_deviation = _after_running_in(pitch_deviation)
+    form_deviation = _after_running_in(_deviation("form_deviation", form_deviation, gears))
+    tip_relief = checks.finite_nonnegative("tip_relief", tip_relief)
+    force_ratio_per_metre = 1e9 * stiffness.single / load_per_width
+    ignores_relief = any((gear.quality or 0) >= _FIRST_QUALITY_WITHOUT_RELIEF for gear in gears)
+    b_p, b_f = force_ratio_per_metre * pitch_deviation, force_ratio_per_metre * form_deviation
+    b_k = 1.0 if ignores_relief else abs(1.0 - force_ratio_per_metre * tip_relief)
     ratio = speed / resonance_speed
     c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _coefficients(mesh.total_contact_ratio)
     subcritical = 1.0 + ratio * (c_v1 * b_p + c_v2 * b_f + c_v3 * b_k)
@@ -237,7 +239,8 @@ def dynamic_factor(
     factor = np.where(ratio <= lower_limit, subcritical, factor)
     if ratio.ndim == 0:
         ratio, factor = float(ratio), float(factor)
-    return DynamicFactor(factor, ratio, resonance_speed, lower_limit, pitch, form, b_p, b_f, b_k)
+    deviations = pitch_deviation, form_deviation
+    return DynamicFactor(factor, ratio, resonance_speed, lower_limit, *deviations, b_p, b_f, b_k)
 
 
 def _coefficients(contact_ratio: float) -> tuple[float, ...]:

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
 
 #: Positions closer than this fraction of a base pitch count as equal.
-SAME_PLACE = 1e-12
+SAME_POSITION_TOLERANCE = 1e-12
 #: Smallest number of slices of a helical face, and limits of the number of phases per base pitch.
-_MIN_SLICES, MIN_LINES, _MAX_LINES = 48, 48, 128
+_MIN_SLICES, MIN_INTERVALS_PER_PITCH, _MAX_INTERVALS_PER_PITCH = 48, 48, 128
 #: Largest number of slices at all phases, which take 0.4 s; slices become wider beyond it.
 _MAX_SLICES_AT_PHASES = 120_000
 #: Largest number of pairs of teeth in mesh at once.
@@ -49,19 +49,19 @@ _MAX_PAIRS = 10
 #: Largest gap at which a tip corner can touch, in deflections of one pair under the load.
 MAX_CORNER_GAP = 6.0
 #: Largest distance from the path of contact at which a corner can touch, in base pitches.
-_MAX_APPROACH = 0.45
+_MAX_CORNER_DISTANCE = 0.45
 #: Largest number of Newton steps for the displacement of a helical mesh, and their tolerance.
 _MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
 
 @dataclass(frozen=True)
-class Sharing:
-    """Equilibrium of k pairs of teeth under l loads at m phases."""
+class LoadSharing:
+    """Equilibrium of k pairs of teeth under n loads at m phases."""
 
-    error: np.ndarray  #: displacement x, the transmission error, m, shape (l, m)
-    force: np.ndarray  #: force of each pair, N, shape (l, m, k)
-    touching: np.ndarray  #: whether each pair touches, bool, shape (l, m, k)
-    stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (l, m, k)
+    error: np.ndarray  #: displacement x, the transmission error, m, shape (n, m)
+    force: np.ndarray  #: force of each pair, N, shape (n, m, k)
+    touching: np.ndarray  #: whether each pair touches, bool, shape (n, m, k)
+    stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (n, m, k)
 
 
 @dataclass(frozen=True)
@@ -70,18 +70,18 @@ class ToothPairs:
 
     pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
     position: np.ndarray  #: position on the path of contact, m, shape (m, k)
-    inside: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
+    can_touch: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
     compliance: np.ndarray  #: compliance matrix Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: gap g, m, shape (m, k)
 
     def at_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
-        """Return the pairs at the phases with the given indices."""
+        """Return the pairs of teeth at the phases with these indices, shape (j,)."""
         return ToothPairs(*(getattr(self, field.name)[phase_indices] for field in fields(self)))
 
-    def force_law(
+    def force_coefficients(
         self, pair_indices: Sequence[int], phase_indices: np.ndarray | slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces of p touching pairs at m phases as (stiffness, offset), (m, p) each.
+        """Return the coefficients (stiffness, offset) of the forces of p pairs at m phases, (m, p).
 
         The forces at a displacement x are stiffness * x - offset if only these pairs touch.
         """
@@ -90,84 +90,89 @@ class ToothPairs:
         gap = self.gap[phase_indices][:, pair_indices, None]
         return inverse.sum(-1), (inverse @ gap)[..., 0]
 
-    def share(self, loads: ArrayLike) -> Sharing:
-        """Return the equilibrium of all pairs at each phase under loads >= 0 in N, shape (l,)."""
+    def forces_under_loads(self, loads: ArrayLike) -> LoadSharing:
+        """Return the equilibrium of all pairs at each phase under n loads >= 0 in N, shape (n,)."""
         loads = np.asarray(loads, float)[:, None]
 
-        def displacement(phase_indices, stiffness, offset):
+        def displacements(phase_indices, stiffness, offset):
             return (loads + offset.sum(-1)) / stiffness.sum(-1)
 
-        return self._equilibrium(len(loads), 1, displacement)
+        return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
 
-    def forces_at(self, displacement: np.ndarray) -> Sharing:
-        """Return the forces at one displacement for each phase, (m,) in m, as for one load."""
-        return self._equilibrium(
-            1, 0, lambda indices, stiffness, offset: displacement[None, indices]
-        )
+    def forces_at_displacement(self, displacement: np.ndarray) -> LoadSharing:
+        """Return the forces at a displacement in m for each phase, shape (m,), as for one load."""
 
-    def _equilibrium(self, count: int, min_pairs: int, displacement: Callable) -> Sharing:
-        """Return the equilibrium of all pairs at each phase for `count` loads.
+        def displacements(phase_indices, stiffness, offset):
+            return displacement[None, phase_indices]
 
-        Each set of at least `min_pairs` touching pairs is tried, and the one that violates the
-        contact conditions least is taken. `displacement` returns the displacements, shape
-        (loads, phases), from the indices of phases and the stiffness and offset of `force_law`.
+        return self._solve_contact(displacements, load_count=1, min_touching_pairs=0)
+
+    def _solve_contact(
+        self, displacements: Callable, load_count: int, min_touching_pairs: int
+    ) -> LoadSharing:
+        """Return the forces of all pairs at each phase that satisfy the contact conditions.
+
+        Each set of at least `min_touching_pairs` pairs is tried, and the one that violates the
+        conditions least is taken. `displacements` is a function of the indices of j phases and of
+        the coefficients of the forces there, and returns displacements, shape (load_count, j).
         """
         m, k = self.gap.shape
-        error, min_violation = np.zeros((count, m)), np.full((count, m), math.inf)
-        force, stiffness = np.zeros((count, m, k)), np.zeros((count, m, k))
-        touching = np.zeros((count, m, k), bool)
+        error, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
+        force, stiffness = np.zeros((load_count, m, k)), np.zeros((load_count, m, k))
+        touching = np.zeros((load_count, m, k), bool)
         diagonal = np.einsum("mii->mi", self.compliance)
-        sizes = range(min_pairs, k + 1)
+        sizes = range(min_touching_pairs, k + 1)
         combinations = (itertools.combinations(range(k), size) for size in sizes)
         for pairs in map(list, itertools.chain.from_iterable(combinations)):
-            indices = np.flatnonzero(self.inside[:, pairs].all(-1))
+            indices = np.flatnonzero(self.can_touch[:, pairs].all(-1))
             if not indices.size:
                 continue
-            pair_stiffness, offset = self.force_law(pairs, indices)
-            x = displacement(indices, pair_stiffness, offset)
-            forces = np.zeros((count, indices.size, k))
+            pair_stiffness, offset = self.force_coefficients(pairs, indices)
+            x = displacements(indices, pair_stiffness, offset)
+            forces = np.zeros((load_count, indices.size, k))
             forces[..., pairs] = pair_stiffness * x[..., None] - offset
             # In equilibrium touching pairs do not pull, and the others do not overlap.
             violation = x[..., None] - self.gap[indices]
-            violation = violation - _displacements(self.compliance[indices], forces)
+            violation = violation - _deflections(self.compliance[indices], forces)
             violation[..., pairs] = -(diagonal[indices] * forces)[..., pairs]
-            max_violation = np.where(self.inside[indices], violation, -math.inf).max(-1)
+            max_violation = np.where(self.can_touch[indices], violation, -math.inf).max(-1)
             better = max_violation < min_violation[:, indices]
-            load_indices, positions = np.nonzero(better)
-            improved = load_indices, indices[positions]
+            load_indices, columns = np.nonzero(better)
+            improved = load_indices, indices[columns]
             min_violation[improved], error[improved] = max_violation[better], x[better]
             force[improved], touching[improved] = forces[better], np.isin(np.arange(k), pairs)
-            slopes = np.zeros((indices.size, k))
-            slopes[:, pairs] = pair_stiffness
-            stiffness[improved] = slopes[positions]
-        return Sharing(error, np.maximum(force, 0.0), touching, stiffness)
+            stiffnesses = np.zeros((indices.size, k))
+            stiffnesses[:, pairs] = pair_stiffness
+            stiffness[improved] = stiffnesses[columns]
+        return LoadSharing(error, np.maximum(force, 0.0), touching, stiffness)
 
-    def overlap(self, sharing: Sharing) -> np.ndarray:
-        """Return the overlap that the flanks of each pair would have without its force, (l, m, k).
+    def overlap(self, equilibrium: LoadSharing) -> np.ndarray:
+        """Return the overlap that the flanks of each pair would have without its force, (n, m, k).
 
         It is in m and > 0 for touching pairs; for others it is minus the distance of the flanks.
-        `sharing` is the equilibrium of these pairs.
+        `equilibrium` is that of these pairs under n loads.
         """
+        force, touching = equilibrium.force, equilibrium.touching
         diagonal = np.einsum("mii->mi", self.compliance)
-        coupled = _displacements(self.compliance, sharing.force) - diagonal * sharing.force
-        overlap = sharing.error[..., None] - self.gap - coupled
+        deflection_by_others = _deflections(self.compliance, force) - diagonal * force
+        overlap = equilibrium.error[..., None] - self.gap - deflection_by_others
         # The sign must agree with `touching` even if pairs touch without a load.
         tiny = np.finfo(float).tiny
-        return np.where(sharing.touching, np.maximum(overlap, tiny), np.minimum(overlap, -tiny))
+        return np.where(touching, np.maximum(overlap, tiny), np.minimum(overlap, -tiny))
 
 
-def _displacements(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the displacements Q F, (..., k), of matrices (..., k, k) and forces (..., k)."""
+def _deflections(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return compliance matrices (..., k, k) times forces (..., k): deflections, (..., k)."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
 def tooth_pairs(
     mesh: "Mesh", phases: int, *, pitch_errors: ArrayLike | None = None, **options: Any
 ) -> ToothPairs:
-    """Return the pairs of teeth in mesh at equally spaced phases, starting at the mesh phase 0.
+    """Return the pairs of teeth in mesh at equally spaced phases, starting at mesh phase 0.
 
-    `phases` is their number in each mesh period. There are as many mesh periods as pitch errors in
-    m, which are by default those of the gears. Further options are those of `pairs_at`.
+    `phases` is the number of phases in each mesh period. There are as many mesh periods as pitch
+    errors in m, by default those of the gears. Further options are those of `pairs_at`.
     """
     phases = checks.integer("phases", phases, 8, 100_000)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
@@ -191,18 +196,18 @@ class Options(NamedTuple):
 def pairs_at(
     mesh: "Mesh",
     pitches: np.ndarray,
-    middle: np.ndarray | None = None,
-    inside: np.ndarray | None = None,
+    selection_pitches: np.ndarray | None = None,
+    can_touch: np.ndarray | None = None,
     **options: Any,
 ) -> ToothPairs:
     """Return the k pairs of teeth in mesh at m phases, with their gaps and compliances.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
-    contact. The pairs are chosen at the phases `middle`, by default `pitches`; `inside`, bool,
-    shape (m, k), fixes which of them can touch. Options are stiffness ("iso", "energy" or a
-    `PathTable`), coupling of the pairs by the gear bodies, deviation of the flanks (a `PathTable`),
-    pitch_errors in m, corners (whether tip corners touch beyond the path) and the load in N, which
-    corners and helical gears need.
+    contact. `selection_pitches`, by default equal to them, decide which pairs are in mesh;
+    `can_touch`, bool, shape (m, k), is computed by default. Options are stiffness ("iso", "energy"
+    or a `PathTable`), coupling of the pairs by the gear bodies, deviation of the flanks (a
+    `PathTable`), pitch_errors in m, corners (whether tip corners touch beyond the path) and the
+    load in N, which corners and helical gears need.
     """
     stiffness, coupling, deviation, pitch_errors, corners, load = Options(**options)
     is_table = isinstance(deviation, PathTable | None)
@@ -210,27 +215,28 @@ def pairs_at(
     errors, is_spur = checked_errors(mesh, pitch_errors), mesh.overlap_ratio == 0.0
     allowed = "0, load sharing along the path of contact is that of spur gears"
     checks.require(is_spur or load is not None, "helix_angle", mesh.pinion.helix_angle, allowed)
-    before, behind = corner_zones(mesh, corners, load, errors)
+    before, behind = corner_contact_lengths(mesh, corners, load, errors)
     face = face_slices(mesh, errors.size)
-    last_pair = np.floor((pitches if middle is None else middle) + before + face.reach)
-    count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.reach) + 1
+    selection_pitches = pitches if selection_pitches is None else selection_pitches
+    last_pair = np.floor(selection_pitches + before + face.half_overlap)
+    count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.half_overlap) + 1
     allowed = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
     checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, allowed)
-    pair_indices, slice_count = np.arange(count), len(face.shares)
+    pair_indices, slice_count = np.arange(count), len(face.width_fractions)
     tooth_numbers = last_pair.astype(int)[:, None] - pair_indices
     # Base pitches since each pair began its contact in each slice, (m * slices, k).
     pitches_on_path = ((pitches - last_pair)[:, None] + face.delays)[..., None] + pair_indices
     pitches_on_path = pitches_on_path.reshape(-1, count)
     in_mesh = (pitches_on_path >= -before) & (pitches_on_path < mesh.contact_ratio + behind)
-    if is_spur and inside is not None:
-        in_mesh = inside
+    if is_spur and can_touch is not None:
+        in_mesh = can_touch
     position = mesh.path[0] + pitches_on_path * mesh.base_pitch
     # Gaps without pitch errors, and compliances, repeat in each base pitch and are computed once.
-    codes = np.round(pitches_on_path[:, 0] / SAME_PLACE).astype(int) * 2**count
-    codes += in_mesh @ 2**pair_indices
-    _, unique, inverse = np.unique(codes, return_index=True, return_inverse=True)
+    keys = np.round(pitches_on_path[:, 0] / SAME_POSITION_TOLERANCE).astype(int) * 2**count
+    keys += in_mesh @ 2**pair_indices
+    _, unique, inverse = np.unique(keys, return_index=True, return_inverse=True)
     on_path = np.clip(position[unique], *mesh.path)
-    # A number of pairs that changed where corners begin to touch would make the forces jump.
+    # If the number of pairs changed where corners begin to touch, the forces would jump.
     pair_count = math.floor(mesh.contact_ratio) + 1 if corners else in_mesh[unique].sum(-1)
     compliance = _compliance(mesh, on_path, stiffness, coupling, pair_count)[inverse]
     gap = relief_gap(mesh, on_path)
@@ -244,91 +250,100 @@ def pairs_at(
     if is_spur:
         return ToothPairs(pitches, position, in_mesh, compliance, gap)
     mean_position = position.reshape(-1, slice_count, count).mean(axis=1)
-    force, slope, x = _face_equilibrium(face.shares, compliance, in_mesh, gap, load)
-    inside = force > 0.0 if inside is None else inside
-    # A pair that begins to touch has no stiffness; a small one keeps its compliance finite.
-    slope = np.maximum(slope, 1e-9 * slope.sum(-1, keepdims=True))
-    compliance, gap = np.eye(count) / slope[..., None], x[:, None] - force / slope
-    return ToothPairs(pitches, mean_position, inside, compliance, gap)
+    force, pair_stiffness, x = _face_equilibrium(
+        face.width_fractions, compliance, in_mesh, gap, load
+    )
+    can_touch = force > 0.0 if can_touch is None else can_touch
+    # A pair that begins to touch has no stiffness; a small value keeps its compliance finite.
+    min_stiffness = 1e-9 * pair_stiffness.sum(-1, keepdims=True)
+    pair_stiffness = np.maximum(pair_stiffness, min_stiffness)
+    compliance, gap = np.eye(count) / pair_stiffness[..., None], x[:, None] - force / pair_stiffness
+    return ToothPairs(pitches, mean_position, can_touch, compliance, gap)
 
 
 class FaceSlices(NamedTuple):
     """Slices of the face of a gear; the face of a spur gear is one slice."""
 
-    shares: np.ndarray  #: shares of the face width, shape (n,); the outer slices are narrower
+    width_fractions: np.ndarray  #: over the face width, shape (n,); the outer slices are narrower
     delays: np.ndarray  #: base pitches by which slices mesh later than the middle, shape (n,)
-    lines: int  #: equal parts of a base pitch, each a whole number of slices; 0 for spur gears
-    reach: float  #: base pitches by which a pair meshes before the middle of its face
+    #: Number of equal intervals of a base pitch with a whole number of slices; 0 for spur gears.
+    intervals_per_pitch: int
+    half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
 
 
 def face_slices(mesh: "Mesh", periods: int) -> FaceSlices:
     """Divide the face of a mesh into slices, and return them; a spur gear has one slice.
 
-    `periods` is the number of mesh periods that are computed. Many periods have wider slices, so
-    that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`.
+    With many mesh periods, of which there are `periods`, the slices are wider, so that the number
+    of slices at all phases stays near `_MAX_SLICES_AT_PHASES`.
     """
     overlap = mesh.overlap_ratio
     if overlap == 0.0:
         return FaceSlices(np.ones(1), np.zeros(1), 0, 0.0)
-    lines = min(max(math.ceil(_MIN_SLICES / overlap), MIN_LINES), _MAX_LINES)
-    slices_at_phases = periods * lines * max(_MIN_SLICES, overlap * lines)
+    intervals = max(math.ceil(_MIN_SLICES / overlap), MIN_INTERVALS_PER_PITCH)
+    intervals = min(intervals, _MAX_INTERVALS_PER_PITCH)
+    slices_at_phases = periods * intervals * max(_MIN_SLICES, overlap * intervals)
     coarsening = max(1.0, math.sqrt(slices_at_phases / _MAX_SLICES_AT_PHASES))
-    lines = max(8, round(lines / coarsening))
-    slices_per_pitch = lines * max(1, round(_MIN_SLICES / coarsening / overlap / lines))
+    intervals = max(8, round(intervals / coarsening))
+    slices_per_pitch = intervals * max(1, round(_MIN_SLICES / coarsening / overlap / intervals))
     count = math.ceil(overlap * slices_per_pitch)
-    shares = np.full(count, 1.0 / (overlap * slices_per_pitch))
-    shares[[0, -1]] = (1.0 - shares[1:-1].sum()) / 2.0
+    width_fractions = np.full(count, 1.0 / (overlap * slices_per_pitch))
+    width_fractions[[0, -1]] = (1.0 - width_fractions[1:-1].sum()) / 2.0
     delays = (np.arange(count) - (count - 1) / 2.0) / slices_per_pitch
-    return FaceSlices(shares, delays, lines, (overlap + 1.0 / lines) / 2.0)
+    return FaceSlices(width_fractions, delays, intervals, (overlap + 1.0 / intervals) / 2.0)
 
 
 def _face_equilibrium(
-    shares: np.ndarray, compliance: np.ndarray, inside: np.ndarray, gap: np.ndarray, load: float
+    width_fractions: np.ndarray,
+    compliance: np.ndarray,
+    can_touch: np.ndarray,
+    gap: np.ndarray,
+    load: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
-    `shares`, (n,), are the shares of the slices in the face width. Compliance matrices,
-    (m n, k, k), gaps in m and `inside`, (m n, k), whether a pair can touch, are those of k pairs in
-    all slices at m phases; `load` is in N. In each step of Newton's method a pair in a slice begins
-    or ceases to touch if its overlap or its force has the wrong sign.
+    The face is divided into n slices with these fractions of its width, (n,). Compliance matrices,
+    (m n, k, k), gaps in m and whether a pair can touch, (m n, k), are those of k pairs in all
+    slices at m phases; `load` is in N. In each step of Newton's method a pair in a slice begins or
+    ceases to touch if its overlap or its force has the wrong sign.
     """
-    count, touching = gap.shape[1], inside
+    pair_count, slice_count, touching = gap.shape[1], len(width_fractions), can_touch
 
     def face_sum(values):
-        return shares @ values.reshape(-1, len(shares), count)
+        return width_fractions @ values.reshape(-1, slice_count, pair_count)
 
     diagonal = np.einsum("mii->mi", compliance)
-    x = np.full(len(gap) // len(shares), load * compliance.max() + gap[inside].max())
+    x = np.full(len(gap) // slice_count, load * compliance.max() + gap[can_touch].max())
     for _ in range(_MAX_NEWTON_STEPS):
-        approach = np.repeat(x, len(shares))[:, None] - gap
+        approach = np.repeat(x, slice_count)[:, None] - gap
         both_touch = touching[:, :, None] & touching[:, None, :]
-        inverse = np.linalg.inv(np.where(both_touch, compliance, np.eye(count))) * both_touch
-        slice_forces = _displacements(inverse, approach)
-        overlap = approach - _displacements(compliance, slice_forces)
-        violation = inside * np.where(touching, -diagonal * slice_forces, overlap)
+        inverse = np.linalg.inv(np.where(both_touch, compliance, np.eye(pair_count))) * both_touch
+        slice_forces = _deflections(inverse, approach)
+        overlap = approach - _deflections(compliance, slice_forces)
+        violation = can_touch * np.where(touching, -diagonal * slice_forces, overlap)
         forces, stiffnesses = face_sum(slice_forces), face_sum(np.einsum("mij->mi", inverse))
         step = (forces.sum(-1) - load) / stiffnesses.sum(-1)
         if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
             return forces, stiffnesses, x
         x, touching = x - step, touching ^ (violation > 0.0)
-    raise RuntimeError(f"no displacement of a helical mesh in {_MAX_NEWTON_STEPS} steps")
+    raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
-def corner_zones(
+def corner_contact_lengths(
     mesh: "Mesh", corners: bool, load: float | None, pitch_errors: np.ndarray
 ) -> tuple[float, ...]:
-    """Return both lengths of corner contact, before and behind the path, in base pitches.
+    """Return the lengths of corner contact (before, behind) the path of contact in base pitches.
 
     Tip corners can touch where their gap is below 6 deflections of one pair under the load in N,
-    plus the range of the pitch errors in m. Without `corners` the lengths are 0.
+    plus the range of the pitch errors in m. The lengths are 0 if `corners` is False.
     """
     if not corners:
         return 0.0, 0.0
     max_gap = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(pitch_errors)
-    pitches = np.linspace(0.0, _MAX_APPROACH, 201)
+    pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, 201)
     (start, end), distances = mesh.path, pitches * mesh.base_pitch
     gaps = corner_gap(mesh, start - distances), corner_gap(mesh, end + distances)
-    # The gap grows with the square of the distance, so its root is interpolated.
+    # The gap grows with the square of the distance, so its square root is interpolated.
     return tuple(float(np.interp(math.sqrt(max_gap), np.sqrt(gap), pitches)) for gap in gaps)
 
 
@@ -336,20 +351,20 @@ def corner_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
     """Return the gap of tip corners at positions beyond the path of contact, m; 0 on the path.
 
     Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
-    behind its end, the tip corner of the pinion leaves the flank of the wheel. At a position, in m,
-    longer involutes of the pair would touch.
+    behind its end, the tip corner of the pinion leaves the flank of the wheel. Positions, in m, are
+    those at which involutes would touch if they were longer.
     """
-    (start, end), max_distance = mesh.path, _MAX_APPROACH * mesh.base_pitch
+    (start, end), max_distance = mesh.path, _MAX_CORNER_DISTANCE * mesh.base_pitch
     entering = _gap_to_corner(mesh, "pinion", np.clip(position, start - max_distance, start))
     leaving = _gap_to_corner(mesh, "wheel", np.clip(position, end, end + max_distance))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
 def _gap_to_corner(mesh: "Mesh", flank_name: str, position: np.ndarray) -> np.ndarray:
-    """Return the gap in m between the flank of a gear and the tip corner of its mate.
+    """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
     `flank_name` is "pinion" or "wheel", the gear with the flank. Positions, in m, are those on the
-    line of action where longer involutes would touch.
+    line of action at which involutes would touch if they were longer.
     """
     sign, angle = mesh.wheel.sign, mesh.working_pressure_angle
     flank_gear, corner_gear, direction = mesh.pinion, mesh.wheel, 1
@@ -400,8 +415,8 @@ def _compliance(
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
     `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a table
-    in N/m. `coupling`, 0 to 1, is the share of the gear bodies that is common to all pairs, and
-    `pair_count`, an int or shape (m,), the number of pairs that share a body in ISO 6336.
+    in N/m. `coupling`, 0 to 1, is the fraction of the compliance of the gear bodies that all pairs
+    have in common, and `pair_count`, int or (m,), the number of pairs on a body in ISO 6336.
     """
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
     identity = np.eye(position.shape[1])

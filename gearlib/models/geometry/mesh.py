@@ -144,7 +144,7 @@ class Mesh:
             checks.require(clearance >= 0.0, field, gear.tip_diameter, allowed)
         if wheel.internal:
             checks.require(
-                self._tips_pass(),
+                self._tips_clear_each_other(),
                 "teeth of the ring gear",
                 wheel.teeth,
                 f"larger by more than {wheel.teeth - pinion.teeth} than that of the pinion, or the "
@@ -166,7 +166,7 @@ class Mesh:
         pinion, wheel = self.pinion, self.wheel
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
-    def _tips_pass(self) -> bool:
+    def _tips_clear_each_other(self) -> bool:
         """Return whether the tips of an internal mesh pass each other where their circles cross."""
         a, angle = self.centre_distance, self.working_pressure_angle
         pinion_tip, ring_tip = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
@@ -265,9 +265,9 @@ class Mesh:
         return self.contact_ratio + self.overlap_ratio
 
     def phase_of(self, position: float) -> float:
-        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position in m.
+        """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
 
-        The position is on the path of contact; for helical gears in the middle of the face.
+        The position is on the path of contact, in m; for helical gears in the middle of the face.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
@@ -305,15 +305,15 @@ class Mesh:
         return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
 
     def load(self, torque: float) -> float:
-        """Return the force along the transverse line of action at a torque of the pinion, N."""
+        """Return the force in N along the transverse line of action at a pinion torque in N m."""
         return torque / (self.pinion.base_diameter / 2.0)
 
     def tangential_force(self, torque: float) -> float:
-        """Return F_t, at the reference circle, at a torque of the pinion in N m, N; ISO 6336-1."""
+        """Return the force F_t at the reference circle in N at a pinion torque in N m."""
         return torque / (self.pinion.reference_diameter / 2.0)
 
     def pitch_line_velocity(self, rpm: float) -> float:
-        """Return v, of the reference circle, at a speed of the pinion in rpm, m/s; ISO 6336-1."""
+        """Return the velocity v of the reference circle in m/s at a speed of the pinion in rpm."""
         return math.pi * self.pinion.reference_diameter * rpm / 60.0
 
     def stiffness(self, method: Any = "iso", **options: Any) -> "MeshStiffness":
@@ -398,24 +398,25 @@ class Mesh:
             "load": self.load(torque),
             "teeth": self.pinion.teeth,
         }
-        mean_stiffness = self._check_deflection(torque, parameters, *load_argument)
+        mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
         if speed is not None:
             frequency = math.sqrt(mean_stiffness / self.reduced_mass)
             checks.speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
         return parameters
 
     def train_parameters(
-        self, *, torque: float | None = None, stated: tuple | None = None, **options: Any
+        self, *, torque: float | None = None, load_argument: tuple | None = None, **options: Any
     ) -> dict[str, Any]:
         """Return the parameters of a mesh of a train as a dict, in SI units.
 
         Options are the dampings and the stiffness of `gearlib.Mesh.from_geometry`; `torque` is that
-        of the pinion in N m. If the user gave another argument in place of the torque, `stated` is
-        (its name, its value, its physical unit), for error messages.
+        of the pinion in N m. If the user gave another argument in place of the torque,
+        `load_argument` is (its name, its value, its physical unit), for error messages.
         """
         parameters = self._mesh_parameters(torque=torque, **options)
         if torque is not None:
-            self._check_deflection(torque, parameters, *(stated or ("torque", torque, "N m")))
+            load_argument = load_argument or ("torque", torque, "N m")
+            self._checked_mean_stiffness(torque, parameters, *load_argument)
         angle = self.working_pressure_angle
         thicknesses = []  # in pitches on the working circles
         for gear in (self.pinion, self.wheel):
@@ -440,11 +441,11 @@ class Mesh:
         stiffness: Any = "iso",
         options: dict | None = None,
     ) -> dict[str, float | None]:
-        """Return the stiffness, backlash and damping of a mesh as a dict, in SI units.
+        """Return the stiffness, backlash and damping of the mesh as a dict, in SI units.
 
-        `torque` is that of the pinion in N m. At most one of the three dampings in contact may be
-        given; `material_damping` is in N s/m. `stiffness` is "iso", "energy" or a table, and
-        `options` are those of this method.
+        `torque` is that of the pinion in N m. At most one of `damping_ratio`,
+        `logarithmic_decrement` and `material_damping`, in N s/m, sets the damping in contact.
+        `stiffness` is "iso", "energy" or a `Tabulated`, and `options` are those of this method.
         """
         options = checks.options(options)
         # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
@@ -463,40 +464,39 @@ class Mesh:
         if len(dampings) > 1:
             names = " and ".join(dampings)
             raise ValueError(f"{names} are not allowed together: it must be one of them at most")
-        oscillator = mean_stiffness, self.reduced_mass
-        damping = None
+        mass, damping = self.reduced_mass, None
         for name, value in dampings.items():
-            damping = drawn_damping(name, value, *oscillator)
+            damping = checked_damping(name, value, mean_stiffness, mass)
         return {
             "max_stiffness": max_stiffness,
             "stiffness_ratio": kappa,
             "contact_ratio": epsilon,
             "backlash": self.line_backlash,
             "material_damping": damping,
-            "backlash_damping": drawn_damping(
-                "backlash_damping_ratio", backlash_damping_ratio, *oscillator
+            "backlash_damping": checked_damping(
+                "backlash_damping_ratio", backlash_damping_ratio, mean_stiffness, mass
             ),
         }
 
-    def _check_deflection(
+    def _checked_mean_stiffness(
         self, torque: float, parameters: dict, name: str, value: float, unit: str
     ) -> float:
         """Return the mean stiffness, N/m, or raise ValueError if the load deflects teeth too far.
 
-        `parameters` have the rectangular stiffness of the mesh. The message names the argument that
-        determines the load, by default the torque in N m: its name, value and physical unit.
+        `parameters` hold the rectangular stiffness of the mesh, and `torque`, in N m, is that of
+        the pinion. The message has the name, value and unit of the argument that sets the load.
         """
         ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
         mean_stiffness = parameters["max_stiffness"] * mean_over_max(*ratios)
         deflection = abs(self.load(torque)) / mean_stiffness
-        share = deflection / (MAX_DEFLECTION * self.pinion.module)
-        allowed = f"at most {abs(value) / (share or 1.0):.4g} {unit}"
+        deflection_ratio = deflection / (MAX_DEFLECTION * self.pinion.module)
+        allowed = f"at most {abs(value) / (deflection_ratio or 1.0):.4g} {unit}"
         allowed += f", at which the static deflection is {MAX_DEFLECTION:g} modules"
-        checks.require(share <= 1.0, name, value, allowed)
+        checks.require(deflection_ratio <= 1.0, name, value, allowed)
         return mean_stiffness
 
 
-def bodies(mesh: Mesh) -> dict[str, Any]:
+def six_degree_parameters(mesh: Mesh) -> dict[str, Any]:
     """Return base radii, inertias, masses, teeth and pitch phase of drawn gears, in SI units.
 
     The keys are the names of parameters of a `SixDegreePair`.
@@ -511,12 +511,12 @@ def bodies(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def drawn_damping(name: str, value: float, stiffness: float, mass: float) -> float:
-    """Return the damping coefficient in N s/m for a damping parameter of an oscillator.
+def checked_damping(name: str, value: float, stiffness: float, mass: float) -> float:
+    """Return the damping coefficient in N s/m of an oscillator for a damping parameter.
 
-    `name` is "material_damping" or "backlash_damping" in N s/m, "logarithmic_decrement", or a
-    damping ratio; stiffness in N/m and mass in kg are those of the oscillator. A damping ratio
-    below 0, or of 1 and more, raises ValueError.
+    `name` is "material_damping" or "backlash_damping", in N s/m, "logarithmic_decrement", or the
+    name of a damping ratio; `stiffness` is in N/m and `mass` in kg. Raises ValueError if the value
+    does not correspond to a damping ratio from 0 to below 1.
     """
     critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):

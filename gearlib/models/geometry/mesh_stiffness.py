@@ -89,14 +89,14 @@ class Tooth:
     """
 
     def __init__(self, gear: "SpurGear", width: float) -> None:
-        """Prepare the outline of a tooth of a gear whose face in mesh has a width in m."""
+        """Prepare the outline of a tooth of a gear with a face width in mesh in m."""
         self.gear, self.width, self.sign = gear, width, gear.sign
-        self.base = gear.base_diameter / 2.0
-        self.root = gear.root_diameter / 2.0
+        self.base_radius = gear.base_diameter / 2.0
+        self.root_radius = gear.root_diameter / 2.0
         angle = inv(gear.transverse_pressure_angle)
         # Half the angle of the tooth at the base circle, ISO 21771.
-        self.psi = gear.tooth_thickness / gear.reference_diameter + self.sign * angle
-        self.foot = gear.form_roll_length / self.base
+        self.base_half_angle = gear.tooth_thickness / gear.reference_diameter + self.sign * angle
+        self.form_phi = gear.form_roll_length / self.base_radius
         self._fillet = self._trochoid() if not gear.internal else None
 
     def flank(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -105,17 +105,17 @@ class Tooth:
         `phi` is the radius of curvature of the involute there over the base radius. The y axis is
         the centre line of the tooth, from the axis of the gear.
         """
-        b = phi - self.sign * self.psi
-        x = self.sign * self.base * (phi * np.cos(b) - np.sin(b))
-        return x, self.base * (np.cos(b) + phi * np.sin(b)), b
+        b = phi - self.sign * self.base_half_angle
+        x = self.sign * self.base_radius * (phi * np.cos(b) - np.sin(b))
+        return x, self.base_radius * (np.cos(b) + phi * np.sin(b)), b
 
     def fillet(self, gamma: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y and dy / dgamma of the fillet, in m, where its normal has an angle gamma.
 
-        Gamma goes from the pressure angle, at the flank, to pi / 2. The tip of the rack cuts the
-        fillet. Its round is a circle in the normal section, and for helical gears an ellipse in the
-        transverse section, longer by 1 / cos(beta) along the rack. The centre of the round lies
-        `depth` below the rolling line and `side` from the centre line of the tooth.
+        Gamma goes from the pressure angle, at the flank, to pi / 2. The rounded tip of the rack
+        cuts the fillet. The tip is a circle in the normal section, and for helical gears an ellipse
+        in the transverse section, longer by 1 / cos(beta) along the rack. Its centre lies `depth`
+        below the rolling line and `side` from the centre line of the tooth.
         """
         rolling_radius = self.gear.reference_diameter / 2.0
         helix_cosine = math.cos(self.gear.helix_angle)
@@ -138,9 +138,9 @@ class Tooth:
 
     @property
     def _rack_tip(self) -> tuple[float, float, float]:
-        """Position of the tip round of the rack in the transverse section, and its radius, m.
+        """Rounded tip of the rack in the transverse section: (depth, side, radius) in m.
 
-        The position of its centre is its depth below the rolling line and its distance from the
+        Its centre lies at this depth below the rolling line and at the distance `side` from the
         centre line of the tooth.
         """
         gear = self.gear
@@ -153,7 +153,7 @@ class Tooth:
         return depth, side / math.cos(gear.helix_angle), radius
 
     def _trochoid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return x, y and the quadrature weights of integrals over y at points of the fillet, m."""
+        """Return x, y and quadrature weights of integrals over y at points of the fillet, in m."""
         start, end = self.gear.transverse_pressure_angle, math.pi / 2.0
         half_range = (end - start) / 2.0
         x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
@@ -169,10 +169,10 @@ class Tooth:
         """
         phi = np.asarray(phi, float)
         force_x, force_y, b = (coordinate[..., None] for coordinate in self.flank(phi))
-        half_range = (phi - self.foot)[..., None] / 2.0
-        flank_phi = self.foot + half_range * (1.0 + _NODES)
+        half_range = (phi - self.form_phi)[..., None] / 2.0
+        flank_phi = self.form_phi + half_range * (1.0 + _NODES)
         x, y, angle = self.flank(flank_phi)
-        weights = np.abs(self.base * flank_phi * np.cos(angle) * half_range) * _WEIGHTS
+        weights = np.abs(self.base_radius * flank_phi * np.cos(angle) * half_range) * _WEIGHTS
         if self._fillet is not None:
             fillet_x, fillet_y, fillet_weights = (
                 np.broadcast_to(values, x.shape) for values in self._fillet
@@ -186,7 +186,7 @@ class Tooth:
         integral = ((bending + shear + axial) * weights).sum(axis=-1)
         return integral / (material.young * self.width)
 
-    def body(self, phi: ArrayLike) -> np.ndarray:
+    def body_compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the gear body for forces on the flank, m/N; 0 for a ring gear.
 
         The force acts at `phi`, radii of curvature over the base radius. L, M, P, Q and u are the
@@ -195,7 +195,7 @@ class Tooth:
         phi = np.asarray(phi, float)
         if self._fillet is None:
             return np.zeros(phi.shape)
-        b = phi - self.psi
+        b = phi - self.base_half_angle
         theta, h = self.body_shape
         if h is None:
             poisson = self.gear.material.poisson
@@ -205,7 +205,7 @@ class Tooth:
             powers = np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
             L, M, P, Q = _BODY_COEFFICIENTS @ powers
         # Height above the root circle where the force meets the centre line, over the root width.
-        u = (self.base / np.cos(b) - self.root) / (2.0 * self.root * theta)
+        u = (self.base_radius / np.cos(b) - self.root_radius) / (2.0 * self.root_radius * theta)
         shape_factor = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
         return np.cos(b) ** 2 * shape_factor / (self.gear.material.young * self.width)
 
@@ -216,7 +216,7 @@ class Tooth:
         half_angle, bore_radius = float(np.arctan2(x, y)), self.gear.bore / 2.0
         if not bore_radius:
             return half_angle, None
-        return half_angle, min(self.root / bore_radius, MAX_ROOT_RATIO)
+        return half_angle, min(self.root_radius / bore_radius, MAX_ROOT_RATIO)
 
 
 class PairCompliance:
@@ -228,12 +228,12 @@ class PairCompliance:
     def __init__(self, mesh: "Mesh", hertz: str = "constant") -> None:
         """Prepare both teeth of a drawn mesh and check the bores of its gears.
 
-        `hertz` is "constant" or "logarithmic", the law of the Hertz contact over the load.
+        `hertz` is "constant" or "logarithmic", the dependence of the Hertz contact on the load.
         """
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
         self._teeth = [Tooth(gear, mesh.width) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
-            max_bore = 2.0 * tooth.root / MIN_ROOT_RATIO
+            max_bore = 2.0 * tooth.root_radius / MIN_ROOT_RATIO
             if tooth.gear.bore > max_bore:
                 raise ValueError(
                     f"bore of the {name} = {tooth.gear.bore!r} is not allowed: the energy method "
@@ -245,23 +245,25 @@ class PairCompliance:
 
         Phi is the radius of curvature over the base radius.
         """
-        lengths = (position, self.mesh.wheel_roll_length(position))
-        pairs = zip(self._teeth, lengths, strict=True)
-        return [(tooth, length / tooth.base) for tooth, length in pairs]
+        curvature_radii = (position, self.mesh.wheel_roll_length(position))
+        pairs = zip(self._teeth, curvature_radii, strict=True)
+        return [(tooth, radius / tooth.base_radius) for tooth, radius in pairs]
 
-    def teeth(self, position: np.ndarray) -> np.ndarray:
+    def tooth_compliance(self, position: np.ndarray) -> np.ndarray:
         """Return the compliance of both teeth without bodies at positions on the path, m/N."""
         pinion, wheel = (tooth.compliance(phi) for tooth, phi in self._teeth_with_phi(position))
         return pinion + wheel
 
-    def bodies(self, position: np.ndarray) -> np.ndarray:
+    def body_compliances(self, position: np.ndarray) -> np.ndarray:
         """Return the compliances of both gear bodies at positions on the path, (2, ...), m/N."""
-        return np.array([tooth.body(phi) for tooth, phi in self._teeth_with_phi(position)])
+        return np.array(
+            [tooth.body_compliance(phi) for tooth, phi in self._teeth_with_phi(position)]
+        )
 
-    def contact(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
+    def contact_compliance(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return the secant compliance of the Hertz contact, m/N.
 
-        Positions on the path of contact in m and forces in N have one shape.
+        Positions on the path of contact in m and forces in N have the same shape.
         """
         width = self.mesh.width
         materials = [tooth.gear.material for tooth in self._teeth]
@@ -269,7 +271,7 @@ class PairCompliance:
         if self.hertz == "constant":
             return np.full(np.shape(position), 2.0 * sum(compliances) / (math.pi * width))
         teeth_with_phi = self._teeth_with_phi(position)
-        pinion_radius, wheel_radius = [phi * tooth.base for tooth, phi in teeth_with_phi]
+        pinion_radius, wheel_radius = [phi * tooth.base_radius for tooth, phi in teeth_with_phi]
         # The flank of a ring gear is concave, with sign -1.
         curvature = 1.0 / pinion_radius + self.mesh.wheel.sign / wheel_radius
         half_width = np.sqrt(4.0 * force * sum(compliances) / (math.pi * width * curvature))
@@ -289,15 +291,15 @@ def compliance_matrix(
     """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
     `pair` gives the compliances of one pair by the energy method. Positions on the path in m and
-    forces in N have the shape (n, k). `coupling`, 0 to 1, is the share of the gear bodies that is
-    common to all pairs.
+    forces in N have the shape (n, k). `coupling`, 0 to 1, is the fraction of the compliance of the
+    gear bodies that all pairs have in common.
     """
-    single = pair.teeth(positions) + pair.contact(positions, forces)
-    bodies = pair.bodies(positions)
-    single = single + (1.0 - coupling) * bodies.sum(axis=0)
-    root = np.sqrt(bodies)
-    common = np.einsum("gnk,gnl->nkl", root, root) * coupling
-    return common + single[..., None] * np.eye(positions.shape[1])
+    pair_compliance = pair.tooth_compliance(positions) + pair.contact_compliance(positions, forces)
+    body_compliances = pair.body_compliances(positions)
+    pair_compliance = pair_compliance + (1.0 - coupling) * body_compliances.sum(axis=0)
+    root = np.sqrt(body_compliances)
+    common_compliance = np.einsum("gnk,gnl->nkl", root, root) * coupling
+    return common_compliance + pair_compliance[..., None] * np.eye(positions.shape[1])
 
 
 def energy_stiffness(
@@ -312,8 +314,8 @@ def energy_stiffness(
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
-    are one base pitch apart. `coupling`, 0 to 1, is the share of the gear bodies that is common to
-    all pairs. `hertz` is "constant" or "logarithmic", which needs the torque of the pinion in N m.
+    are one base pitch apart. `coupling` is that of `compliance_matrix`. `hertz`, the Hertz contact,
+    is "constant" or "logarithmic", which needs the torque of the pinion in N m.
     """
     pair = PairCompliance(mesh, hertz)
     coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
@@ -326,7 +328,7 @@ def energy_stiffness(
         compliance = compliance_matrix(pair, positions, forces, coupling)
         pair_stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
         mesh_stiffness = pair_stiffness.sum(axis=1)
-        # The logarithmic law needs a positive force, even for a pair that would pull.
+        # The logarithmic contact needs a positive force, even for a pair that would pull.
         forces = np.maximum(pair_stiffness / mesh_stiffness[:, None], 1e-6) * load
     return mesh_stiffness
 
@@ -384,7 +386,7 @@ def mesh_stiffness(
     coupling : float, default 1
         Common share of the gear bodies for "energy", from 0 to 1.
     hertz : {"constant", "logarithmic"}, default "constant"
-        Law of the Hertz contact for "energy".
+        Dependence of the Hertz contact on the load for "energy".
 
     Returns
     -------
@@ -403,7 +405,7 @@ def mesh_stiffness(
     if method not in ("iso", "energy"):
         raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
     fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs  # share of the period with one pair more
+    segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     if method == "iso":
         max_stiffness, kappa, epsilon = iso_rectangle(mesh, **options)
         if mesh.overlap_ratio == 0.0:
@@ -457,7 +459,7 @@ class _StiffnessCurve:
     """A stiffness over one base pitch, linear between points; equal positions make a step."""
 
     def __init__(self, pitches: ArrayLike, stiffness: ArrayLike) -> None:
-        """Store positions in base pitches, rising from 0 to 1, and the stiffness there, N/m."""
+        """Store increasing positions in base pitches, from 0 to 1, and the stiffness there, N/m."""
         self.pitches, self.stiffness = np.asarray(pitches, float), np.asarray(stiffness, float)
         areas = np.diff(self.pitches) * (self.stiffness[1:] + self.stiffness[:-1]) / 2.0
         self._cumulative_areas = np.append(0.0, np.cumsum(areas))
@@ -469,9 +471,8 @@ class _StiffnessCurve:
         """
         periods = np.floor(end)
         position = end - periods
-        last_interval = self.pitches.size - 2
         i = np.searchsorted(self.pitches, position, side="right") - 1
-        i = np.clip(i, 0, last_interval)
+        i = np.clip(i, 0, self.pitches.size - 2)
         length = self.pitches[i + 1] - self.pitches[i]
         slope = (self.stiffness[i + 1] - self.stiffness[i]) / np.where(length > 0.0, length, 1.0)
         distance = position - self.pitches[i]
@@ -488,12 +489,12 @@ class _StiffnessCurve:
         step_positions = self.pitches[1:][np.diff(self.pitches) == 0.0]
         is_step = np.isin(self.pitches, [0.0, 1.0, *step_positions])
         steps = self.pitches[is_step]
-        points = [self.pitches[~is_step], steps - half_window, steps + half_window]
-        points = np.sort(np.concatenate(points) % 1.0)
-        # Points that coincide up to rounding count as equal.
-        points = points[np.diff(points, append=points[0] + 1.0) > 1e-12]
-        areas = self.integral(points + half_window) - self.integral(points - half_window)
-        return _StiffnessCurve(points, areas / overlap_ratio)
+        positions = [self.pitches[~is_step], steps - half_window, steps + half_window]
+        positions = np.sort(np.concatenate(positions) % 1.0)
+        # Positions that coincide up to rounding count as equal.
+        positions = positions[np.diff(positions, append=positions[0] + 1.0) > 1e-12]
+        areas = self.integral(positions + half_window) - self.integral(positions - half_window)
+        return _StiffnessCurve(positions, areas / overlap_ratio)
 
     def table(self, segment: float) -> Tabulated:
         """Return the stiffness over the mesh phase as a table; a step becomes a short ramp.
@@ -505,8 +506,8 @@ class _StiffnessCurve:
             pitches[-1] -= _RAMP_LENGTH
         steps = np.nonzero(np.diff(pitches) == 0.0)[0] + 1
         pitches[steps] += _RAMP_LENGTH
-        rising = np.concatenate([[True], np.diff(pitches) > 0.0])
-        phase = math.tau * ((pitches[rising] - segment / 2.0) % 1.0)
+        distinct = np.concatenate([[True], np.diff(pitches) > 0.0])
+        phase = math.tau * ((pitches[distinct] - segment / 2.0) % 1.0)
         # A phase just below 0 rounds to 2 pi, which is 0.
         phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
-        return Tabulated(phase, self.stiffness[rising][order])
+        return Tabulated(phase, self.stiffness[distinct][order])

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief
-from gearlib.models.geometry.load_sharing import Sharing, ToothPairs, relief_gap, tooth_pairs
+from gearlib.models.geometry.load_sharing import LoadSharing, ToothPairs, relief_gap, tooth_pairs
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 #: A peak-to-peak error below this share of the deflection is a rounding error.
 _FLATNESS_TOLERANCE = 1e-12
 #: Decimals of the optimum; further ones depend on rounding and differ between machines.
-_DIGITS = 6
+_DECIMALS = 6
 #: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
 #: the long length.
 _GRID_AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
 _GRID_LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
 #: Number of best grid points from which a descent starts.
-_DESCENTS = 2
+_DESCENT_COUNT = 2
 
 
 def transmission_error(
@@ -44,21 +44,21 @@ def transmission_error(
         raise ValueError("torque = [] is not allowed: it must have at least one value")
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
-    sharing = pairs.share(loads)
+    equilibrium = pairs.forces_under_loads(loads)
     # Without a load the forces are rounding errors, and load shares are undefined.
-    load_share = np.full_like(sharing.force, math.nan)
-    pair_loads = loads[:, None, None]
-    np.divide(sharing.force, pair_loads, out=load_share, where=pair_loads > 0.0)
+    load_share = np.full_like(equilibrium.force, math.nan)
+    total_forces = loads[:, None, None]
+    np.divide(equilibrium.force, total_forces, out=load_share, where=total_forces > 0.0)
     dims, pair_dims = ("torque", "phase"), ("phase", "tooth_pair")
     data = {
-        "transmission_error": (dims, sharing.error),
+        "transmission_error": (dims, equilibrium.error),
         "load_share": ((*dims, "tooth_pair"), load_share),
-        "pairs_in_contact": (dims, sharing.touching.sum(-1)),
-        "mesh_stiffness": (dims, sharing.stiffness.sum(-1)),
-        "path_position": (pair_dims, np.where(pairs.inside, pairs.position, math.nan)),
-        "gap": (pair_dims, np.where(pairs.inside, pairs.gap, math.nan)),
-        "peak_to_peak_error": ("torque", np.ptp(sharing.error, axis=1)),
-        "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, sharing, phases)),
+        "pairs_in_contact": (dims, equilibrium.touching.sum(-1)),
+        "mesh_stiffness": (dims, equilibrium.stiffness.sum(-1)),
+        "path_position": (pair_dims, np.where(pairs.can_touch, pairs.position, math.nan)),
+        "gap": (pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan)),
+        "peak_to_peak_error": ("torque", np.ptp(equilibrium.error, axis=1)),
+        "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, equilibrium, phases)),
         "mesh_force": ("torque", loads),
     }
     mesh_phase = math.tau * np.arange(pairs.pitches.size) / phases
@@ -67,12 +67,15 @@ def transmission_error(
     return describe(xr.Dataset(data, coords, {"title": title}))
 
 
-def _contact_ratios(mesh: "Mesh", pairs: ToothPairs, sharing: Sharing, phases: int) -> list[float]:
+def _contact_ratios(
+    mesh: "Mesh", pairs: ToothPairs, equilibrium: LoadSharing, phases: int
+) -> list[float]:
     """Return the effective contact ratio, the mean number of touching pairs, at each load.
 
-    `sharing` is the equilibrium of the pairs, which have `phases` phases in each mesh period.
+    `equilibrium` is that of the pairs, which have `phases` phases in each mesh period.
     """
-    overlap = np.where(pairs.inside, pairs.overlap(sharing), -math.inf)  # > 0 if a pair touches
+    # Positive if a pair touches.
+    overlap = np.where(pairs.can_touch, pairs.overlap(equilibrium), -math.inf)
     phase_count, pair_count = pairs.gap.shape
     # Each pair is followed along its path, from the first phase at which it is in mesh.
     offsets = pairs.pitches[:phases] % 1.0
@@ -143,33 +146,33 @@ def optimum_relief(
     checks.one_of("shape", shape, tuple(SHAPES))
     load = checks.drawn_mesh(mesh).load(checks.finite_positive("torque", torque))
     pair_count = math.floor(mesh.contact_ratio)
-    long = (mesh.contact_ratio - pair_count) * mesh.base_pitch
-    longest = mesh.longest_relief
-    fixed_length = {"long": long, "short": long / 2.0}.get(length, length)
+    long_length = (mesh.contact_ratio - pair_count) * mesh.base_pitch
+    limit = mesh.longest_relief
+    fixed_length = {"long": long_length, "short": long_length / 2.0}.get(length, length)
     if fixed_length is not None:
-        allowed = f"'long', 'short' or > 0 and <= {longest:.6g} m, (eps_alpha - 1) p_bt"
-        fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= longest)
+        allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
+        fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)
     mesh = mesh.with_reliefs(None, None)
     pairs = tooth_pairs(mesh, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
-    compliance, position = compliance[pairs.inside], pairs.position[pairs.inside]
+    compliance, position = compliance[pairs.can_touch], pairs.position[pairs.can_touch]
     ends = position.argmax(), position.argmin()
     deflections = [compliance[end] * load / pair_count for end in ends]
 
     def reliefs(variables):
-        """Return both reliefs from their amounts over deflections and length over the long one."""
-        relief_length = fixed_length if fixed_length is not None else long * variables[2]
+        """Return both reliefs from their amounts over deflections and length over long length."""
+        relief_length = fixed_length if fixed_length is not None else long_length * variables[2]
         return [
             TipRelief(amount=amount * deflection, length=relief_length, shape=shape)
             for amount, deflection in zip(variables[:2], deflections, strict=True)
         ]
 
     def error(variables):
-        """Return the transmission error over the phases, in sums of both deflections."""
+        """Return the transmission error at all phases, over the sum of both deflections."""
         relieved = mesh.with_reliefs(*reliefs(variables))
         gap = pairs.gap + relief_gap(relieved, pairs.position)
-        return replace(pairs, gap=gap).share([load]).error[0] / sum(deflections)
+        return replace(pairs, gap=gap).forces_under_loads([load]).error[0] / sum(deflections)
 
     bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed_length is None)
     optimum = np.ones(len(bounds))
@@ -177,12 +180,12 @@ def optimum_relief(
         # There are several local minima, so a grid comes before the descents.
         axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed_length is None)
         grid = sorted(itertools.product(*axes), key=lambda point: np.ptp(error(point)))
-        starts = (optimum, *grid[:_DESCENTS])
+        starts = (optimum, *grid[:_DESCENT_COUNT])
         minima = [_minimize_range(error, start, bounds) for start in starts]
-        # The first of equal candidates is taken.
+
         candidates = [optimum, *minima, grid[0]]
-        optimum = min(candidates, key=lambda point: round(float(np.ptp(error(point))), _DIGITS))
-    return mesh.with_reliefs(*reliefs(np.round(optimum, _DIGITS)))
+        optimum = min(candidates, key=lambda point: round(float(np.ptp(error(point))), _DECIMALS))
+    return mesh.with_reliefs(*reliefs(np.round(optimum, _DECIMALS)))
 
 
 def _minimize_range(

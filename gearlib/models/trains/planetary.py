@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.drawings import equal_positions, planets_of
+from gearlib.models.geometry.drawings import equal_positions, planetary_meshes
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
@@ -291,7 +291,7 @@ def planetary_set(
         If gears do not mesh, planets cannot be assembled or strike each other, or a value is
         impossible.
     """
-    drawn = planets_of(
+    drawn = planetary_meshes(
         sun,
         planet,
         ring,
@@ -313,7 +313,7 @@ def planetary_set(
     derivation = {
         "stiffness": stiffness,
         "options": options,
-        "stated": ("torque", torque, "N m"),
+        "load_argument": ("torque", torque, "N m"),
         "damping_ratio": damping_ratio,
         "logarithmic_decrement": logarithmic_decrement,
         "material_damping": material_damping,

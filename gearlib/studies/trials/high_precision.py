@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.models.one_mesh_system import by_phase
+from gearlib.models.one_mesh_system import state_matrix_by_phase
 
 #: Digits carried beyond those asked for: a step rounds some thousand sums.
 GUARD_DIGITS = 10
@@ -97,7 +97,7 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
     system, turn = model.system(tuning), Decimal(model.pitch_phase)
     segments = range(system.starts.size - 1)
     matrices = {
-        (code, segment): decimals(by_phase(system, [code], segment))
+        (code, segment): decimals(state_matrix_by_phase(system, [code], segment))
         for code in _CODES
         for segment in segments
     }
