@@ -140,8 +140,8 @@ class Tolerances(grid(0.5, 1.4, 0.01), Recorded):
         laws = self._laws("tolerances", values)
         for key, (name, law) in zip(self.keys().values(), laws.items(), strict=True):
             if "distribution" not in law:
-                values = tolerated.centre_and_limits(law)
-                tolerated.check_range(key, law, self._known()[name], values)
+                limits = tolerated.centre_and_limits(law)
+                tolerated.check_range(key, law, self._known()[name], limits)
         if self.correlations:
             laws["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
         return laws
