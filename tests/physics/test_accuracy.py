@@ -17,63 +17,55 @@ EVENT_PHASE = 1e-10
 UNDAMPED_STATE = 1e-9
 
 
-def compare(
-    beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0), eps=EPS, kappa=KAPPA
-):
-    """Compare a run with the reference: events one by one, final state."""
-    x, v, expected = REFERENCES.propagate(eps, kappa, beta, beta_m, gap, nu, periods, state)
+def compare(beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0)):
+    """Compare a run with the reference: events one by one, final state; return the run."""
+    x, v, expected = REFERENCES.propagate(EPS, KAPPA, beta, beta_m, gap, nu, periods, state)
     pair = GearPair.from_ratios(
-        contact_ratio=eps,
-        stiffness_ratio=kappa,
+        contact_ratio=EPS,
+        stiffness_ratio=KAPPA,
         damping=beta,
         backlash_damping=beta_m,
         backlash=gap,
     )
-    whole = simulate(pair, nu, periods=periods, record_periods=periods, initial_state=state)
-    assert whole.event_from.values.tolist() == [event[1] for event in expected]
-    assert whole.event_to.values.tolist() == [event[2] for event in expected]
+    recorded = simulate(pair, nu, periods=periods, record_periods=periods, initial_state=state)
+    assert recorded.event_from.values.tolist() == [event[1] for event in expected]
+    assert recorded.event_to.values.tolist() == [event[2] for event in expected]
     phases = np.array([float(event[0]) for event in expected])
     # Next to grazing the rounding of the displacement, of order one, counts over the speed.
-    speeds = np.maximum(np.abs(whole.event_velocity.values), 1e-8)
-    allowed = EVENT_PHASE + 4.0 * np.finfo(float).eps / speeds
-    assert (np.abs(whole.event_phase.values - phases) <= allowed).all()
-    # All periods recorded, and all but the last gone through unrecorded.
-    fast = simulate(pair, nu, periods=periods, initial_state=state)
-    for run in (whole, fast):
+    speeds = np.maximum(np.abs(recorded.event_velocity.values), 1e-8)
+    tolerance = EVENT_PHASE + 4.0 * np.finfo(float).eps / speeds
+    assert (np.abs(recorded.event_phase.values - phases) <= tolerance).all()
+    unrecorded = simulate(pair, nu, periods=periods, initial_state=state)
+    for run in (recorded, unrecorded):
         np.testing.assert_allclose(
             run.final_state, [float(x), float(v)], rtol=0, atol=state_tolerance
         )
-    return whole
+    return recorded
 
 
 @pytest.mark.parametrize(
     ("beta", "beta_m", "nu"),
     [
         (0.0617, 0.0617, 0.7),  # smooth
-        (0.0617, 0.0617, 0.9),  # a bounce in every period
-        (0.0617, 0.0, 0.9),
-        (0.0, 0.0617, 0.9),
+        (0.0617, 0.0, 0.9),  # a bounce in every period
         (0.0617, 0.0617, 0.815),  # either side of the fold
         (0.0617, 0.0617, 0.8151),
-        (0.0617, 0.0, 0.8150),
-        (0.0617, 0.0, 0.8151),
-        (0.0617, 0.0617, 0.5),
-        (0.02, 0.01, 1.9),
+        (0.0, 0.0617, 0.9),
         (0.3, 0.001, 0.25),
     ],
 )
-def test_damped_orbits_after_200_periods(beta, beta_m, nu):
+def test_damped_motions_have_the_state_of_50_digits_after_200_periods(beta, beta_m, nu):
     compare(beta, beta_m, 4.0, nu, 200, DAMPED_STATE)
 
 
-@pytest.mark.parametrize("nu", [0.6, 0.66, 0.8, 0.82])
-def test_undamped_orbits_after_20_periods(nu):
+@pytest.mark.parametrize("nu", [0.66, 0.82])
+def test_undamped_motions_have_the_state_of_50_digits_after_20_periods(nu):
     compare(0.0, 0.0, 4.0, nu, 20, UNDAMPED_STATE)
 
 
-@pytest.mark.parametrize("miss", [10.0**-k for k in range(3, 13)])
+@pytest.mark.parametrize("miss", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("side", [1, -1])
-def test_grazing_the_far_flank_from_both_sides(miss, side):
+def test_a_mesh_that_just_misses_the_far_flank_is_told_from_one_that_hits_it(miss, side):
     nu, beta_m, gap = 0.8, 0.05, 2.0
     x, v = from_rest(-beta_m / nu, 0.0, 1 / nu**2, -gap + side * miss, 0.9)
     run = compare(0.05, beta_m, gap, nu, 3, 1e-8, state=(float(x), -float(v)))

@@ -25,23 +25,19 @@ def digits_of(value):
 @pytest.mark.parametrize(
     ("changes", "tuning", "state"),
     [
-        ({"backlash": 4.0}, 0.7, (0.0, 0.0)),  # never leaves the flank
-        ({"backlash": 4.0, "backlash_damping": 0.06}, 0.9, (0.0, 0.0)),  # bounces
         ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the far flank
         ({"backlash": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
         ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no way between the flanks
         ({"backlash": math.inf}, 0.9, (0.5, -2.0)),
-        ({"backlash": 4.0}, 0.75, (-4.0, -1.0)),  # from the far flank line, through it
         ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on it
-        ({"backlash": 2.0, "contact_ratio": 1.0}, 0.9, (-1.0, 0.3)),  # constant stiffness
         ({"backlash": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
     ],
 )
-def test_one_degree_against_closed_forms(changes, tuning, state):
+def test_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
-    end, phases, codes = high_precision.run(pair, tuning, 6, 50, state)
+    end, phases, contacts = high_precision.run(pair, tuning, 6, 50, state)
     x, v, events = of_pair(pair, tuning, 6, state)
-    assert [*map(tuple, codes.tolist())] == [event[1:3] for event in events]
+    assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
     assert max(abs(digits_of(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
     for phase, event in zip(phases, events, strict=True):
         assert abs(digits_of(phase) - event[0]) < DIGITS
@@ -60,21 +56,16 @@ PAIR = GearPair(
 )
 
 
-@pytest.mark.parametrize(
-    "dampings",
-    [{"cubic_damping": 0.09375}, {"cubic_damping": 0.75, "backlash_cubic_damping": 0.1875}],
-)
-def test_nonlinear_damping_against_the_independent_program(dampings):
-    model = OneDegreePair(pair=PAIR, **dampings)
+def test_nonlinear_damping_against_the_independent_program():
+    model = OneDegreePair(pair=PAIR, cubic_damping=0.75, backlash_cubic_damping=0.1875)
     with mpmath.workdps(40):
         expected = move(describe(model), 0.75, 2, (0.0, -1.0), context=mpmath.mp)
-        end, _, codes = high_precision.run(model, 0.75, 2, 36, (0.0, -1.0))
-        events = [[one.before, one.after] for one in expected.events]
-        assert codes.tolist() == events and events
+        end, _, contacts = high_precision.run(model, 0.75, 2, 36, (0.0, -1.0))
+        events = [[event.before, event.after] for event in expected.events]
+        assert contacts.tolist() == events and events
         pairs = zip(end, expected.mesh_state(), strict=True)
-        off = max(abs(digits_of(a) - b) for a, b in pairs)
         # Of 36 digits some go to the growth of rounding.
-        assert off < mpmath.mpf(10) ** -28
+        assert max(abs(digits_of(a) - b) for a, b in pairs) < mpmath.mpf(10) ** -28
 
 
 def test_digits_are_added_until_they_are_enough(monkeypatch):
@@ -83,8 +74,8 @@ def test_digits_are_added_until_they_are_enough(monkeypatch):
     problem = problems.build("conservative", CONFIG["gear_pair"], {}, settings)
     expected = references.reference(problem)
     monkeypatch.setattr(references, "DIGITS", (12, 24, 48, 96))
-    found = references.reference(problem)
-    np.testing.assert_array_equal(found.state, expected.state)
+    more = references.reference(problem)
+    np.testing.assert_array_equal(more.state, expected.state)
     monkeypatch.setattr(references, "DIGITS", (12, 24))
     with pytest.raises(ValueError, match="periods = 20 are not allowed for this GearPair"):
         references.reference(problem)

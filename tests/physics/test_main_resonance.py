@@ -1,4 +1,4 @@
-"""The main resonance and quantities of designs: against whole branches, sweeps, settled runs."""
+"""The main resonance, quantities of designs, Sobol' indices: against branches, sweeps, moments."""
 
 import dataclasses
 
@@ -10,87 +10,81 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
+from gearlib.uncertainty.indices import sobol_indices
 from tests.paper import PAPER
 from tests.properties.known_models import gears
 
+DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
+FIELDS = [field.name for field in dataclasses.fields(PAPER) if field.name != "teeth"]
+NAMES = tuple(name for name in QUANTITIES if "load_sharing" not in name)
+JUMPS = ("jump_up", "jump_down")
 
-def pins(error):
+
+def planetary_set(error, **more):
     """Return a planetary set with a tangential error of its first pin, m."""
     errors = [(0.0, error), (0.0, 0.0), (0.0, 0.0)]
-    return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors)
+    return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors, **more)
 
 
-DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
-#: The largest motion of the first lies at its fold, that of the second on the way to it.
-WIDE = DAMPED.replace(material_damping=7e3, backlash=200e-6)
-FIELDS = [one.name for one in dataclasses.fields(PAPER) if one.name != "teeth"]
-PAIR_TRAINS = tuple(name for name in QUANTITIES if "load_sharing" not in name)
-
-
-def drawn(model, share, seed):
-    """Return a design whose numbers all scatter by so much."""
-    factors = 1.0 + share * np.random.default_rng(seed).standard_normal(len(FIELDS))
-    return model.replace(
-        **{name: getattr(model, name) * x for name, x in zip(FIELDS, factors, strict=True)}
-    )
+def damped(model, ratio):
+    """Return a pair with a ratio of damping in contact and in the backlash."""
+    size = ratio * 2.0 * model.reduced_mass * model.mean_eigenfrequency
+    return model.replace(material_damping=size, backlash_damping=size)
 
 
 @pytest.fixture(scope="module")
-def searches():
-    speed = float(DAMPED.speed(0.9))
-    return {model: DesignQuantities(model, PAIR_TRAINS, speed=speed) for model in (DAMPED, WIDE)}
+def search():
+    return DesignQuantities(DAMPED, NAMES, speed=float(DAMPED.speed(0.9)))
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_jumps_and_onset_are_those_of_a_whole_branch(searches, seed):
-    model = drawn(DAMPED, 0.03, seed)
-    values = dict(zip(PAIR_TRAINS, searches[DAMPED](model)[0], strict=True))
+def test_jumps_and_onset_are_those_of_a_whole_branch(search):
+    # All numbers of the design a little off.
+    factors = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(FIELDS))
+    changes = {name: getattr(DAMPED, name) * x for name, x in zip(FIELDS, factors, strict=True)}
+    model = DAMPED.replace(**changes)
+    values = dict(zip(NAMES, search(model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)
     assert orbit.pattern == (1,)
     up = gearlib.continue_orbit(orbit, to=1.0)
-    folds = [np.flatnonzero(one.label.values == special.FOLD)[0] for one in (up, down)]
+    first = [np.flatnonzero(branch.label.values == special.FOLD)[0] for branch in (up, down)]
     touch = np.flatnonzero(up.label.values == special.GRAZING)[0]
     # The motion jumps up at the first fold of the branch from above, and falls at the next but one.
     last = np.flatnonzero(down.label.values == special.FOLD)[2]
-    places = up.tuning[folds[0]], down.tuning[last], up.tuning[touch]
-    for name, place in zip(("jump_up", "jump_down", "onset_of_contact_loss"), places, strict=True):
+    places = up.tuning[first[0]], down.tuning[last], up.tuning[touch]
+    for name, place in zip((*JUMPS, "onset_of_contact_loss"), places, strict=True):
         assert values[name] == pytest.approx(float(model.speed(place)), rel=1e-9), name
     # Of points of a curve the highest is a little lower than its top.
-    before = down.displacement_max.values[: folds[1] + 1]
+    before = down.displacement_max.values[: first[1] + 1]
     top = float(before.max()) * model.static_deflection
     assert top <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * top
 
 
-@pytest.mark.parametrize("model", [DAMPED, WIDE])
-def test_quantities_are_smooth_functions_of_the_design(searches, model):
-    search = searches[model]
-    for name in FIELDS:
-        size = getattr(model, name)
-        low, high, near, far = (
-            search(model.replace(**{name: (1.0 + share) * size}))[0]
-            for share in (-2e-5, 2e-5, -1e-5, 1e-5)
-        )
-        # Differences over two steps agree, as they do where nothing but rounding is lost.
-        slopes = (high - low) / 4e-5, (far - near) / 2e-5
-        bound = 1e-6 * np.abs(slopes[1]) + 1e-6 * np.abs(search.nominal)
-        assert (np.abs(slopes[0] - slopes[1]) < bound).all(), name
+@pytest.mark.parametrize("name", FIELDS)
+def test_quantities_are_smooth_functions_of_the_design(search, name):
+    size = getattr(DAMPED, name)
+    low, high, near, far = (
+        search(DAMPED.replace(**{name: (1.0 + share) * size}))[0]
+        for share in (-2e-5, 2e-5, -1e-5, 1e-5)
+    )
+    # Differences over two steps agree, as they do where nothing but rounding is lost.
+    slopes = (high - low) / 4e-5, (far - near) / 2e-5
+    bound = 1e-6 * np.abs(slopes[1]) + 1e-6 * np.abs(search.nominal)
+    assert (np.abs(slopes[0] - slopes[1]) < bound).all()
 
 
 def test_the_fold_of_a_narrow_hysteresis_is_found():
     # Just below the damping at which both jumps meet: 0.3 rpm apart.
-    model = PAPER.replace(
-        material_damping=9e3, backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6
-    )
+    model = PAPER.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
     low, high = 4e3, 1.4e4
-    for _ in range(25):
+    for _ in range(20):
         damping = 0.5 * (low + high)
-        found = main_resonance(model.replace(material_damping=damping), ("jump_up",))
-        low, high = (damping, high) if np.isfinite(found.jump_up) else (low, damping)
-    found = main_resonance(model.replace(material_damping=0.998 * low), ("jump_up", "jump_down"))
-    assert 0.0 < found.jump_up - found.jump_down < 1e-3
-    found = main_resonance(model.replace(material_damping=1.002 * high), ("jump_up", "jump_down"))
-    assert np.isnan([found.jump_up, found.jump_down]).all() and not found.lost
+        jump = main_resonance(model.replace(material_damping=damping), ("jump_up",)).jump_up
+        low, high = (damping, high) if np.isfinite(jump) else (low, damping)
+    below = main_resonance(model.replace(material_damping=0.998 * low), JUMPS)
+    assert 0.0 < below.jump_up - below.jump_down < 1e-3
+    above = main_resonance(model.replace(material_damping=1.002 * high), JUMPS)
+    assert np.isnan([above.jump_up, above.jump_down]).all() and not above.lost
 
 
 def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
@@ -102,47 +96,40 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
         load=3146.3,
         backlash=266e-6,
     )
-    size = 2.0 * 0.05 * model.reduced_mass * model.mean_eigenfrequency
-    model = model.replace(material_damping=size)
+    model = model.replace(material_damping=damped(model, 0.05).material_damping)
     fall = main_resonance(model, ("jump_down",)).jump_down
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.9 * fall)
-    labels, tunings = branch.label.values, branch.tuning.values
+    labels = branch.label.values
     fold = int(np.flatnonzero(labels == special.FOLD)[0])
     assert (labels[:fold] == special.DOUBLING).any()
-    assert tunings[fold] == pytest.approx(fall, rel=1e-9)
+    assert branch.tuning.values[fold] == pytest.approx(fall, rel=1e-9)
 
 
-def test_the_onset_knows_nothing_of_backlash_and_scales(searches):
-    search = searches[DAMPED]
-    scale = {"load": 3.0, "backlash": 3.0}
-    twin = DAMPED.replace(**{name: getattr(DAMPED, name) * x for name, x in scale.items()})
-    ratios = dict(zip(PAIR_TRAINS, search(twin)[0] / search.nominal, strict=True))
-    for name in ("jump_up", "jump_down", "onset_of_contact_loss", "dynamic_factor"):
+def test_quantities_scale_with_load_and_the_onset_knows_nothing_of_backlash(search):
+    twin = DAMPED.replace(load=3.0 * DAMPED.load, backlash=3.0 * DAMPED.backlash)
+    ratios = dict(zip(NAMES, search(twin)[0] / search.nominal, strict=True))
+    for name in (*JUMPS, "onset_of_contact_loss", "dynamic_factor"):
         assert ratios[name] == pytest.approx(1.0, abs=1e-9), name
     for name in ("peak", "force", "transmission_error", "contact_margin"):
         assert ratios[name] == pytest.approx(3.0, rel=1e-9), name
-    onset = PAIR_TRAINS.index("onset_of_contact_loss")
+    onset = NAMES.index("onset_of_contact_loss")
     wider = search(DAMPED.replace(backlash=1.1 * DAMPED.backlash))[0]
     assert wider[onset] == search.nominal[onset]
 
 
-def test_what_has_no_jumps_says_so(searches):
-    values, codes = searches[DAMPED](DAMPED.replace(material_damping=1.1e4))
-    found = dict(zip(PAIR_TRAINS, zip(values, codes, strict=True), strict=True))
-    for name in ("jump_up", "jump_down", "onset_of_contact_loss"):
-        assert np.isnan(found[name][0]) and found[name][1] == NONE
-    # The linear resonance has a top of its own.
-    value, code = found["peak"]
-    assert code == FOUND
+def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(search):
     model = DAMPED.replace(material_damping=1.1e4)
+    results = dict(zip(NAMES, zip(*search(model), strict=True), strict=True))
+    for name in (*JUMPS, "onset_of_contact_loss"):
+        assert np.isnan(results[name][0]) and results[name][1] == NONE
+    peak, code = results["peak"]
     run = gearlib.sweep(model, np.linspace(0.85, 1.05, 81), periods=300, record_periods=1)
-    assert value == pytest.approx(
-        float(run.displacement_max.max()) * model.static_deflection, rel=1e-4
-    )
+    top = float(run.displacement_max.max()) * model.static_deflection
+    assert code == FOUND and peak == pytest.approx(top, rel=1e-4)
 
 
-def test_the_duty_point_is_that_of_a_settled_run(searches):
-    values = dict(zip(PAIR_TRAINS, searches[DAMPED].nominal, strict=True))
+def test_the_duty_point_is_that_of_a_settled_run(search):
+    values = dict(zip(NAMES, search.nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["dynamic_factor"] == pytest.approx(float(point.dynamic_factor), rel=1e-9)
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
@@ -150,50 +137,47 @@ def test_the_duty_point_is_that_of_a_settled_run(searches):
     assert values["contact_margin"] < 0.0 < float(point.lost_share)
 
 
-def test_a_train_at_a_duty_point():
-    train = gearlib.planetary(
-        stiffness_ratio=(0.7, 0.8), pin_errors=[(5e-6, 3e-6), (0.0, 0.0), (0.0, 0.0)]
-    )
-    quantities = ("force", "dynamic_factor", "transmission_error", "contact_margin")
-    quantities += ("load_sharing", "least_load_sharing")
-    search = DesignQuantities(train, quantities, speed=float(train.speed(0.6)))
-    run = gearlib.simulate(
-        train, 0.6, periods=800, record_periods=1, initial_state="static", samples_per_period=8
-    )
-    span = float(run.displacement_max[0] - run.displacement_min[0])
-    known = [
+def test_a_duty_point_of_a_train_is_of_the_mesh_that_counts():
+    train = dataclasses.replace(planetary_set(5e-6), reference="ring 2")
+    names = ("force", "dynamic_factor", "transmission_error", "contact_margin")
+    names += ("load_sharing", "least_load_sharing")
+    values = DesignQuantities(train, names, speed=float(train.speed(0.6))).nominal
+    settings = {"periods": 800, "record_periods": 1, "initial_state": "static"}
+    run = gearlib.simulate(train, 0.6, samples_per_period=8, **settings)
+    spans = run.displacement_max - run.displacement_min
+    expected = [
         float(run.dynamic_force_max.max()) * train.load,
         float(run.dynamic_factor.max()),
-        span * train.static_deflection,
+        float(spans.sel(mesh="ring 2")) * train.static_deflection,
         float(run.displacement_min.min()) * train.static_deflection,
         float(run.load_sharing.max()),
         float(run.load_sharing.min()),
     ]
     # A run of 800 periods still settles.
-    assert search.nominal == pytest.approx(known, rel=1e-5)
+    assert values == pytest.approx(expected, rel=1e-5)
 
 
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
     model = gears(5e8, material=4.5e3, oil=300.0)
-    search = DesignQuantities(model, ("onset_of_contact_loss", "jump_up", "jump_down"))
+    names = ("onset_of_contact_loss", *JUMPS)
+    values, codes = DesignQuantities(model, names)(model)
     low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))
     up = gearlib.continue_orbit(gearlib.periodic_orbit(model, low), to=high)
     places = [
         np.flatnonzero(up.label.values == label)[0] for label in (special.GRAZING, special.FOLD)
     ]
-    assert search.nominal[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
+    assert values[:2] == pytest.approx(model.speed(up.tuning.values[places]), rel=1e-9)
     # On the way down the period doubles before the fold.
-    values, codes = search(model)
     assert np.isnan(values[2]) and codes[2] == LOST
 
 
 def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
-    train = pins(0.0)
+    train = planetary_set(0.0)
     search = DesignQuantities(train, ("onset_of_contact_loss", "jump_up"))
     onset, jump = search.nominal
     # An error of either sign loads a planet less.
     for sign in (1.0, -1.0):
-        assert search(pins(sign * 1e-7))[0][0] < onset
+        assert search(planetary_set(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
     lost = (run.fraction_normal < 1.0 - FRACTION_TOLERANCE).any("mesh")
@@ -202,10 +186,62 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
 
 
-def test_taylor_steps_find_the_same(searches):
-    # Another code: nonlinear damping, so little of it that it changes nothing.
+def test_taylor_steps_find_the_same_quantities(search):
+    # Nonlinear damping asks for them, so little of it that it changes nothing.
     twin = gearlib.OneDegreePair(pair=DAMPED, cubic_damping=1e-9)
-    names = ("jump_up", "jump_down", "onset_of_contact_loss", "peak", "dynamic_factor")
-    search = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9)))
-    own = [PAIR_TRAINS.index(name) for name in names]
-    assert search.nominal == pytest.approx(searches[DAMPED].nominal[own], rel=1e-8)
+    names = (*JUMPS, "onset_of_contact_loss", "peak", "dynamic_factor")
+    values = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9))).nominal
+    places = [NAMES.index(name) for name in names]
+    assert values == pytest.approx(search.nominal[places], rel=1e-8)
+
+
+def test_sobol_indices_are_those_of_a_product():
+    # Without damping the onset is a number times (C / m)^(1/2): indices of a product, by moments.
+    tolerances = {
+        "max_stiffness": {"min": 5e7, "max": 7.5e8},
+        "reduced_mass": {"min": 0.3, "max": 6.0},
+    }
+    indices = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3)
+
+    def moments(low, high, power):
+        mean = (high ** (power + 1) - low ** (power + 1)) / (power + 1) / (high - low)
+        square = np.log(high / low) if power == -0.5 else (high**2 - low**2) / 2.0
+        return mean, square / (high - low)
+
+    (mean, square), (other, inverse) = moments(5e7, 7.5e8, 0.5), moments(0.3, 6.0, -0.5)
+    variance = square * inverse - (mean * other) ** 2
+    parts = (square - mean**2) * other**2, (inverse - other**2) * mean**2
+    first, second = (part / variance for part in parts)
+    index = indices.first_index.values[0]
+    # Of 256 designs.
+    assert index == pytest.approx((first, second), abs=0.02)
+    assert indices.total_index.values[0] == pytest.approx([1.0 - second, 1.0 - first], abs=0.02)
+    low, high = indices.first_index_interval.values[0].T
+    assert ((low < index) & (index < high)).all()
+    assert int(indices.missing_designs[0]) == 0
+
+
+def test_designs_without_a_jump_are_counted():
+    model = DAMPED.replace(material_damping=8.4e3)
+    tolerances = {name: {"std": "1 %"} for name in ("material_damping", "contact_ratio")}
+    indices = sobol_indices(model, tolerances, ("jump_up",), 16)
+    assert 0 < int(indices.missing_designs[0]) < 4 * 16
+    assert np.isfinite(indices.total_index.values).all()
+
+
+def test_a_motion_that_jumps_up_to_the_far_flank_falls_later():
+    pair = damped(PAPER.replace(stiffness_ratio=0.429, contact_ratio=1.228), 0.069)
+    pair = pair.replace(backlash=1.11 * pair.static_deflection)
+    data = gearlib.scatter(pair, {"load": {"std": "0.1 %"}}, JUMPS, n=4)
+    assert all((data[f"{name}_status"] == 0).all() for name in JUMPS)
+    # A sweep down over both jumps: the amplitude rises at the first and falls at the second.
+    tunings = np.arange(0.6, 1.2, 0.002)
+    curve = gearlib.sweep(pair, tunings, direction="down", periods=200, record_periods=1)
+    height = curve.displacement_max.values
+    i = int(np.argmax(np.diff(height) / height[1:]))
+    low, high = curve.tuning.values[i : i + 2] * float(pair.speed(1.0))
+    assert low - 2.0 < float(data.jump_down_nominal) < high + 2.0 < pair.speed(0.86)
+    # A speed depends on the load by the backlash over the deflection only.
+    search = DesignQuantities(pair, ("jump_down",))
+    ends = [search(pair.replace(load=share * pair.load))[0][0] for share in (0.999, 1.001)]
+    assert float(data.jump_down_deviation) == pytest.approx(abs(ends[1] - ends[0]) / 2.0, rel=0.5)
