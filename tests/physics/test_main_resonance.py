@@ -199,21 +199,21 @@ def test_sobol_indices_are_those_of_a_product():
     # Without damping the onset is a number times (C / m)^(1/2): indices of a product, by moments.
     tolerances = {
         "max_stiffness": {"min": 5e7, "max": 7.5e8},
-        "reduced_mass": {"min": 0.3, "max": 6.0},
+        "reduced_mass": {"min": 1.5, "max": 6.0},
     }
-    indices = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 256, seed=3)
+    indices = sobol_indices(PAPER, tolerances, ("onset_of_contact_loss",), 128, seed=3)
 
     def moments(low, high, power):
         mean = (high ** (power + 1) - low ** (power + 1)) / (power + 1) / (high - low)
         square = np.log(high / low) if power == -0.5 else (high**2 - low**2) / 2.0
         return mean, square / (high - low)
 
-    (mean, square), (other, inverse) = moments(5e7, 7.5e8, 0.5), moments(0.3, 6.0, -0.5)
+    (mean, square), (other, inverse) = moments(5e7, 7.5e8, 0.5), moments(1.5, 6.0, -0.5)
     variance = square * inverse - (mean * other) ** 2
     parts = (square - mean**2) * other**2, (inverse - other**2) * mean**2
     first, second = (part / variance for part in parts)
     index = indices.first_index.values[0]
-    # Of 256 designs.
+    # Of 128 designs.
     assert index == pytest.approx((first, second), abs=0.02)
     assert indices.total_index.values[0] == pytest.approx([1.0 - second, 1.0 - first], abs=0.02)
     low, high = indices.first_index_interval.values[0].T
