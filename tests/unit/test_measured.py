@@ -4,7 +4,6 @@ All sets here are synthetic: written by the tests, measured by nobody.
 """
 
 import json
-import math
 import re
 from pathlib import Path
 
@@ -22,7 +21,7 @@ CHANNELS = {
     "x": {"observableId": "displacement", "unit": "µm", "noise": "500 nm", "offset": "unknown"},
     "F": {"observableId": "dynamic_force", "unit": "kN", "sensor": "strain gauge", "noise": 0.01},
 }
-SAID = {"data": "rig.csv", "source": "synthetic", "licence": "own data", "channels": CHANNELS}
+SETTINGS = {"data": "rig.csv", "source": "synthetic", "licence": "own data", "channels": CHANNELS}
 TABLE = "t,x,F,other\n0,1.5,2,a\n1,2.5,2.5,b\n2,-3,2.75,c\n"
 LONG = (
     "observableId,simulationConditionId,measurement,time,noiseParameters\n"
@@ -30,15 +29,20 @@ LONG = (
 )
 
 
-def rig(folder, table=TABLE, **changes):
-    """Write a synthetic set and return the path of its YAML; a change to None takes a key away."""
-    said = {key: one for key, one in (SAID | changes).items() if one is not None}
-    if table is not None:
-        data = table if isinstance(table, bytes) else table.encode()
-        (folder / said.get("data", "rig.csv")).write_bytes(data)
-    path = folder / "rig.yaml"
-    path.write_text(yaml.safe_dump(said, allow_unicode=True), encoding="utf-8")
-    return path
+@pytest.fixture
+def rig(tmp_path):
+    """Write a synthetic set and read it; a change to None takes a key away."""
+
+    def rig(table=TABLE, **changes):
+        settings = {key: one for key, one in (SETTINGS | changes).items() if one is not None}
+        if table is not None:
+            data = table if isinstance(table, bytes) else table.encode()
+            (tmp_path / settings.get("data", "rig.csv")).write_bytes(data)
+        text = yaml.safe_dump(settings, allow_unicode=True)
+        (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
+        return read_measured(tmp_path / "rig.yaml")
+
+    return rig
 
 
 def channels(**changes):
@@ -46,31 +50,27 @@ def channels(**changes):
     return {"channels": {key: one | changes.get(key, {}) for key, one in CHANNELS.items()}}
 
 
-def test_a_wide_table_is_read_in_si(tmp_path):
-    found = read_measured(
-        rig(tmp_path, known={"backlash": "80 um", "load": 3e3, "ramp_rate": None})
-    )
-    assert found.time.values == pytest.approx([0.0, 1e-3, 2e-3], rel=1e-15)
-    assert found.displacement.values == pytest.approx([1.5e-6, 2.5e-6, -3e-6], rel=1e-15)
-    assert found.dynamic_force.values == pytest.approx([2000.0, 2500.0, 2750.0], rel=1e-15)
-    x, force = found.displacement.attrs, found.dynamic_force.attrs
+def test_a_wide_table_is_read_in_si(rig, tmp_path):
+    data = rig(known={"backlash": "80 um", "load": 3e3, "ramp_rate": None})
+    assert data.time.values == pytest.approx([0.0, 1e-3, 2e-3], rel=1e-15)
+    assert data.displacement.values == pytest.approx([1.5e-6, 2.5e-6, -3e-6], rel=1e-15)
+    assert data.dynamic_force.values == pytest.approx([2000.0, 2500.0, 2750.0], rel=1e-15)
+    x, force = data.displacement.attrs, data.dynamic_force.attrs
     assert (x["units"], x["noise_std"], x["unknown_offset"]) == ("m", 5e-7, 1)
     assert (force["units"], force["noise_std"], force["sensor"]) == ("N", 10.0, "strain gauge")
-    assert json.loads(found.attrs["known"]) == {"backlash": 8e-5, "load": 3e3, "ramp_rate": None}
-    assert "reduced_mass" in found.not_said and "backlash" not in found.not_said
-    assert "ramp_rate" in found.not_said
-    assert (found.repairs, found.not_read, found.synthetic) == ("", "other", 0)
-    write(found, tmp_path / "rig.nc")
-    assert read(tmp_path / "rig.nc").identical(read(tmp_path / "rig.nc"))
+    assert json.loads(data.attrs["known"]) == {"backlash": 8e-5, "load": 3e3, "ramp_rate": None}
+    assert "reduced_mass" in data.not_said and "backlash" not in data.not_said
+    assert "ramp_rate" in data.not_said
+    assert (data.repairs, data.not_read, data.synthetic) == ("", "other", 0)
+    write(data, tmp_path / "rig.nc")
+    assert read(tmp_path / "rig.nc").displacement.identical(data.displacement)
 
 
 @pytest.mark.parametrize(
     ("unit", "observable", "factor", "units"),
     [
-        ("rpm", "speed", 1.0, "min-1"),
         ("Hz", "speed", 60.0, "min-1"),
         ("rad/s", "speed", 30.0 / np.pi, "min-1"),
-        ("mm", "displacement_max", 1e-3, "m"),
         ("1", "displacement_max", 1.0, "1"),
         ("deg", "angle_shaft_2", np.pi / 180.0, "rad"),
         ("kN", "bearing_force_y3", 1e3, "N"),
@@ -80,112 +80,104 @@ def test_a_wide_table_is_read_in_si(tmp_path):
         ("percent", "fraction_backlash", 1e-2, "1"),
     ],
 )
-def test_units_are_those_of_the_library(tmp_path, unit, observable, factor, units):
+def test_units_are_those_of_the_library(rig, unit, observable, factor, units):
     more = {"c": {"observableId": observable, "unit": unit}, "x": CHANNELS["x"]}
-    found = read_measured(rig(tmp_path, "c,x\n1,1\n2,1\n", channels=more))[observable]
-    assert found.values == pytest.approx([factor, 2.0 * factor], rel=1e-15)
-    assert found.attrs["units"] == units
+    column = rig("c,x\n1,1\n2,1\n", channels=more)[observable]
+    assert column.values == pytest.approx([factor, 2.0 * factor], rel=1e-15)
+    assert column.attrs["units"] == units
 
 
-def test_counts_are_what_one_of_them_is(tmp_path):
+def test_counts_are_what_one_of_them_is(rig):
     counts = {
         "a": {"observableId": "angle", "unit": "counts", "counts_per_turn": 4096},
         "b": {"observableId": "displacement", "unit": "counts", "count": "0.1 um", "noise": 2},
         "c": {"observableId": "velocity", "unit": "counts", "gain": "unknown"},
     }
-    found = read_measured(rig(tmp_path, "a,b,c\n1024,7,9\n0,0,0\n4095,1,1\n", channels=counts))
-    assert found.angle.values[:2] == pytest.approx([np.pi / 2, 0.0], rel=1e-15)
-    assert found.displacement.values[0] == pytest.approx(7e-7, rel=1e-15)
-    assert found.displacement.noise_std == pytest.approx(2e-7, rel=1e-15)
-    assert (found.velocity.values[0], found.velocity.units, found.velocity.unknown_gain) == (
-        9.0, "count", 1
-    )  # fmt: skip
+    data = rig("a,b,c\n1024,7,9\n0,0,0\n4095,1,1\n", channels=counts)
+    assert data.angle.values[:2] == pytest.approx([np.pi / 2, 0.0], rel=1e-15)
+    assert data.displacement.values[0] == pytest.approx(7e-7, rel=1e-15)
+    assert data.displacement.noise_std == pytest.approx(2e-7, rel=1e-15)
+    velocity = data.velocity
+    assert (velocity.values[0], velocity.units, velocity.unknown_gain) == (9.0, "count", 1)
 
 
-def test_a_long_table_is_the_same_dataset(tmp_path):
+def test_a_long_table_is_the_same_dataset(rig):
     speeds = {"jump_down": {"value": "2500 rpm", "noise": "50 Hz"}}
     of = {"up": {"direction": "up", "speed": "20 Hz"}, "down": {"direction": "down", "speed": 900}}
     kept = {"x": CHANNELS["x"], "F": CHANNELS["F"]}
-    found = read_measured(rig(tmp_path, LONG, channels=kept, conditions=of, speeds=speeds))
-    assert found.condition.values.tolist() == ["up", "up", "down", "down", "down"]
-    assert found.direction.values.tolist() == [1, 1, -1, -1, -1]
-    assert found.speed.values.tolist() == [1200.0, 1200.0, 900.0, 900.0, 900.0]
-    assert found.time.values.tolist() == [0.0, 1.0, 0.0, np.inf, np.inf]
+    data = rig(LONG, channels=kept, conditions=of, speeds=speeds)
+    assert data.condition.values.tolist() == ["up", "up", "down", "down", "down"]
+    assert data.direction.values.tolist() == [1, 1, -1, -1, -1]
+    assert data.speed.values.tolist() == [1200.0, 1200.0, 900.0, 900.0, 900.0]
+    assert data.time.values.tolist() == [0.0, 1.0, 0.0, np.inf, np.inf]
     nan = np.nan
-    assert np.allclose(found.displacement * 1e6, [1.5, 1.6, 1.0, nan, nan], equal_nan=True)
-    assert np.allclose(found.dynamic_force, [nan, 3e3, nan, 1e3, 2e3], equal_nan=True)
+    assert np.allclose(data.displacement * 1e6, [1.5, 1.6, 1.0, nan, nan], equal_nan=True)
+    assert np.allclose(data.dynamic_force, [nan, 3e3, nan, 1e3, 2e3], equal_nan=True)
     # Where a row says no noise, it is that of the channel.
-    assert np.allclose(found.dynamic_force_noise_std.values[[1, 3, 4]], [10.0, 200.0, 10.0])
-    assert (float(found.jump_down), found.jump_down.noise_std) == (2500.0, 3000.0)
+    assert np.allclose(data.dynamic_force_noise_std.values[[1, 3, 4]], [10.0, 200.0, 10.0])
+    assert (float(data.jump_down), data.jump_down.noise_std) == (2500.0, 3000.0)
 
 
-def test_a_jump_may_be_a_row_of_a_long_table(tmp_path):
+def test_a_jump_may_be_a_row_of_a_long_table(rig):
     table = "observableId,measurement,noiseParameters,speed\njump_up,47,1,0\nx,1,,50\nx,2,,60\n"
     of = {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"], "speed": {"unit": "Hz"}}
-    found = read_measured(rig(tmp_path, table, channels=of))
-    assert (float(found.jump_up), found.jump_up.noise_std) == (2820.0, 60.0)
-    assert found.speed.values.tolist() == [3000.0, 3600.0]
+    data = rig(table, channels=of)
+    assert (float(data.jump_up), data.jump_up.noise_std) == (2820.0, 60.0)
+    assert data.speed.values.tolist() == [3000.0, 3600.0]
 
 
-def test_what_is_repaired_is_said_and_nothing_is_lost(tmp_path):
+def test_samples_are_sorted_by_time_within_conditions_and_that_is_said(rig):
     rng = np.random.default_rng(1)
-    rows = [(d, t, 10.0 * t) for d in ("up", "down") for t in range(40)]
+    rows = [(to, t, 10.0 * t) for to in ("up", "down") for t in range(40)]
     mixed = [rows[i] for i in rng.permutation(len(rows))]
-    table = "d,t,x\n" + "".join(f"{d},{t},{x}\n" for d, t, x in mixed)
-    of = {"d": {"observableId": "direction", "unit": "1"}} | CHANNELS
-    del of["F"]
-    found = read_measured(rig(tmp_path, table, channels=of))
-    assert found.repairs == "samples sorted by time, each condition apart"
-    way = {"up": 1, "down": -1}[mixed[0][0]]
-    assert found.direction.values.tolist() == [way] * 40 + [-way] * 40
-    for way in (1, -1):
-        part = found.isel(sample=np.flatnonzero(found.direction == way))
-        assert part.time.values == pytest.approx(1e-3 * np.arange(40), rel=1e-15)
-        assert part.displacement.values == pytest.approx(1e-5 * np.arange(40), rel=1e-15)
-    gaps = channels(x={"gaps": True})
-    found = read_measured(rig(tmp_path, "t,x,F\n0,1,1\n1,,1\n2,3,1\n", **gaps))
-    assert found.repairs == "displacement: 1 empty cells are not measured"
-    assert np.isnan(found.displacement.values).tolist() == [False, True, False]
+    table = "d,t,x\n" + "".join(f"{to},{t},{x}\n" for to, t, x in mixed)
+    of = {"d": {"observableId": "direction", "unit": "1"}, "t": CHANNELS["t"], "x": CHANNELS["x"]}
+    data = rig(table, channels=of)
+    assert data.repairs == "samples sorted by time, each condition apart"
+    first = {"up": 1, "down": -1}[mixed[0][0]]
+    assert data.direction.values.tolist() == [first] * 40 + [-first] * 40
+    assert data.time.values == pytest.approx(np.tile(1e-3 * np.arange(40), 2), rel=1e-15)
+    assert data.displacement.values == pytest.approx(np.tile(1e-5 * np.arange(40), 2), rel=1e-15)
 
 
-def test_other_ways_to_write_a_table(tmp_path):
+def test_empty_cells_may_be_gaps_and_that_is_said(rig):
+    data = rig("t,x,F\n0,1,1\n1,,1\n2,3,1\n", **channels(x={"gaps": True}))
+    assert data.repairs == "displacement: 1 empty cells are not measured"
+    assert np.isnan(data.displacement.values).tolist() == [False, True, False]
+
+
+def test_tables_in_other_encodings_separators_and_dates(rig):
     german = 'Prüfstand "7"\nt;x;F\n# Pause\n0;1,5;2\n1;2,5;2,5\n'
     how = {"separator": ";", "decimal": ",", "comment": "#", "skip": 1}
     for encoding in ("utf-8", "latin-1", "utf-16"):
-        path = rig(tmp_path, german.encode(encoding), encoding=encoding, **how)
-        assert read_measured(path).displacement.values == pytest.approx([1.5e-6, 2.5e-6])
-    path = rig(tmp_path, b"\xef\xbb\xbf" + TABLE.replace("\n", "\r\n").encode())
-    assert read_measured(path).dynamic_force.values[1] == 2500.0
+        data = rig(german.encode(encoding), encoding=encoding, **how)
+        assert data.displacement.values == pytest.approx([1.5e-6, 2.5e-6])
+    data = rig(b"\xef\xbb\xbf" + TABLE.replace("\n", "\r\n").encode())
+    assert data.dynamic_force.values[1] == 2500.0
     dates = "t,x,F\n2026-01-01T23:59:59.5Z,1,1\n2026-01-02T00:00:01Z,1,1\n"
-    found = read_measured(rig(tmp_path, dates, **channels(t={"unit": "ISO 8601"})))
-    assert found.time.values.tolist() == [0.0, 1.5]
+    assert rig(dates, **channels(t={"unit": "ISO 8601"})).time.values.tolist() == [0.0, 1.5]
     digits = "0.12345678901234567"
-    path = rig(tmp_path, f"t,x,F\n0,{digits},1\n", **channels(x={"unit": "m"}))
-    assert read_measured(path).displacement.values[0] == float(digits)
+    data = rig(f"t,x,F\n0,{digits},1\n", **channels(x={"unit": "m"}))
+    assert data.displacement.values[0] == float(digits)
 
 
 DIRECTION = {"channels": CHANNELS | {"other": {"observableId": "direction", "unit": "1"}}}
 #: How the sentence goes -> table, changes.
 REFUSED = {
     "source is missing: it must be a text": (TABLE, {"source": None}),
-    "licence is missing: it must be a text": (TABLE, {"licence": None}),
     "data is missing: it must be a file": (TABLE, {"data": None}),
     "channels is missing: it must be a mapping": (TABLE, {"channels": None}),
     "data = 'rig.xlsx' ... csv": (TABLE, {"data": "rig.xlsx"}),
     "data = 'rig.csv' ... a file beside": (None, {}),
     "data = 'rig.csv' ... it is empty": ("", {}),
-    "data = 'rig.csv' is not allowed: it must be a file with names of columns": ("\n\n", {}),
     "data = 'rig.csv' ... it has none": ("t,x,F\n", {}),
     "data = 'rig.csv' ... utf-8 text": (b"t,x,F\n0,1,1\n\xff\xfe\xb5,1,2\n", {}),
-    "data = 'rig.csv' ... utf-8 text (": (bytes(range(256)) * 3, {}),
     "the column 'F' of rig.csv is missing: it must be one of 't', 'x'": ("t,x\n0,1\n", {}),
     "the column 'F' ... separator must be ';'": ("t;x;F\n0;1;2\n", {}),
     "the column 'x' of rig.csv is there twice": ("t,x,F,x\n0,1,2,3\n", {}),
     "rig.csv, column 'x', row 2 = '2.6mm' ... a number": (TABLE.replace(",2.5,", ",2.6mm,"), {}),
     "rig.csv, column 'x', row 2, is empty or NaN": (TABLE.replace("1,2.5", "1,nan"), {}),
-    "rig.csv, column 'x', row 1, and 1 more, is": ("t,x,F\n0,,1\n1,,1\n2,1,1\n", {}),
     "rig.csv, column 'F', row 3 = inf ... finite": (TABLE.replace("2.75", "inf"), {}),
-    "rig.csv, column 't', row 2, is empty or NaN": (TABLE.replace("\n1,", "\n,"), {}),
     "rig.csv, row 2: it must have 3 cells": ("t,x,F\n0,1,1\n1,1,5,3\n", {}),
     "rig.csv, row 1: it must have 3 cells ... comma": ("t,x,F\n0,0,1,5,2,0\n", {}),
     "rig.csv, column 't' = 0.001 is there twice, in rows 2 and 4": (TABLE + "1,3,3,c\n", {}),
@@ -193,12 +185,8 @@ REFUSED = {
     "channels.x.unit = 'furlong/N' ... dimension of m or 1, for": (
         TABLE, channels(x={"unit": "furlong/N"})
     ),
-    "channels.x.unit = 'kN' ... dimension of m": (TABLE, channels(x={"unit": "kN"})),
     "channels.x.unit = 'mμ2m' ... dimension of m": (TABLE, channels(x={"unit": "mμ2m"})),
     "channels.x.noise = '3 kN' ... number >= 0": (TABLE, channels(x={"noise": "3 kN"})),
-    "channels.x.noise = -0.5 ... number >= 0": (TABLE, channels(x={"noise": -0.5})),
-    "channels.x.gain = 'maybe' ... one of known, unknown": (TABLE, channels(x={"gain": "maybe"})),
-    "channels.x.colour = 'red' is not a known key": (TABLE, channels(x={"colour": "red"})),
     "channels.x.observableId = 'displacment' ... one of time, speed": (
         TABLE, channels(x={"observableId": "displacment"})
     ),
@@ -207,10 +195,8 @@ REFUSED = {
     ),
     "channels.x.counts_per_turn is missing": (TABLE, channels(x={"unit": "counts"})),
     "known.load = '3 kg' ... dimension of N": (TABLE, {"known": {"load": "3 kg"}}),
-    "known.note[0] = nan ... a number or": (TABLE, {"known": {"note": [math.nan]}}),
     "channels.1 is not allowed as a name ... in quotes": (TABLE, {"channels": {1: CHANNELS["x"]}}),
     "speeds.jump_up.value = 'fast' ... in rpm": (TABLE, {"speeds": {"jump_up": {"value": "fast"}}}),
-    "sha256 = 'zz' ... 64 hexadecimal": (TABLE, {"sha256": "zz"}),
     "sha256 = '00": (TABLE, {"sha256": "0" * 64}),
     "the observableId 'F' of rig.csv is missing ... 'x'": (
         "observableId,measurement\nx,1\n", {"channels": {"x": CHANNELS["x"], "F": CHANNELS["F"]}}
@@ -236,73 +222,62 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("sentence", REFUSED)
-def test_what_is_not_in_order_is_refused_in_one_sentence(tmp_path, sentence):
+def test_what_is_not_in_order_is_refused_in_one_sentence(rig, tmp_path, sentence):
     table, changes = REFUSED[sentence]
-    path = rig(tmp_path, table, **changes)
     with pytest.raises(ValueError) as refusal:
-        read_measured(path)
-    text = str(refusal.value).removeprefix(f"{path}: ")
+        rig(table, **changes)
+    text = str(refusal.value).removeprefix(f"{tmp_path / 'rig.yaml'}: ")
     pattern = ".*".join(map(re.escape, re.split(r"\s*\.\.\.\s*", sentence)))
-    assert re.match(pattern, text), text
-    assert "\n" not in text and len(text) < 700, text
+    assert re.match(pattern, text) and "\n" not in text and len(text) < 700, text
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [("a: [", "is not YAML"), ("[1, 2]", "a mapping"), ("a: 1\na: 2\n", "given twice")],
 )
-def test_a_description_that_is_none(tmp_path, content, words):
-    path = tmp_path / "rig.yaml"
-    path.write_text(content)
+def test_a_description_that_is_no_mapping_is_refused(tmp_path, content, words):
+    (tmp_path / "rig.yaml").write_text(content)
     with pytest.raises(ValueError, match=words):
-        read_measured(path)
-
-
-TIME = np.arange(50) * 1e-3
-SIGNALS = {"x": np.sin(90.0 * TIME), "F": 2.0 + np.cos(70.0 * TIME)}
-
-
-def same(found):
-    assert found.time.values == pytest.approx(TIME, rel=1e-6, abs=1e-12)
-    assert found.displacement.values == pytest.approx(1e-6 * SIGNALS["x"], rel=1e-6, abs=1e-12)
-    assert found.dynamic_force.values == pytest.approx(1e3 * SIGNALS["F"], rel=1e-6)
+        read_measured(tmp_path / "rig.yaml")
 
 
 OTHERS = {key: CHANNELS[key] for key in ("x", "F")}
 
 
 @pytest.mark.parametrize("binary", [0, 1])
-def test_a_universal_file_is_read(tmp_path, binary):
+def test_a_universal_file_is_read(rig, tmp_path, binary):
     import pyuff
 
+    time = np.arange(50) * 1e-3
+    signals = {"x": np.sin(90.0 * time), "F": 2.0 + np.cos(70.0 * time)}
     file = pyuff.UFF(str(tmp_path / "rig.uff"))
-    for name, values in SIGNALS.items():
-        one = pyuff.prepare_58(
-            **{"binary": binary, "func_type": 1, "id1": name, "x": TIME, "data": values},
+    for name, values in signals.items():
+        dataset = pyuff.prepare_58(
+            **{"binary": binary, "func_type": 1, "id1": name, "x": time, "data": values},
             **{"rsp_node": 1, "rsp_dir": 3, "ref_node": 1, "ref_dir": 3, "abscissa_spacing": 1},
             **{"abscissa_inc": 1e-3, "abscissa_min": 0.0, "ordinate_spec_data_type": 8},
-            **{"orddenom_spec_data_type": 0},
-            **{"ord_data_type": 4, "num_pts": TIME.size},
+            **{"orddenom_spec_data_type": 0, "ord_data_type": 4, "num_pts": time.size},
         )
-        file.write_sets([one], "add")
-    same(read_measured(rig(tmp_path, None, data="rig.uff", channels=OTHERS)))
+        file.write_sets([dataset], "add")
+    data = rig(None, data="rig.uff", channels=OTHERS)
+    assert data.time.values == pytest.approx(time, rel=1e-6, abs=1e-12)
+    assert data.displacement.values == pytest.approx(1e-6 * signals["x"], rel=1e-6, abs=1e-12)
+    assert data.dynamic_force.values == pytest.approx(1e3 * signals["F"], rel=1e-6)
     with pytest.raises(ValueError, match="the channel 'y' of rig.uff is missing: .* 'x', 'F'"):
-        of = {"y": CHANNELS["x"]}
-        read_measured(rig(tmp_path, None, data="rig.uff", channels=of))
+        rig(None, data="rig.uff", channels={"y": CHANNELS["x"]})
     with pytest.raises(ValueError, match="universal file"):
-        read_measured(rig(tmp_path, b"no\nuff\n", data="rig.uff", channels=OTHERS))
+        rig(b"no\nuff\n", data="rig.uff", channels=OTHERS)
 
 
-def test_a_package_that_is_not_there_is_named(tmp_path, monkeypatch):
+def test_a_package_that_is_not_there_is_named(rig, monkeypatch):
     monkeypatch.setattr("gearlib.uncertainty.measured_tables.Package.available", lambda self: False)
     with pytest.raises(ImportError, match="pip install pyuff"):
-        read_measured(rig(tmp_path, b"x", data="rig.uff", channels=OTHERS))
+        rig(b"x", data="rig.uff", channels=OTHERS)
 
 
 def test_sets_on_the_page_are_sets():
     page = (ROOT / "docs/how_to/measured_curves.md").read_text(encoding="utf-8")
     sets = re.findall(r"^``` yaml\n(.*?)^```", page, re.S | re.M)
-    assert [Description.model_validate(yaml.safe_load(one)).data for one in sets] == [
-        "run.csv", "orders.csv"
-    ]  # fmt: skip
+    files = [Description.model_validate(yaml.safe_load(text)).data for text in sets]
+    assert files == ["run.csv", "orders.csv"]
     assert set(re.findall(r"`(\w+)`", page)) >= set(Channel.model_fields)
