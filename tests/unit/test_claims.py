@@ -9,16 +9,10 @@ import xarray as xr
 from gearlib import config, sweep
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motions import steadiness
-from gearlib.studies import (
-    certificates,
-    claims,
-    jump,
-    resonance,
-    scenes,
-)
-from gearlib.studies import paper as paper_studies
+from gearlib.data.motions import LINE_WIDTH, spread, steadiness
+from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
 from gearlib.studies.claims import characteristics
+from gearlib.studies.claims.characteristics import drift
 from gearlib.studies.claims.data import Data, NoData
 from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
@@ -31,102 +25,81 @@ DAMPINGS = {
     "none": {"material_damping": 0.0, "backlash_damping": 0.0},
 }
 RUN = {"periods": 120, "record_periods": 24}
-STARTS = {"starts": 4, "seed": 1, "spread": 0.02}
-IDS = ["P1", "P2", "P3", "P4", "P5", "P6", "P7", "P8", "P9", "P10", "P11", "P12", "P13"]
+PLANES = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
+IDS = [f"P{number}" for number in range(1, 14)]
 
 
-def data(tunings, planes, dampings=DAMPINGS):
+def resonance_and_planes(tunings, planes, dampings):
     """Return (resonance, phase planes) of the paper's pair."""
     curves, runs = [], []
     for name, k in dampings.items():
         pair = PAPER.replace(**k)
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
-        runs += [
-            paper_studies.phase_plane(pair.as_dict(), nu, RUN | {"samples_per_period": 32}, name)
-            for nu in planes
-        ]
+        run = RUN | {"samples_per_period": 32}
+        runs += [paper.phase_plane(pair.as_dict(), nu, run, name) for nu in planes]
     return gather_resonance(curves), gather_phase_planes(runs)
 
 
-def lags(dampings=(4000.0, 40.0)):
+def lags(*dampings):
     """Return the phase lag at one tuning."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return paper_studies.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
+    return paper.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
 def configured_scenes():
     """Return the scenes of config.yaml."""
-    settings = config.load(CONFIG)
-    result = {}
+    settings, result = config.load(CONFIG), {}
+    starts = {"starts": 4, "seed": 1, "spread": 0.02}
     for name, scene in settings.scenes.items():
         cases = [
             {"title": case.title, "tuning": case.tuning, "pair": settings.case_parameters(case)}
             for case in scene.cases
         ]
         # Which model carries a scene is the matter of `scenes.compare` and its tests.
-        model = settings.candidates(scene)[0]
-        six = settings.six_degrees.model_dump()
-        result[name] = scenes.scene(cases, model, six, RUN | {"samples_per_period": 16}, STARTS)
+        model, six = settings.candidates(scene)[0], settings.six_degrees.model_dump()
+        result[name] = scenes.scene(cases, model, six, RUN | {"samples_per_period": 16}, starts)
     return result
 
 
+@pytest.fixture(scope="module")
 def jumps():
-    """Return the jump from rest, and what one other initial state makes of it."""
+    """The jump from rest, and what one other initial state makes of it."""
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
-    pair = PAPER.replace(material_damping=3953.7).as_dict()
+    pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
     return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
-def branches(dampings):
-    """Return the branches of periodic orbits."""
-    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
-    step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
-    return {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
-
-
-def proofs(branches, dampings):
-    """Return the certificates."""
-    pairs = {name: PAPER.replace(**k) for name, k in dampings.items()}
-    pairs = {name: pair.as_dict() for name, pair in pairs.items()}
-    return certificates.compute(pairs, branches, [0.60, 0.66, 0.78, 0.80, 0.81, 0.82])
-
-
 @pytest.fixture(scope="module")
-def paper():
-    tables = data(np.arange(0.5, 1.4001, 0.002), [0.60, 0.66, 0.78, 0.80, 0.81, 0.82])
-    return *tables, lags(), jumps(), configured_scenes()
-
-
-@pytest.fixture(scope="module")
-def known():
-    """Branches of periodic orbits, and what is proven of them."""
-    dampings = {name: DAMPINGS[name] for name in ("k1", "k1m")}
-    found = branches(dampings)
-    return found, proofs(found, dampings)
+def data(jumps):
+    """What the statements are about: sweeps, phase planes, lags, jumps and scenes."""
+    tables = resonance_and_planes(np.arange(0.5, 1.4001, 0.002), PLANES, DAMPINGS)
+    return *tables, lags(4000.0, 40.0), jumps, configured_scenes()
 
 
 def verdicts(table):
     return {claim.id: claim.verdict for claim in table}
 
 
-def test_the_paper(paper):
-    table = claims.evaluate(PAPER, DAMPINGS, *paper)
-    assert [claim.id for claim in table] == IDS
+def test_verdicts_on_the_paper(data, tmp_path):
+    table = claims.evaluate(PAPER, DAMPINGS, *data)
     # What the data say, pinned: the oil-damped orbit at 0.80 still settles, by less than a line is
     # wide; P11 differs because the jump from rest lies at 0.8157, not between 0.8150 and 0.8151.
     p10 = "holds at plot resolution; strictly k1m at 0.80 changes by 0.0003 of its height per orbit"
-    expected = dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
-    assert verdicts(table) == expected
+    assert verdicts(table) == dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
     computed = {claim.id: claim.computed for claim in table}
     assert "0.66 (0.7, settles later on 2 mesh periods), 0.78 (0.05, not settled" in computed["P10"]
     # The figure says the same.
-    plane = paper[1].sel(damping="k1m").sel(tuning=0.66, method="nearest")
+    plane = data[1].sel(damping="k1m").sel(tuning=0.66, method="nearest")
     assert steadiness(plane) == "unsteady, settles later on 2 mesh periods"
     assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
     assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]
+    assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
+    claims.write_markdown(table, tmp_path / "claims.md")
+    lines = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
+    assert [line.split()[1] for line in lines[4:]] == IDS
 
 
 def orbit(*shapes, periods=24, samples=32):
@@ -136,49 +109,86 @@ def orbit(*shapes, periods=24, samples=32):
     return xr.Dataset({"displacement": ("phase", size * np.cos(phase))}, {"phase": phase})
 
 
-def test_both_readings_of_steady_are_printed(paper):
-    planes = paper[1].copy(deep=True)
-    one = {"damping": "none", "tuning": 0.6}
+def test_steady_is_what_draws_a_single_line():
+    # Mesh periods 0.02 apart in an orbit 2.04 high.
+    assert spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
+    assert spread(orbit(1.0, 1.02)) < LINE_WIDTH < spread(orbit(1.0, 1.03))
+    # Two loops by turns repeat, and are no single line.
+    assert drift(orbit(1.0, 1.5)) < 1e-12 and spread(orbit(1.0, 1.5)) > LINE_WIDTH
+
+
+def test_both_readings_of_steady_are_printed(data):
+    planes = data[1].copy(deep=True)
+    none, oil = {"damping": "none", "tuning": 0.6}, {"damping": "k1m", "tuning": 0.8}
     # It repeats, though its loops lie apart; and a course that does not.
-    planes.displacement.loc[one] = orbit(1.0, 1.1, 1.2).displacement.values
-    away = {"damping": "k1m", "tuning": 0.8}
-    planes.displacement.loc[away] = orbit(*np.linspace(1.0, 1.1, 24)).displacement.values
-    said = verdicts(claims.evaluate(PAPER, DAMPINGS, paper[0], planes, *paper[2:]))
-    assert said["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
+    planes.displacement.loc[none] = orbit(1.0, 1.1, 1.2).displacement.values
+    planes.displacement.loc[oil] = orbit(*np.linspace(1.0, 1.1, 24)).displacement.values
+    table = verdicts(claims.evaluate(PAPER, DAMPINGS, data[0], planes, *data[2:]))
+    assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
     # No longer a single line, and so unsteady in either reading.
-    assert said["P10"] == "differs"
+    assert table["P10"] == "differs"
 
 
-def test_a_curve_is_read_only_where_its_tunings_reach(paper):
-    given = Data(PAPER, DAMPINGS, *paper)
-    low, high = given.resonance.tuning.values[[0, -1]]
-    assert given.curve("k1", low, high).tuning.size == given.resonance.tuning.size
+def test_a_curve_is_read_only_where_its_tunings_reach(data):
+    source = Data(PAPER, DAMPINGS, *data)
+    low, high = source.resonance.tuning.values[[0, -1]]
+    assert source.curve("k1", low, high).tuning.size == source.resonance.tuning.size
     for ends in ((low - 0.02, high), (low, high + 0.02)):
         with pytest.raises(NoData, match="do not cover"):
-            given.curve("k1", *ends)
+            source.curve("k1", *ends)
 
 
-def test_bounces_above_count_from_beyond_the_reading_of_the_plot(paper):
+def test_bounces_above_count_from_beyond_the_reading_of_the_plot(data):
     for tuning, holds in ((1.13, True), (1.15, False)):
-        resonance = paper[0].copy(deep=True)
-        resonance.displacement_min.loc[
-            {"damping": "k1", "tuning": slice(tuning - 1e-3, tuning + 1e-3)}
-        ] = -1.0
-        given = Data(PAPER, DAMPINGS, resonance, *paper[1:5])
-        assert characteristics.only_oil_bounces_above(given)[0] == holds
+        curves = data[0].copy(deep=True)
+        place = {"damping": "k1", "tuning": slice(tuning - 1e-3, tuning + 1e-3)}
+        curves.displacement_min.loc[place] = -1.0
+        source = Data(PAPER, DAMPINGS, curves, *data[1:])
+        assert characteristics.only_oil_bounces_above(source)[0] == holds
 
 
-def test_what_is_proven_stands_in_a_table(known, tmp_path):
-    rows = read_back(certificates.rows(known[1]), tmp_path)
-    said = [row for row in known[1] if row["claim"] not in ("count", "refusal")]
-    assert [row["claim"] for row in rows] == [row["claim"] for row in said]
+def test_verdicts_follow_the_data(data):
+    curves, planes = data[0].copy(deep=True), data[1].copy(deep=True)
+    shown = {name: scene.copy(deep=True) for name, scene in data[4].items()}
+    shown["fig6_two_tunings"].displacement_min[:2] = [-0.1, -1.9]
+    shown["fig7_damping"].fraction_min_stiffness[0] = 0.0
+    shown["fig8_six_degrees"].displacement[:] = np.cos(shown["fig8_six_degrees"].phase)
+    curves.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0
+    curves.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
+    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)
+    changed = curves, planes, lags(40.0, 41.0), data[3], shown
+    table = verdicts(claims.evaluate(PAPER, DAMPINGS, *changed))
+    assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
+    assert table["P11"] == "holds"
+    table = verdicts(claims.evaluate(PAPER.replace(contact_ratio=1.3), DAMPINGS, *data))
+    assert table["P1"] == table["P2"] == "differs"
 
-    def of(damping, *kind):
-        return [
-            row
-            for row in rows
-            if (row["damping"], row["claim"], row["contacts"]) == (damping, *kind)
-        ]
+
+def test_missing_data_are_named_not_guessed(jumps):
+    k1 = {"k1": DAMPINGS["k1"]}
+    few = resonance_and_planes(np.arange(0.9, 1.0, 0.05), [0.7], k1)
+    table = claims.evaluate(PAPER, k1, *few, lags(4000.0), jumps, {})
+    expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
+    assert verdicts(table) == expected and all(claim.computed for claim in table)
+
+
+@pytest.fixture(scope="module")
+def proofs():
+    """Branches of periodic orbits, and what is proven of them."""
+    pairs = {name: PAPER.replace(**DAMPINGS[name]) for name in ("k1", "k1m")}
+    step = {"step": 0.05, "max_height": 20.0, "max_points": 2000}
+    branches = {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
+    pairs = {name: pair.as_dict() for name, pair in pairs.items()}
+    return branches, certificates.compute(pairs, branches, PLANES)
+
+
+def test_what_is_proven_stands_in_a_table(proofs, tmp_path):
+    rows = read_back(certificates.rows(proofs[1]), tmp_path)
+    shown = [row["claim"] for row in proofs[1] if row["claim"] not in ("count", "refusal")]
+    assert [row["claim"] for row in rows] == shown
+
+    def of(*kind):
+        return [row for row in rows if (row["damping"], row["claim"], row["contacts"]) == kind]
 
     kept = [(row["tuning"], row["until"], row["stability"]) for row in of("k1", "range", "N")]
     assert kept == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
@@ -190,61 +200,35 @@ def test_what_is_proven_stands_in_a_table(known, tmp_path):
         assert lowest in [f"{x:.4g}" for x in small]
 
 
-def test_special_points_are_those_that_were_proven(known):
-    """In ball arithmetic, by versions of gearlib that proved points: to all digits."""
+@pytest.mark.parametrize(
+    ("damping", "label", "tunings"),
+    # In ball arithmetic, by versions of gearlib that proved points: to all digits.
+    [
+        ("k1m", GRAZING, [0.7903261462, 1.128379318]),
+        ("k1", GRAZING, [0.802051993, 1.11372635]),
+        ("k1", FOLD, [0.8081903379, 0.8160450454]),
+    ],
+)
+def test_special_points_are_those_that_were_proven(proofs, damping, label, tunings):
+    branch = proofs[0][damping]
+    points = branch.tuning.values[(branch.label == label) & (branch.period == 1)]
+    assert sorted(float(f"{nu:.10g}") for nu in points)[-2:] == tunings
 
-    def at(damping, label):
-        branch = known[0][damping]
-        chosen = (branch.label == label) & (branch.period == 1)
-        return sorted(float(f"{nu:.10g}") for nu in branch.tuning.values[chosen])
 
-    assert at("k1m", GRAZING)[-2:] == [0.7903261462, 1.128379318]
-    assert at("k1", GRAZING)[-2:] == [0.802051993, 1.11372635]
-    assert at("k1", FOLD)[-2:] == [0.8081903379, 0.8160450454]
-
-
-def test_a_second_program_confirms_what_the_words_rest_on(known, tmp_path):
-    certificates.write_json(known[1], tmp_path / "certificates.json")
+def test_an_independent_program_confirms_what_is_proven(proofs, tmp_path):
+    certificates.write_json(proofs[1], tmp_path / "certificates.json")
     rows = json.loads((tmp_path / "certificates.json").read_text("utf-8"))
-    assert rows == json.loads(json.dumps(known[1]))
     counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
-    for name, branch in known[0].items():
+    for name, branch in proofs[0].items():
         assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
-    for row in rows:
-        if row["claim"] == "range":
-            pieces = row["pieces"][-1:]
-            assert faults(row | {"start": pieces[0]["start"], "pieces": pieces}) == []
+    ranges = [row | {"pieces": row["pieces"][-1:]} for row in rows if row["claim"] == "range"]
+    ranges = [row | {"start": row["pieces"][0]["start"]} for row in ranges]
+    orbits = [row for row in rows if row["claim"] == "orbit"]
+    assert len(orbits) > 40
+    for row in [*ranges, *orbits[::20]]:
+        assert faults(row) == [], row
     # Of the reducer in tests/proofs: its 48 components take minutes.
     *_, reducer = [row for row in rows if row["claim"] == "train"]
     assert reducer["stability"] == "unstable" and len(reducer["meshes"]) == 6
     real, imaginary = (list(map(float, part)) for part in reducer["multipliers"][0])
     assert real[1] < -1.0 and imaginary == [0.0, 0.0]
-    checked = [row for row in rows if row["claim"] == "orbit"]
-    assert len(checked) > 40
-    for row in checked[::20]:
-        assert faults(row) == [], row
-
-
-def test_verdicts_follow_the_data(paper):
-    resonance, planes = paper[0].copy(deep=True), paper[1].copy(deep=True)
-    shown = {name: scene.copy(deep=True) for name, scene in paper[4].items()}
-    shown["fig6_two_tunings"].displacement_min[:2] = [-0.1, -1.9]
-    shown["fig7_damping"].fraction_min_stiffness[0] = 0.0
-    shown["fig8_six_degrees"].displacement[:] = np.cos(shown["fig8_six_degrees"].phase)
-    resonance.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0
-    resonance.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
-    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)
-    table = verdicts(
-        claims.evaluate(PAPER, DAMPINGS, resonance, planes, lags((40.0, 41.0)), paper[3], shown)
-    )
-    assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
-    assert table["P11"] == "holds"
-
-
-def test_missing_data_are_named_not_guessed():
-    few = data(np.arange(0.9, 1.0, 0.05), [0.7], {"k1": DAMPINGS["k1"]})
-    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *few, lags((4000.0,)), jumps(), {})
-    assert verdicts(table) == {"P1": "holds", "P2": "holds"} | dict.fromkeys(
-        IDS[2:], "not evaluated"
-    )
-    assert all(claim.computed for claim in table)
