@@ -354,7 +354,7 @@ def test_iterations_converge_where_the_damping_jumps():
 
 @pytest.mark.parametrize("method", ["scipy", "heyoka"])
 def test_a_limit_of_events_ends_a_run_of_a_package(method):
-    if integrators.about(method).available:
+    if integrators.describe_method(method).available:
         assert int(simulate(PAIR, 0.9, periods=5, method=method, max_events=2).status) == 1
 
 

@@ -33,7 +33,7 @@ def known():
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_exact_methods_leave_rounding_only(known, method):
     finest = work_precision.errors(method, known, PAIR, SIX, SETTINGS).isel(rung=-1)
-    takes = [integrators.METHODS[method].takes(build(name).model) for name in known.problem.values]
+    takes = [integrators.METHODS[method].supports(build(name).model) for name in known.problem.values]
     assert finest.state_error.notnull().values.tolist() == takes
     finest = finest.isel(problem=finest.problem.values != "reducer")
     six = finest.problem == "six_degrees"
