@@ -16,7 +16,7 @@ from gearlib import config as configuration
 from gearlib import processor
 from gearlib.data.files import remove_leftovers
 from gearlib.config import yaml_keys
-from gearlib.removed import REMOVED, sentence
+from gearlib.removed import REMOVED, removal_message
 from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
@@ -88,7 +88,7 @@ if workflow.is_main_process:
         refuse(fault)
     for argument in sys.argv[1:]:
         if argument in REMOVED:
-            refuse(sentence(argument))
+            refuse(removal_message(argument))
 
 
 if "cases" in config:

@@ -70,7 +70,7 @@ def __getattr__(name):
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
     removed = import_module(f"{__name__}.removed")
     if name in removed.REMOVED:
-        raise AttributeError(removed.sentence(name))
+        raise AttributeError(removed.removal_message(name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,12 +1,12 @@
-"""Parameters: unit, range, words and symbol, declared once, where something takes them.
+"""Declarations of parameters: unit, allowed values, description and symbol.
 
-The annotations of a constructor or function declare its parameters: kind, words, symbol. ::
+Annotations of a constructor or function declare its parameters. ::
 
     max_stiffness: Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
 
-All else follows from them: checks and refusals (`check`, `checked`), docstrings and tables of the
-docs (`documented`), sections of the configuration with their schema and the options of commands
-(`gearlib.config.types.like`), ranges of sliders. This module loads no numerical stack.
+All else follows from them: checks with error messages (`check`, `checked`), docstrings and tables
+of the documentation (`documented`), sections of the configuration with their schema, options of the
+command (`gearlib.config.types.create_section`). This module loads no numerical stack.
 """
 
 import functools
@@ -19,33 +19,33 @@ from typing import Annotated, Any, get_origin
 
 from gearlib import checks
 
-#: Default of a parameter that has to be given.
+#: Default of a required parameter.
 MISSING = inspect.Parameter.empty
 
 
 class Kind:
-    """The values that a parameter may have, by a function of a value and in words."""
+    """The values that a parameter may have; `allowed` describes them, `accepts` is a predicate."""
 
-    words: Any
+    allowed: Any
 
-    def __init__(self, words, accepts):
-        self.words, self.accepts = words, accepts
+    def __init__(self, allowed, accepts):
+        self.allowed, self.accepts = allowed, accepts
 
     def check(self, name, value):
-        """Return a value as it is stored, else raise ValueError."""
-        checks.require(self.accepts(value), name, value, self.words)
+        """Return the value in its stored type, or raise ValueError if it is not allowed."""
+        checks.require(self.accepts(value), name, value, self.allowed)
         return value
 
 
 class Number(Kind):
-    """A real number within bounds, which `above` and `below` leave out.
+    """A real number in a unit, with `bounds` named like those of pydantic: gt, ge, lt, le.
 
-    Its unit is that of SI, "1" without dimension; `example` is a value in another one, as a
-    configuration may have it. `infinite` says what infinity means, where it is allowed; an
-    `optional` value may be None.
+    The unit is that of SI, or "1". `example` is a value in another unit, as a configuration may
+    have it. `infinite` is a text that says what infinity means, if it is allowed. If `optional`,
+    None is allowed.
     """
 
-    above = least = below = most = None  # type: float | None
+    gt = ge = lt = le = None  # type: float | None
     optional = False
 
     def __init__(self, unit, example="", infinite="", **bounds):
@@ -53,46 +53,48 @@ class Number(Kind):
         vars(self).update(bounds)
 
     @property
-    def words(self):
+    def allowed(self):
+        """Description of the allowed numbers for error messages."""
         noun = "a number" if self.infinite else "a finite number"
-        if self.least is not None and self.most is not None:
-            bounds = f"from {_written(self.least)} to {_written(self.most)}"
+        if self.ge is not None and self.le is not None:
+            bounds = f"from {_bound_text(self.ge)} to {_bound_text(self.le)}"
         else:
-            signs = {">": self.above, ">=": self.least, "<": self.below, "<=": self.most}
-            texts = (f"{sign} {_written(x)}" for sign, x in signs.items() if x is not None)
+            signs = {">": self.gt, ">=": self.ge, "<": self.lt, "<=": self.le}
+            texts = (f"{sign} {_bound_text(x)}" for sign, x in signs.items() if x is not None)
             bounds = " and ".join(texts)
         note = self.infinite or (self.unit if self.unit == "rad" else "")
         return " ".join(filter(None, (noun, bounds, note and f"({note})")))
 
     def accepts(self, value):
+        """Return whether a number is within the bounds."""
         return (
             (math.isfinite(value) or (bool(self.infinite) and value > 0.0))
-            and (self.above is None or value > self.above)
-            and (self.least is None or value >= self.least)
-            and (self.below is None or value < self.below)
-            and (self.most is None or value <= self.most)
+            and (self.gt is None or value > self.gt)
+            and (self.ge is None or value >= self.ge)
+            and (self.lt is None or value < self.lt)
+            and (self.le is None or value <= self.le)
         )
 
     def check(self, name, value):
         if (value is None and self.optional) or (type(value) is float and self.accepts(value)):
-            return value  # Hardly a value needs the words, which take time.
-        hint = likely(value, self.example, self.below if self.most is None else self.most)
-        return checks.number(name, value, self.words + hint, self.accepts)
+            return value  # Valid values need no description, which takes time.
+        hint = unit_hint(value, self.example, self.lt if self.le is None else self.le)
+        return checks.number(name, value, self.allowed + hint, self.accepts)
 
 
 class Integer(Kind):
-    """An integer; a configuration allows none beyond `limit`, which is taken for a mistake."""
+    """An integer; the configuration refuses numbers above `limit` as mistakes."""
 
-    def __init__(self, least, most=None, limit=None):
-        self.least, self.most, self.limit = least, most, limit
-        self.words = checks.integers(least, most)
+    def __init__(self, minimum, maximum=None, limit=None):
+        self.minimum, self.maximum, self.limit = minimum, maximum, limit
+        self.allowed = checks.integers(minimum, maximum)
 
     def check(self, name, value):
-        return checks.integer(name, value, self.least, self.most)
+        return checks.integer(name, value, self.minimum, self.maximum)
 
 
 class OneOf(Kind):
-    """One of a few plain values."""
+    """One of a few numbers, strings or booleans."""
 
     def __init__(self, choices):
         super().__init__(f"one of {', '.join(map(repr, choices))}", choices.__contains__)
@@ -100,53 +102,53 @@ class OneOf(Kind):
 
 
 class Instance(Kind):
-    """An instance of a class, or of one of several."""
+    """An instance of one of the `classes`, a tuple."""
 
-    def __init__(self, classes, words=""):
-        words = words or " or ".join(f"a {kind.__name__}" for kind in classes)
-        super().__init__(words, lambda value: isinstance(value, classes))
+    def __init__(self, classes, allowed=""):
+        allowed = allowed or " or ".join(f"a {x.__name__}" for x in classes)
+        super().__init__(allowed, lambda value: isinstance(value, classes))
 
 
 class Many(Kind):
-    """Several values of a kind, as many as `count` says."""
+    """A sequence of values of the kind `item`, of length `count` if that is given."""
 
     def __init__(self, item, count=None):
         self.item, self.count = item, count
-        number = "several values" if count is None else f"{count} values"
-        self.words = f"{number}, each {item.words}"
+        length = "several values" if count is None else f"{count} values"
+        self.allowed = f"{length}, each {item.allowed}"
 
     def check(self, name, values):
-        entries = enumerate(checks.many(name, values, self.count))
-        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in entries)
+        items = enumerate(checks.many(name, values, self.count))
+        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in items)
 
 
 class Two(Kind):
-    """Two values of a kind along x and y, or one for both."""
+    """Two values of the kind `item` along x and y, or one for both."""
 
     count = 2
 
     def __init__(self, item):
-        self.item, self.words = item, f"one or two numbers, each {item.words}"
+        self.item, self.allowed = item, f"one or two numbers, each {item.allowed}"
 
     def check(self, name, values):
         values = values if isinstance(values, (tuple, list)) else (values, values)
-        checks.require(len(values) == 2, name, values, self.words)
+        checks.require(len(values) == 2, name, values, self.allowed)
         axes = zip("xy", values, strict=True)
         return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in axes)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A declared parameter of a constructor or function."""
+    """A declared parameter of a constructor or function; `text` describes it."""
 
     kind: Kind
-    words: str
+    text: str
     symbol: str = ""
     default: Any = MISSING
 
     @property
     def unit(self):
-        """Its unit, or that of each of its values; "" without dimension."""
+        """Unit of the parameter or of each of its values; "" if it is dimensionless."""
         kind = self.kind
         while hasattr(kind, "item"):
             kind = kind.item
@@ -155,72 +157,75 @@ class Parameter:
 
     @property
     def long_name(self):
-        """Its words without what is added to them, in lower case."""
-        head = re.split(r"[;,=]", self.words)[0].strip()
-        return head[:1].lower() + head[1:]
+        """The text up to the first comma, semicolon or equals sign, in lower case."""
+        name = re.split(r"[;,=]", self.text)[0].strip()
+        return name[:1].lower() + name[1:]
 
     @property
     def description(self):
-        """Its words, symbol and unit, a sentence."""
-        # Symbol and unit stand before what is added to the words.
-        head = re.split(r";|\. ", self.words)[0]
-        added, named = self.words[len(head) :], " ".join(filter(None, (head, self.symbol)))
-        return f"{', '.join(filter(None, (named, self.unit)))}{added}."
+        """A sentence with text, symbol and unit, such as "Mass m, kg; ..."."""
+        name = re.split(r";|\. ", self.text)[0]
+        name_and_symbol = " ".join(filter(None, (name, self.symbol)))
+        return f"{', '.join(filter(None, (name_and_symbol, self.unit)))}{self.text[len(name) :]}."
 
 
 @functools.cache
-def declared(thing):
-    """Return name -> `Parameter` of what a dataclass or function declares, in order."""
-    call = thing.__init__ if inspect.isclass(thing) else inspect.unwrap(thing)
+def declared_parameters(constructor):
+    """Return name -> `Parameter` of the declared parameters of a dataclass or function."""
+    is_class = inspect.isclass(constructor)
+    function = constructor.__init__ if is_class else inspect.unwrap(constructor)
     declarations = {}
-    for name, parameter in inspect.signature(call).parameters.items():
+    for name, parameter in inspect.signature(function).parameters.items():
         if get_origin(parameter.annotation) is Annotated:
-            kind, words, symbol = (*parameter.annotation.__metadata__, "")[:3]
-            declarations[name] = Parameter(kind, words, symbol, parameter.default)
+            kind, text, symbol = (*parameter.annotation.__metadata__, "")[:3]
+            declarations[name] = Parameter(kind, text, symbol, parameter.default)
     return declarations
 
 
-def numbers(thing):
-    """Return name -> `Parameter` of the real numbers that something declares."""
-    return {name: x for name, x in declared(thing).items() if isinstance(x.kind, Number)}
+def numeric_parameters(constructor):
+    """Return name -> `Parameter` of the declared parameters that are real numbers."""
+    declarations = declared_parameters(constructor)
+    return {name: x for name, x in declarations.items() if isinstance(x.kind, Number)}
 
 
-def named(thing):
-    """Return name -> (CF units, long name) of the real numbers that something declares."""
-    return {name: (cf_units(x.unit), x.long_name) for name, x in numbers(thing).items()}
+def units_and_names(constructor):
+    """Return name -> (CF units, long name) of the declared parameters that are real numbers."""
+    numeric = numeric_parameters(constructor)
+    return {name: (cf_units(x.unit), x.long_name) for name, x in numeric.items()}
 
 
-#: CF units that engineers write in another way.
+#: CF units -> the same units as engineers write them.
 WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
 
 
 def cf_units(unit):
-    """Return a unit as CF has it: "N s^2/m^2" is "N s2 m-2", "" is "1"."""
-    above, _, below = unit.partition("/")
-    powers = [part.replace("^", "") for part in above.split() if part != "1"]
-    for part in below.split():
-        base, _, power = part.partition("^")
-        powers.append(f"{base}-{power or 1}")
-    return " ".join(powers) or "1"
+    """Convert a unit to the notation of CF: "N s^2/m^2" to "N s2 m-2", "" to "1"."""
+    numerator, _, denominator = unit.partition("/")
+    factors = [factor.replace("^", "") for factor in numerator.split() if factor != "1"]
+    for factor in denominator.split():
+        base, _, power = factor.partition("^")
+        factors.append(f"{base}-{power or 1}")
+    return " ".join(factors) or "1"
 
 
-def check(instance, whose=""):
-    """Check what the class of a frozen dataclass declares, and set the fields to plain values.
+def check(instance, owner=""):
+    """Check the declared fields of a frozen dataclass, and convert them to their stored types.
 
-    `whose` follows the names in messages, as in " of body sun"; None stays where it is the default.
+    `owner` follows names of fields in error messages, as in " of body sun". Default fields that are
+    None are not checked.
     """
-    for name, parameter in declared(type(instance)).items():
+    for name, parameter in declared_parameters(type(instance)).items():
         value = getattr(instance, name)
         if value is not None or parameter.default is not None:
-            object.__setattr__(instance, name, parameter.kind.check(f"{name}{whose}", value))
+            object.__setattr__(instance, name, parameter.kind.check(f"{name}{owner}", value))
 
 
 def checked(function):
-    """Check what a function declares of its keyword arguments before it is called."""
+    """Decorate a function so that its declared keyword arguments are checked and documented."""
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        for name, parameter in declared(function).items():
+        for name, parameter in declared_parameters(function).items():
             if arguments.get(name, parameter.default) is not parameter.default:
                 arguments[name] = parameter.kind.check(name, arguments[name])
         return function(*args, **arguments)
@@ -228,44 +233,47 @@ def checked(function):
     return documented(call)
 
 
-def documented(thing):
-    """Give a class or function the table of its parameters in its docstring, and plain types."""
+def documented(constructor):
+    """Decorate a class or function: append a table of its declared parameters to its docstring.
+
+    In its signature the declarations are replaced by plain types.
+    """
     lines = ["", "Parameters", "----------"]
-    for name, parameter in declared(thing).items():
+    for name, parameter in declared_parameters(constructor).items():
         default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
         default = ", optional" if parameter.default is None else default
-        lines.append(f"{name} : {parameter.kind.words}{default}")
+        lines.append(f"{name} : {parameter.kind.allowed}{default}")
         lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
-    head, raises, errors = (inspect.getdoc(thing) or "").partition("\n\nRaises\n---")
-    thing.__doc__ = "\n".join([head, *lines]) + raises + errors
-    signature = inspect.signature(thing)
-    plain_types = [
+    head, raises, errors = (inspect.getdoc(constructor) or "").partition("\n\nRaises\n---")
+    constructor.__doc__ = "\n".join([head, *lines]) + raises + errors
+    signature = inspect.signature(constructor)
+    plain_parameters = [
         x.replace(annotation=getattr(x.annotation, "__origin__", x.annotation))
         for x in signature.parameters.values()
     ]
-    thing.__signature__ = signature.replace(parameters=plain_types)
-    return thing
+    constructor.__signature__ = signature.replace(parameters=plain_parameters)
+    return constructor
 
 
-#: Units of drawings and what they are in SI.
-_OF_DRAWINGS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
+#: Factors to SI of the units of drawings.
+_DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
-def likely(value, example, most):
-    """Return "; did you mean 2.5 mm?" of a bare number above `most`, else "".
+def unit_hint(value, example, maximum):
+    """Return "; did you mean 2.5 mm?" for a number that is only allowed in the example's unit.
 
-    The unit is that of the `example`, where the number fits with it.
+    Return "" if `value` is no number above `maximum`, or too large in that unit, too.
     """
     unit = example.partition(" ")[2]
     try:
-        fits = most is not None and float(value) > most >= float(value) * _OF_DRAWINGS[unit]
+        fits = maximum is not None and float(value) > maximum >= float(value) * _DRAWING_UNITS[unit]
     except (TypeError, ValueError, OverflowError, KeyError):
         return ""
     return f"; did you mean {float(value):g} {unit}?" if fits else ""
 
 
-def _written(value):
-    """Return a bound as text; fractions of pi as such."""
+def _bound_text(value):
+    """Return a bound as text, with fractions such as "pi / 2"."""
     for n in (2, 3, 4):
         if value == math.pi / n:
             return f"pi / {n}"
@@ -274,43 +282,43 @@ def _written(value):
 
 # Kinds with a dimension, and the parameters that many take.
 
-POSITIVE = Number("1", above=0)
-NONNEGATIVE = Number("1", least=0)
+POSITIVE = Number("1", gt=0)
+NONNEGATIVE = Number("1", ge=0)
 FINITE = Number("1")
 ANGLE = Number("rad", "30 deg")
 #: A pressure angle in operation.
-WORKING_ANGLE = Number("rad", "20 deg", least=0, below=math.pi / 2)
-LENGTH = Number("m", "100 mm", above=0)
+WORKING_ANGLE = Number("rad", "20 deg", ge=0, lt=math.pi / 2)
+LENGTH = Number("m", "100 mm", gt=0)
 #: Of drawings, with bounds beyond which a number was meant in another unit.
-MODULE = Number("m", "2.5 mm", above=0, most=0.1)
-WIDTH = Number("m", "20 mm", above=0, most=2)
-DIAMETER = Number("m", "100 mm", above=0, most=20)
-BORE = Number("m", "30 mm", least=0, most=20)
-RELIEF = Number("m", "10 um", least=0, most=0.1)
-RELIEF_LENGTH = Number("m", "4 mm", above=0, most=0.5)
-BACKLASH = Number("m", "40 um", least=0, infinite="infinity included")
-RUN_OUT = Number("m", "10 um", least=0)
+MODULE = Number("m", "2.5 mm", gt=0, le=0.1)
+WIDTH = Number("m", "20 mm", gt=0, le=2)
+DIAMETER = Number("m", "100 mm", gt=0, le=20)
+BORE = Number("m", "30 mm", ge=0, le=20)
+RELIEF = Number("m", "10 um", ge=0, le=0.1)
+RELIEF_LENGTH = Number("m", "4 mm", gt=0, le=0.5)
+BACKLASH = Number("m", "40 um", ge=0, infinite="infinity included")
+RUN_OUT = Number("m", "10 um", ge=0)
 ERROR = Number("m", "10 um")
-STIFFNESS = Number("N/m", "4e5 N/mm", above=0)
+STIFFNESS = Number("N/m", "4e5 N/mm", gt=0)
 #: Of a support.
-SUPPORT = Number("N/m", "1 kN/um", least=0, infinite="infinity: rigid")
-SHAFT_STIFFNESS = Number("N m/rad", "1 MN m/rad", above=0)
-MASS = Number("kg", "3123 g", above=0)
-INERTIA = Number("kg m^2", "978.52 kg cm^2", above=0)
-POWER = Number("W", "30 kW", above=0)
-SPEED = Number("rpm", "2000 rpm", above=0)
-LOAD = Number("N", "3.3 kN", above=0)
+SUPPORT = Number("N/m", "1 kN/um", ge=0, infinite="infinity: rigid")
+SHAFT_STIFFNESS = Number("N m/rad", "1 MN m/rad", gt=0)
+MASS = Number("kg", "3123 g", gt=0)
+INERTIA = Number("kg m^2", "978.52 kg cm^2", gt=0)
+POWER = Number("W", "30 kW", gt=0)
+SPEED = Number("rpm", "2000 rpm", gt=0)
+LOAD = Number("N", "3.3 kN", gt=0)
 FORCE = Number("N", "2 kN")
 TORQUE = Number("N m", "200 N m")
-DRIVING_TORQUE = Number("N m", "302 N m", above=0)
-DAMPING = Number("N s/m", "3.95 N s/mm", least=0)
+DRIVING_TORQUE = Number("N m", "302 N m", gt=0)
+DAMPING = Number("N s/m", "3.95 N s/mm", ge=0)
 #: Of contact: None where nobody gave it, which is enough at rest; motions ask for it.
-CONTACT_DAMPING = Number("N s/m", "3.95 N s/mm", least=0, optional=True)
-TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", least=0)
-TIME = Number("s", "1 us", least=0)
+CONTACT_DAMPING = Number("N s/m", "3.95 N s/mm", ge=0, optional=True)
+TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", ge=0)
+TIME = Number("s", "1 us", ge=0)
 TEETH = Integer(3, limit=100_000)
-STIFFNESS_RATIO = Number("1", above=0, most=1)
-CONTACT_RATIO = Number("1", least=1, most=2)
+STIFFNESS_RATIO = Number("1", gt=0, le=1)
+CONTACT_RATIO = Number("1", ge=1, le=2)
 TRUTH = OneOf((False, True))
 #: The name of something.
 TEXT = Kind("a text", lambda value: isinstance(value, str) and value != "")

@@ -1,6 +1,6 @@
 """Names, keys, options and targets of gearlib 0.2 that 0.3 no longer has."""
 
-#: Replacement, in words -> names of the library, keys of the configuration, options and targets.
+#: Sentence about the replacement -> removed names, keys, options and targets.
 _REPLACEMENTS = {
     "gearlib.sensitivities differentiates any result": (
         "fold_sensitivities, orbit_sensitivities, failures.gradients"
@@ -26,10 +26,10 @@ _REPLACEMENTS = {
     ),
     "snakemake --report makes the report": "report_page",
 }
-#: Name -> replacement, in words.
-REMOVED = {name: words for words, names in _REPLACEMENTS.items() for name in names.split(", ")}
+#: Removed name -> sentence about its replacement.
+REMOVED = {name: text for text, names in _REPLACEMENTS.items() for name in names.split(", ")}
 
 
-def sentence(name):
-    """Return the sentence that answers a removed name."""
+def removal_message(name):
+    """Return the error message for a removed name of the library, a key, an option or a target."""
     return f"{name} was removed in gearlib 0.3: {REMOVED[name]}; see docs/migration.md"

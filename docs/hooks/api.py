@@ -59,12 +59,12 @@ def reference():
 
 def parameters_of(thing):
     """Return the table of what a class or function declares, see `gearlib.parameters`."""
-    if not callable(thing) or not (declared := parameters.declared(thing)):
+    if not callable(thing) or not (declared := parameters.declared_parameters(thing)):
         return []
     lines = ["| parameter | meaning | allowed | default |", "|---|---|---|---|"]
     for name, one in declared.items():
         default = "" if one.default in (None, parameters.MISSING) else f"`{one.default!r}`"
-        cells = f"`{name}`", one.description, one.kind.words, default
+        cells = f"`{name}`", one.description, one.kind.allowed, default
         lines.append(f"| {' | '.join(cell.replace('<', '&lt;') for cell in cells)} |")
     return [*lines, ""]
 

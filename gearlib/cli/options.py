@@ -8,9 +8,9 @@ import click
 
 from gearlib.config.gear_pair_section import DAMPINGS, Damping, GearPairSection
 from gearlib.config.gears_section import Gears, WheelSection
-from gearlib.config.validation import as_typed
+from gearlib.config.validation import with_original_values
 from gearlib.data.variables import QUANTITIES
-from gearlib.removed import REMOVED, sentence
+from gearlib.removed import REMOVED, removal_message
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 #: Endings of files of data, configurations and pictures.
@@ -35,7 +35,7 @@ class Command(click.Command):
     def parse_args(self, ctx, args):
         for option in (word.partition("=")[0] for word in args):
             if (name := f"{ctx.info_name} {option}") in REMOVED:
-                raise click.UsageError(sentence(name), ctx)
+                raise click.UsageError(removal_message(name), ctx)
         for at in [i + 1 for i, word in enumerate(args) if word == "--teeth"][::-1]:
             if "".join(args[at + 1 : at + 2]).isdigit() and not args[at].startswith("-"):
                 args = [*args[:at], f"{args[at]} {args[at + 1]}", *args[at + 2 :]]
@@ -54,7 +54,7 @@ class Group(click.Group):
                 return super().invoke(ctx)
         except ValueError as error:
             text = str(error).replace("dampings.options.", "")
-            raise click.UsageError(as_typed(text, {})) from None
+            raise click.UsageError(with_original_values(text, {})) from None
         except (ModuleNotFoundError, OSError) as error:
             raise click.ClickException(str(error)) from None
 

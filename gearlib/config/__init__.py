@@ -1,13 +1,10 @@
 """The typed model of ``config.yaml``: every key, its meaning, its allowed range, its default.
 
-Each section has a module named after its subject. `types` defines numbers, names and lists,
-`configuration` joins the sections, `validation` writes error messages, `defaults` derives defaults
-from the gears.
+`types` defines numbers, names and lists, `configuration` joins the sections, `validation` writes
+error messages, `defaults` derives defaults from the gears. ``gear_pair`` (or ``gears`` instead) and
+``dampings`` have no defaults. The JSON schema for editors is made from the model.
 
-Only ``gear_pair`` (or ``gears`` instead) and ``dampings`` have no defaults. The JSON schema for
-editors is made from the model: ``gearlib schema`` prints it, the documentation holds it.
-
-This package stays free of the numerical stack, because every start of the workflow reads it.
+This package does not import the numerical stack, because every start of the workflow reads it.
 """
 
 import json
@@ -15,9 +12,9 @@ import re
 from functools import cache
 from typing import Any
 
-from gearlib.config.validation import as_typed, sentences, show, unknown_key
+from gearlib.config.validation import error_messages, show, unknown_key, with_original_values
 
-#: Pattern of the names of cases, which become part of the names of workflow rules.
+#: Pattern of the names of cases, which are parts of names of workflow rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
 #: Damping coefficient -> keys that may replace it.
 RATIO_KEYS = {
@@ -63,8 +60,9 @@ def load(mapping: dict) -> Any:
         completed, context = defaults.add_defaults(mapping)
         return Config.model_validate(completed, context=context)
     except ValidationError as error:
-        messages = sentences(error.errors(), schema())
-        raise ConfigError("\n".join(as_typed(text, mapping) for text in messages)) from None
+        messages = error_messages(error.errors(), schema())
+        text = "\n".join(with_original_values(message, mapping) for message in messages)
+        raise ConfigError(text) from None
 
 
 def unknown_sections(mapping: dict) -> list[str]:
@@ -127,10 +125,9 @@ def cases(mapping: dict) -> dict[str, dict]:
 def overlay_gears(merged: dict, changes: dict) -> dict:
     """Return the configuration `merged` updated with `changes`, without keys that no longer fit.
 
-    Where `merged` has a `gear_pair` and `changes` has drawn `gears`, only `changes` counts, because
-    the dampings, bearings and scenes of `merged` belong to another pair. Where `changes` has
-    another train, the list of targets of `merged` is dropped; where only the train differs, the
-    targets are the targets of trains.
+    If `merged` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because
+    the dampings, bearings and scenes of `merged` belong to another pair. If `changes` has another
+    train, its default targets apply, or the targets of trains if it has no other gears.
     """
     from gearlib.config.targets import TRAIN_TARGETS
 

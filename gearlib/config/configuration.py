@@ -12,7 +12,7 @@ from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixD
 from gearlib.config.gears_section import Gears, HarrisMap, MeshStiffness
 from gearlib.config.tolerances_section import Tolerances
 from gearlib.config.train_section import PAIR_TRAINS, Campbell, Reducer, Train, TrainSweep
-from gearlib.config.types import SECTION, Distinct, Name, Section, entry
+from gearlib.config.types import SECTION, Distinct, Name, Section, field
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 
 Target = Literal[
@@ -23,14 +23,13 @@ Target = Literal[
     *("measured", "tolerances"),
 ]
 TARGETS = get_args(Target)
-#: Folders of results; a project cannot have such a name.
-FOLDERS = {
+#: Folders of results, which cannot be names of projects.
+RESULT_FOLDERS = {
     *("figures", "tables", "logs", "benchmarks", "report", "resonance", "phase_planes", "scenes"),
     *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
     *("measured", "tolerances"),
 }
-#: Limits on the samples of all phase planes and the runs of all resonance sweeps, which catch a
-#: mistyped step or count.
+#: Largest numbers of samples of all phase planes and of runs of all resonance sweeps.
 MAX_SAMPLES, MAX_RUNS = 40_000_000, 10_000_000
 _ProjectName = t.text("a text of up to 40 letters, digits, _, -", pattern="^[A-Za-z0-9_-]{0,40}$")
 _Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
@@ -40,22 +39,22 @@ class Config(Section):
     """The configuration of the workflow."""
 
     # Each section is described by its own docstring.
-    targets: Distinct[Target] = entry(
+    targets: Distinct[Target] = field(
         "Targets that `snakemake` computes and draws by default. Fig. 3 shows labels, branches and "
         "tongues if labels, branches and parametric_resonance are among them.",
         [name for name in TARGETS if name not in targets.ONLY_IF_NAMED],
     )
-    project: _ProjectName = entry(
+    project: _ProjectName = field(
         "Name of the folder of results, results/<project>/; empty for the paper. Default: "
         "the name of the file given by --configfile, if it describes other gears.",
         "",
     )
-    compare: list[_ProjectName] = entry(
+    compare: list[_ProjectName] = field(
         "Other projects or cases, such as `paper`, with whose resonance the target `compare` "
         "compares this one.",
         [],
     )
-    measured: list[_Path] = entry(
+    measured: list[_Path] = field(
         "YAML files of measured data sets, drawn over Fig. 3 and time histories, and scored.", []
     )
     # `gear_pair` is derived from `gears` where the gears are drawn; only `gear_pair` is dumped.
@@ -95,7 +94,7 @@ class Config(Section):
     @field_validator("targets", mode="before")
     @classmethod
     def _refuse_comparison(cls, target_names: object) -> object:
-        """Refuse the target "compare" in the list of targets, because it must be called by name."""
+        """Raise ValueError if "compare" is in the list of targets instead of being called."""
         if isinstance(target_names, list) and "compare" in target_names:
             raise ValueError(
                 f"targets[{target_names.index('compare')}] = 'compare' is not allowed: it must be "
@@ -105,9 +104,9 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "Config":
-        """Check keys that depend on several sections."""
+        """Raise ValueError if values of several sections are not compatible."""
         allowed = f"another name, the paper's results have a folder results/{self.project}/"
-        checks.require(self.project not in FOLDERS, "project", self.project, allowed)
+        checks.require(self.project not in RESULT_FOLDERS, "project", self.project, allowed)
         for name, scene in self.scenes.items():
             config_key, periods_shown = f"scenes.{name}.periods_shown", scene.periods_shown
             allowed = f"an integer from 1 to the {self.record_periods} recorded mesh periods"
@@ -125,7 +124,7 @@ class Config(Section):
         return self
 
     def _check_sizes(self) -> None:
-        """Refuse numbers of jobs, runs or samples that are too large to be intended."""
+        """Raise ValueError if numbers of jobs, runs or samples are too large to be intended."""
         damping_count, resonance, run = len(self.dampings), self.resonance, self.run
         tuning_range = resonance.stop - resonance.start
         runs = damping_count * len(resonance.directions) * tuning_range / resonance.step
@@ -134,43 +133,39 @@ class Config(Section):
         windows = damping_count * tuning_range / resonance.window
         allowed = f"larger: {windows:,.0f} jobs are more than {t.MAX_JOBS:,}"
         checks.require(windows <= t.MAX_JOBS, "resonance.window", resonance.window, allowed)
-        planes = damping_count * len(self.phase_planes.tunings)
-        if planes > t.MAX_JOBS:
+        plane_count = damping_count * len(self.phase_planes.tunings)
+        if plane_count > t.MAX_JOBS:
             raise ValueError(
-                f"phase_planes.tunings has {planes // damping_count:,} entries: there must be "
+                f"phase_planes.tunings has {plane_count // damping_count:,} entries: there must be "
                 f"from 1 to {t.MAX_JOBS // damping_count:,} to stay within {t.MAX_JOBS:,} jobs"
             )
-        samples = planes * self.record_periods * run.samples_per_period
-        allowed = f"smaller: {samples:,} samples of all phase planes are more than {MAX_SAMPLES:,}"
-        fits = samples <= MAX_SAMPLES
-        checks.require(fits, "run.samples_per_period", run.samples_per_period, allowed)
+        count = plane_count * self.record_periods * run.samples_per_period
+        allowed = f"smaller: {count:,} samples of all phase planes are more than {MAX_SAMPLES:,}"
+        key, samples_per_period = "run.samples_per_period", run.samples_per_period
+        checks.require(count <= MAX_SAMPLES, key, samples_per_period, allowed)
 
     def refusals(self) -> list[str]:
-        """Return an error message for each reason why these gears cannot have some targets."""
-        names = self.targets if "targets" in self.model_fields_set else self._changed_targets()
+        """Return the error messages for requested targets that these gears cannot have."""
+        target_names = self.targets
+        if "targets" not in self.model_fields_set:
+            # Tolerances other than the default ones are taken as a request.
+            default = type(self.tolerances).model_fields["parameters"].default
+            tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
+            is_default = tolerances == {"parameters": default, "correlations": []}
+            target_names = [] if is_default else ["tolerances"]
         targets_by_reason: dict[str, list[str]] = {}
-        for name in names:
-            targets_by_reason.setdefault(targets.refusal(name, self), []).append(name)
-        return [
-            targets.for_targets(reason, *names)
-            for reason, names in targets_by_reason.items()
-            if reason
-        ]
+        for name in target_names:
+            if reason := targets.refusal(name, self):
+                targets_by_reason.setdefault(reason, []).append(name)
+        return [targets.for_targets(reason, *names) for reason, names in targets_by_reason.items()]
 
-    def without_damping(self) -> list[str]:
+    def missing_train_damping(self) -> list[str]:
         """Return an error message if targets need the damping of a train that has none, else []."""
-        names = [name for name in self.wanted() if name in targets.TRAIN_TARGETS]
+        names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
         reason = targets.undamped(self)
         return [targets.for_targets(reason, *names)] if reason and names else []
 
-    def _changed_targets(self) -> list[str]:
-        """Return ["tolerances"] if that section differs from its default, else []."""
-        default = type(self.tolerances).model_fields["parameters"].default
-        tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
-        changed = tolerances != {"parameters": default, "correlations": []}
-        return ["tolerances"] if changed else []
-
-    def wanted(self) -> list[str]:
+    def computed_targets(self) -> list[str]:
         """Return the names of the targets to compute, without those that do not fit these gears."""
         names = list(self.targets)
         if "targets" not in self.model_fields_set and targets.has_own_train(self):
@@ -189,13 +184,10 @@ class Config(Section):
         """Recorded mesh periods at the end of each run."""
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
-    def pair_parameters(self, damping: str) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` for the name of a damping."""
-        return self.damped_parameters(self.dampings[damping])
-
-    def damped_parameters(self, damping: Damping) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` with the coefficients of a damping."""
-        return self.gear_pair.model_dump() | damping.model_dump()
+    def pair_parameters(self, damping: str | Damping) -> dict:
+        """Return the keyword arguments of `gearlib.GearPair` for a damping or its name."""
+        coefficients = self.dampings[damping] if isinstance(damping, str) else damping
+        return self.gear_pair.model_dump() | coefficients.model_dump()
 
     def six_degree_parameters(self) -> dict:
         """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
@@ -206,45 +198,38 @@ class Config(Section):
         return arguments
 
     def train_parameters(self, damping: str) -> dict:
-        """Return the arguments, plain values, from which `from_values.described` makes the train.
+        """Return the arguments from which `gearlib.models.from_values` creates the gear train.
 
-        `damping` is the name of the damping of trains whose meshes are all the gear pair.
+        `damping` is the name of the damping of the gear pair, if it is every mesh of the train.
         """
-        has_pair_meshes = self.train.kind in PAIR_TRAINS
-        return {
-            "kind": self.train.kind,
-            "arguments": self.train.arguments(),
-            "pair": self.pair_parameters(damping) if has_pair_meshes else None,
-        }
-
-    def global_parameters(self, case: Any) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` for a panel of basins or sections."""
-        return self.damped_parameters(case.damping) | case.change.model_dump()
+        kind, arguments = self.train.kind, self.train.arguments()
+        pair = self.pair_parameters(damping) if kind in PAIR_TRAINS else None
+        return {"kind": kind, "arguments": arguments, "pair": pair}
 
     def case_parameters(self, case: Any) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` for one case of a scene."""
+        """Return the keyword arguments of `gearlib.GearPair` for a `MeshCase` with a damping."""
         return self.pair_parameters(case.damping) | case.change.model_dump()
 
-    def candidates(self, scene: e.Scene) -> list[str]:
-        """Return the names of the models that can carry a scene, the smallest first."""
+    def candidate_models(self, scene: e.Scene) -> list[str]:
+        """Return the names of models with all time histories of `scene`, the smallest first."""
         if scene.model != "smallest":
             return [scene.model]
-        histories = set(scene.courses)
-        if histories & e.FRICTION_ONLY:
-            return ["six_degrees"]
-        six_degree_models = ["six_degrees_plain", "six_degrees"]
-        return six_degree_models if histories & e.SIX_ONLY else ["one_degree", *six_degree_models]
+        names, histories = ["one_degree", "six_degrees_plain", "six_degrees"], {*scene.courses}
+        if histories & e.FRICTION_HISTORIES:
+            return names[2:]
+        return names[1:] if histories & e.SIX_DEGREE_HISTORIES else names
 
     def tolerance_laws(self) -> dict:
-        """Return the probability laws of the section `tolerances`, as `gearlib.scatter` takes them.
+        """Return the probability distributions of the section `tolerances` for `gearlib.scatter`.
 
         Raise ValueError if the gears cannot have such values.
         """
-        pair = self.pair_parameters(self.tolerances.damping)
-        scales = PairParameters(**pair)
-        values = pair | {name: getattr(scales, name) for name in RATIOS}
+        parameters = self.pair_parameters(self.tolerances.damping)
+        pair = PairParameters(**parameters)
+        nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
         if self.tolerances.of_drawing():
-            values |= self.gears.described()
+            drawing = self.gears.described()
+            nominal_values |= drawing
             for gear in ("pinion", "wheel"):
-                values |= {f"{gear}.{name}": value for name, value in values[gear].items()}
-        return self.tolerances.laws(values)
+                nominal_values |= {f"{gear}.{name}": x for name, x in drawing[gear].items()}
+        return self.tolerances.laws(nominal_values)

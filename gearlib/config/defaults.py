@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Iterable
 from decimal import Decimal
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -23,7 +23,7 @@ _DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
 #: Colours that people with colour blindness can tell apart, also in grey. They repeat.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
-#: Damping ratio of studies that need damping where the configuration has none.
+#: Damping ratio of studies that need damping, if the configuration has none.
 _DAMPING_RATIO = 0.05
 #: Largest number of panels of one figure, see `Basins` and `Poincare`.
 _MAX_PANELS = 12
@@ -61,10 +61,8 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
     return completed, context
 
 
-def _read_gears(
-    mapping: dict,
-) -> tuple[GearPairSection | None, Gears | None, dict[str, Damping] | None]:
-    """Return the gear pair, its drawing and the dampings of a configuration, None if invalid."""
+def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | None]:
+    """Return the `GearPairSection`, its drawing and the dampings, None where they are invalid."""
     pair, gears = None, None
     try:
         if "gears" in mapping:
@@ -78,9 +76,7 @@ def _read_gears(
         return pair, gears, None
 
 
-def _resonance_range(
-    resonance: object, pair: GearPairSection | None, speed: float | None
-) -> dict[str, float]:
+def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
     """Return default start, stop and lowest tuning of the resonance sweep of drawn gears.
 
     The range, 0.5 to 1.4, is extended to the speed (rpm) of the gears, in steps of the section
@@ -103,37 +99,37 @@ def _resonance_range(
 
 def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[str, dict]:
     """Return the defaults that depend on the gears, section name -> key -> default value."""
-    sums = {name: d.material_damping + d.backlash_damping for name, d in dampings.items()}
-    first = {"damping": next((name for name in sums if sums[name] > 0.0), next(iter(sums)))}
-    lightest = min(sums, key=lambda name: sums[name])
+    damping_sums = {name: x.material_damping + x.backlash_damping for name, x in dampings.items()}
+    damped_names = [name for name, damping_sum in damping_sums.items() if damping_sum > 0.0]
+    first_damped = {"damping": next(iter(damped_names or damping_sums))}
     frequency, deflection = pair.mean_eigenfrequency, pair.static_deflection
-    moderate = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    largest = max(max(d.material_damping, d.backlash_damping) for d in dampings.values())
-    largest = largest or moderate
+    moderate_damping = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
+    largest = max(max(x.material_damping, x.backlash_damping) for x in dampings.values())
+    largest = largest or moderate_damping
     # Only motions with damping in contact settle from every initial state.
-    settling = {name: d for name, d in dampings.items() if d.material_damping > 0.0}
+    settling = {name: x for name, x in dampings.items() if x.material_damping > 0.0}
     if not settling:
-        damping = Damping(material_damping=moderate, backlash_damping=moderate)
-        settling = {f"damping ratio {_DAMPING_RATIO:g}": damping}
-    cubic = largest / (deflection * frequency) ** 2
+        coefficients = dict.fromkeys(("material_damping", "backlash_damping"), moderate_damping)
+        settling = {f"damping ratio {_DAMPING_RATIO:g}": Damping(**coefficients)}
+    cubic_damping = largest / (deflection * frequency) ** 2
     poincare_cases = _tuning_cases(dampings, 0.66)
     for name, case in zip(dampings, poincare_cases, strict=False):
         # An undamped motion does not settle, so nothing is skipped.
-        case |= {"phase": 0.0, "settle": 300 if sums[name] else 0}
+        case |= {"phase": 0.0, "settle": 300 if damping_sums[name] else 0}
     return {
         "phase_lag": {"material_dampings": [largest, largest / 100.0]},
         "nonlinear_damping": {"damping": largest},
         "six_degrees": _six_degree_defaults(pair),
-        **{key: first for key in ("jump", "analytic_method", "run_ups", "tolerances")},
-        "train_sweep": first,
-        "branches": {"loci": first},
-        "stability_chart": {"damping": lightest},
+        **{key: first_damped for key in ("jump", "analytic_method", "run_ups", "tolerances")},
+        "train_sweep": first_damped,
+        "branches": {"loci": first_damped},
+        "stability_chart": {"damping": min(damping_sums, key=damping_sums.__getitem__)},
         "work_precision": {
             "damping": largest,
-            "cubic_damping": cubic if math.isfinite(cubic) else largest,
+            "cubic_damping": cubic_damping if math.isfinite(cubic_damping) else largest,
         },
         "reducer": {
-            **first,
+            **first_damped,
             "support_stiffness": 2.5 * pair.max_stiffness,
             "pin_error": [deflection, 0.0],
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],

@@ -1,7 +1,7 @@
 """Names of the gears of a configuration, as figures, pages and commands print them."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from gearlib.config.gears_section import FZG_C, GearSection
@@ -61,13 +61,8 @@ def of_reducer(config: Any) -> str:
 def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> str:
     """Return the name of a reducer with these numbers of teeth; None: the paper's numbers."""
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
-    name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {_join_teeth(teeth)}"
+    name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
     return f"{name}, every mesh: {pair_name}"
-
-
-def _join_teeth(teeth: Iterable[int]) -> str:
-    """Return numbers of teeth as text, such as "24/36"."""
-    return "/".join(map(str, teeth))
 
 
 def of_train(config: Any, pair_name: str = "") -> str:
@@ -77,17 +72,18 @@ def of_train(config: Any, pair_name: str = "") -> str:
     """
     kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":
-        has_values = section.model_dump()
-        return "user-defined planetary set" if has_values else "Lin and Parker's planetary set"
+        is_default = not section.model_dump()
+        return "Lin and Parker's planetary set" if is_default else "user-defined planetary set"
     if kind == "planetary_set":
-        teeth = section.sun.teeth, section.planet.teeth, section.ring.teeth
-        return f"planetary set z {_join_teeth(teeth)}, {_module_and_helix(section.sun)}"
+        sun, planet, ring = section.sun, section.planet, section.ring
+        teeth = f"{sun.teeth}/{planet.teeth}/{ring.teeth}"
+        return f"planetary set z {teeth}, {_module_and_helix(sun)}"
     if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
     pair_name = pair_name or of_pair(config)
     if kind == "split_power_reducer":
         return _reducer_name(config, section.teeth, pair_name)
-    teeth = f" z {_join_teeth(section.teeth)}" if section.teeth else ""
+    teeth = f" z {'/'.join(map(str, section.teeth))}" if section.teeth else ""
     return f"{_TRAIN_NAMES[kind]}{teeth}, both meshes: {pair_name}"
 
 

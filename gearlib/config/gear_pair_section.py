@@ -9,17 +9,17 @@ from pydantic_core import PydanticCustomError
 from gearlib import checks
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
-from gearlib.config.types import Section, entry, like, several
+from gearlib.config.types import Section, create_section, field, list_of
 from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
 from gearlib.parameters import RUN_OUT
 
 DAMPINGS = tuple(RATIO_KEYS)
-#: Digits of derived values, few enough that a drawing in other units gives the same values.
+#: Digits of derived values; rounding makes them independent of the units of the drawing.
 _DIGITS = 12
-_Ratio = t.number(ge=0, le=1000)
-_Pair = like("_Pair", "", PairParameters, without=DAMPINGS, required=("teeth",))
+_DampingRatio = t.number(ge=0, le=1000)
+_Pair = create_section("_Pair", "", PairParameters, exclude=DAMPINGS, required=("teeth",))
 
 
 def rounded(value: Any) -> Any:
@@ -34,32 +34,32 @@ class GearPairSection(_Pair, PairScales):
 
     @model_validator(mode="after")
     def _check(self) -> "GearPairSection":
-        """Refuse a pair with a mean stiffness or scales that are too small to compute with."""
+        """Raise ValueError if mean stiffness or scales of the pair are numerically too small."""
         check_scales(self, ".")
-        allowed = f"large enough for a mean stiffness, {self.mean_stiffness!r} N/m, >= {SMALLEST}"
-        fits = self.mean_stiffness >= SMALLEST
-        checks.require(fits, ".stiffness_ratio", self.stiffness_ratio, allowed)
+        mean, ratio = self.mean_stiffness, self.stiffness_ratio
+        allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {SMALLEST}"
+        checks.require(mean >= SMALLEST, ".stiffness_ratio", ratio, allowed)
         return self
 
 
-_OTHERS = [name for name in GearPairSection.model_fields if name != "teeth"]
-_DESCRIPTION = "Other values for some keys of gear_pair; keys that are left out keep their values."
-Change = like("Change", _DESCRIPTION, PairParameters, *_OTHERS, optional=_OTHERS)
-_Coefficients = like("_Coefficients", "", PairParameters, *DAMPINGS, optional=DAMPINGS)
+_CHANGEABLE = [name for name in GearPairSection.model_fields if name != "teeth"]
+_DOC = "Other values for some keys of gear_pair; keys that are left out keep their values."
+Change = create_section("Change", _DOC, PairParameters, *_CHANGEABLE, optional=_CHANGEABLE)
+_Coefficients = create_section("_Coefficients", "", PairParameters, *DAMPINGS, optional=DAMPINGS)
 
 
 class Damping(_Coefficients):
     """One combination of linear damping coefficients, or of ratios that give them."""
 
-    damping_ratio: _Ratio = entry("beta: material_damping is 2 beta m_red Omega_s.", None)
-    logarithmic_decrement: _Ratio = entry("delta = 2 pi beta / sqrt(1 - beta^2).", None)
-    backlash_damping_ratio: _Ratio = entry("beta_m: backlash_damping likewise.", None)
+    damping_ratio: _DampingRatio = field("beta: material_damping is 2 beta m_red Omega_s.", None)
+    logarithmic_decrement: _DampingRatio = field("delta = 2 pi beta / sqrt(1 - beta^2).", None)
+    backlash_damping_ratio: _DampingRatio = field("beta_m: backlash_damping likewise.", None)
 
     @model_validator(mode="after")
     def _in_coefficients(self, info: ValidationInfo) -> "Damping":
         """Return the damping with coefficients, N s/m, in place of its ratios.
 
-        The ratios refer to the gear pair in the context of the validation.
+        `info` is the validation context, whose gear pair defines the coefficients.
         """
         pair, coefficients = t.from_context(info, "pair"), {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
@@ -86,30 +86,32 @@ class Damping(_Coefficients):
 class State(Section):
     """State at the start, tau = 0: the middle of the segment of C_max."""
 
-    displacement: t.Finite = entry("x, in static deflections.", 0.0)
-    velocity: t.Finite = entry("dx/dtau, in static deflections per radian.", 0.0)
+    displacement: t.Finite = field("x, in static deflections.", 0.0)
+    velocity: t.Finite = field("dx/dtau, in static deflections per radian.", 0.0)
 
 
 class MeshCase(Section):
     """One of several runs that are drawn side by side: a gear pair at one tuning."""
 
-    title: t.Label = entry("Title above the column or panel; names the case in the data.")
+    title: t.Label = field("Title above the column or panel; names the case in the data.")
     # This key precedes `tuning`, because a tuning in rpm is converted for the changed pair.
-    change: Change = entry("Other values for keys of gear_pair, in this case only.", {})
-    tuning: t.Tuning = entry("Tuning nu.")
+    change: Change = field("Other values for keys of gear_pair, in this case only.", {})
+    tuning: t.Tuning = field("Tuning nu.")
 
 
 class Run(Section):
     """Length and recorded part of each run."""
 
-    revolutions: t.LargeCount = entry("Revolutions of each run.", 5)
-    recorded_revolutions: t.whole(1) = entry("Number of last revolutions that are evaluated.", 1)
-    samples_per_period: t.whole(8, 65_536) = entry("Samples per mesh period in phase planes.", 256)
-    initial_state: State = entry("State from which runs from rest start.", {})
+    revolutions: t.LargeCount = field("Revolutions of each run.", 5)
+    recorded_revolutions: t.integer(1) = field("Number of last revolutions that are evaluated.", 1)
+    samples_per_period: t.integer(8, 65_536) = field(
+        "Samples per mesh period in phase planes.", 256
+    )
+    initial_state: State = field("State from which runs from rest start.", {})
 
     @model_validator(mode="after")
     def _check(self) -> "Run":
-        """Refuse more recorded revolutions than revolutions."""
+        """Raise ValueError if there are more recorded revolutions than revolutions."""
         recorded, revolutions = self.recorded_revolutions, self.revolutions
         allowed = f"an integer from 1 to .revolutions = {revolutions}"
         checks.require(recorded <= revolutions, ".recorded_revolutions", recorded, allowed)
@@ -131,35 +133,35 @@ class SixDegrees(Section):
     The defaults of other gears assume two equal gears on soft bearings.
     """
 
-    base_radii: several(t.Length, 2) = entry("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
-    inertias: several(t.Inertia, 2) = entry("Inertias J3, J2, kg m^2. Default: 3 Rb^2 m_red.", None)
-    masses: several(t.Mass, 2) = entry(
+    base_radii: list_of(t.Length, 2) = field("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
+    inertias: list_of(t.Inertia, 2) = field("Inertias J3, J2, kg m^2. Default: 3 Rb^2 m_red.", None)
+    masses: list_of(t.Mass, 2) = field(
         "Masses m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together.",
         None,
     )
-    bearing_stiffness: several(t.Stiffness, 4) = entry(
+    bearing_stiffness: list_of(t.Stiffness, 4) = field(
         "Stiffness C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
     )
-    bearing_damping: several(t.DampingCoefficient, 4) = entry(
+    bearing_damping: list_of(t.DampingCoefficient, 4) = field(
         "Damping k3y, k3z, k2y, k2z, N s/m. Default: 2 % of the critical.", None
     )
-    eccentricities: several(t.type_of(RUN_OUT), 2) = entry(
+    eccentricities: list_of(t.type_of(RUN_OUT), 2) = field(
         "Run-out of the pitch circles e3, e2, m. Default: 0.8 static deflections, at most a fifth "
         "of the backlash.",
         None,
     )
-    run_out_phase: t.Angle = entry("Relative phase Delta of the run-out, rad.", 0.0)
-    friction: several(t.NonNegative, 2) = entry(
+    run_out_phase: t.Angle = field("Relative phase Delta of the run-out, rad.", 0.0)
+    friction: list_of(t.NonNegative, 2) = field(
         "Friction coefficients in drive-side and back-side contact.", [0.05, 0.05]
     )
-    pitch_phase: t.Angle = entry("Mesh phase at the pitch point, rad.", 0.0)
-    moving_backlash: t.Truth = entry(
+    pitch_phase: t.Angle = field("Mesh phase at the pitch point, rad.", 0.0)
+    moving_backlash: t.Boolean = field(
         "Whether the back-side flank moves with the bearings, as in Eq. (4).", True
     )
 
     @model_validator(mode="after")
     def _check(self) -> "SixDegrees":
-        """Refuse bodies of which only some of radii, inertias and masses are given."""
+        """Raise an error if radii, inertias or masses are missing while others are given."""
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:
                 raise PydanticCustomError("missing_key", "", {"key": key})

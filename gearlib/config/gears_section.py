@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 from gearlib import parameters
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
-from gearlib.config.types import Section, entry, like
-from gearlib.models.geometry.drawings import gear as drawn_gear
+from gearlib.config.types import Section, create_section, field
+from gearlib.models.geometry.drawings import gear as gear_from_dict
 from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh, six_degree_parameters, torque_of
@@ -32,11 +32,11 @@ TWENTY = {
     "backlash": 50e-6,
     "torque": 500.0,
 }
-_OF_RING = ("internal", "outer_diameter")
+_RING_KEYS = ("internal", "outer_diameter")
 
 
-def in_keys(section_key: str = "", options: Iterable[str] | None = None, **gear_keys: str):
-    """Return a context in which errors of the geometry name the config keys of the arguments.
+def config_errors(section_key: str = "", options: Iterable[str] | None = None, **gear_keys: str):
+    """Return a context manager that replaces parameter names in ValueErrors by config keys.
 
     `section_key` is the key of the section with the gears, `options` are the names of its stiffness
     options, and `gear_keys` the config keys of the gears by their names, such as pinion=".pinion".
@@ -44,76 +44,78 @@ def in_keys(section_key: str = "", options: Iterable[str] | None = None, **gear_
     ring_key = gear_keys.get("ring", gear_keys.get("wheel", section_key))
     gear_keys |= {"ring gear": ring_key}
 
-    def config_key(argument: str, owner: str) -> str:
-        """Return the config key of an argument of the gear or object that `owner` names."""
-        argument, of_relief, _ = argument.partition(" of the tip relief")
+    def config_key(parameter: str, owner: str) -> str:
+        """Return the config key of a parameter of `owner`, such as "wheel" or "tip relief"."""
+        parameter, of_relief, _ = parameter.partition(" of the tip relief")
         if of_relief or owner == "tip relief":
-            argument = f"tip_relief.{argument}"
+            parameter = f"tip_relief.{parameter}"
         elif owner == "rack":
-            argument = argument.replace("tip_radius", "fillet_radius")
+            parameter = parameter.replace("tip_radius", "fillet_radius")
         elif owner in ("web", "material"):
-            argument = f"{owner}.{argument}"
+            parameter = f"{owner}.{parameter}"
         if owner in gear_keys:
-            return f"{gear_keys[owner]}.{argument}"
+            return f"{gear_keys[owner]}.{parameter}"
         if owner in ("sun mesh", "ring mesh", "shifts"):
-            return f"{section_key and f'{section_key}: '}{argument} of the {owner}"
-        if argument in (options or ()):
-            argument = f"stiffness_options.{argument}"
-        return f"{ring_key if argument == 'outer_diameter' else section_key}.{argument}"
+            return f"{section_key and f'{section_key}: '}{parameter} of the {owner}"
+        if parameter in (options or ()):
+            parameter = f"stiffness_options.{parameter}"
+        return f"{ring_key if parameter == 'outer_diameter' else section_key}.{parameter}"
 
     return parameters_renamed(config_key)
 
 
-_ADDENDUM, _DEDENDUM, _RADIUS = (t.type_of(x.kind) for x in parameters.declared(Rack).values())
-MaterialSection = like("MaterialSection", "Elastic material of a gear.", Material)
-WebSection = like("WebSection", "Web between rim and hub.", Web)
-TipReliefSection = like("TipReliefSection", "Tip relief of a gear.", TipRelief)
-GearSection = like(
+_ADDENDUM, _DEDENDUM, _RADIUS = (
+    t.type_of(x.kind) for x in parameters.declared_parameters(Rack).values()
+)
+MaterialSection = create_section("MaterialSection", "Elastic material of a gear.", Material)
+WebSection = create_section("WebSection", "Web between rim and hub.", Web)
+TipReliefSection = create_section("TipReliefSection", "Tip relief of a gear.", TipRelief)
+GearSection = create_section(
     "GearSection",
     "One gear by its drawing, see `gearlib.geometry.SpurGear`.",
     SpurGear,
-    without=_OF_RING,
+    exclude=_RING_KEYS,
     optional=("module", "width", "pressure_angle", "helix_angle", "rack"),
-    addendum=(_ADDENDUM, entry("Addendum h_aP of another rack, in modules.", None)),
-    dedendum=(_DEDENDUM, entry("Dedendum h_fP of another rack, in modules.", None)),
-    fillet_radius=(_RADIUS, entry("Fillet radius rho_fP of another rack, in modules.", None)),
-    web=(WebSection, entry("Web between rim and hub.", None)),
-    material=(MaterialSection, entry("Elastic material. Default: steel.", None)),
-    tip_relief=(TipReliefSection, entry("Tip relief. Default: none.", None)),
+    addendum=(_ADDENDUM, field("Addendum h_aP of another rack, in modules.", None)),
+    dedendum=(_DEDENDUM, field("Dedendum h_fP of another rack, in modules.", None)),
+    fillet_radius=(_RADIUS, field("Fillet radius rho_fP of another rack, in modules.", None)),
+    web=(WebSection, field("Web between rim and hub.", None)),
+    material=(MaterialSection, field("Elastic material. Default: steel.", None)),
+    tip_relief=(TipReliefSection, field("Tip relief. Default: none.", None)),
 )
-_DESCRIPTION = "The driving gear by its drawing; its revolutions are counted."
-PinionSection = like("PinionSection", _DESCRIPTION, SpurGear, "module", "width", base=GearSection)
-_DESCRIPTION = (
-    "The other gear; left out, its module, width, angles, rack and material are the pinion's."
-)
-WheelSection = like("WheelSection", _DESCRIPTION, SpurGear, *_OF_RING, base=GearSection)
-_DESCRIPTION = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
-BodyGear = like("BodyGear", _DESCRIPTION, SpurGear, *_OF_RING, base=PinionSection)
-_Placed = like("_Placed", "Two drawn gears in their places.", Mesh)
+_DOC = "The driving gear by its drawing; its revolutions are counted."
+PinionSection = create_section("PinionSection", _DOC, SpurGear, "module", "width", base=GearSection)
+_DOC = "The other gear; left out, its module, width, angles, rack and material are the pinion's."
+WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection)
+_DOC = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
+BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
+_Placed = create_section("_Placed", "Two drawn gears in their places.", Mesh)
 
 
-def gear_of(section_key: str, gear: Any, pinion: Any = None, **arguments: Any) -> SpurGear:
-    """Return the `SpurGear` that the section `gear` describes.
+def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
+    """Return the `SpurGear` described by the section `gear`, whose key is `section_key`.
 
-    `pinion` is the section that supplies values which `gear` leaves out. `arguments` are further
-    ones of `SpurGear`. Errors name `section_key`.
+    Missing values are those of the section `pinion` or of `defaults`.
     """
-    with in_keys(section_key):
-        return drawn_gear(gear.model_dump(), pinion and pinion.model_dump(), **arguments)
+    with config_errors(section_key):
+        return gear_from_dict(gear.model_dump(), pinion and pinion.model_dump(), **defaults)
 
 
 class MethodSection(Section):
-    """Method of the stiffness of drawn gears."""
+    """Method of computing the mesh stiffness of drawn gears."""
 
-    stiffness: Literal["iso", "energy"] = entry(
+    stiffness: Literal["iso", "energy"] = field(
         "Stiffness by ISO 6336-1, method B, or by the energy method. Default: iso.", None
     )
-    stiffness_options: dict[t.Name, t.Option] = entry(
+    stiffness_options: dict[t.Name, t.Option] = field(
         "Options of that method: iso has application_factor; energy samples, coupling, hertz.", None
     )
 
     def stiffness_arguments(self, section_key: str = "") -> dict:
-        """Return `stiffness` and `options` for `Mesh.pair_parameters`; errors name a section."""
+        """Return the arguments `stiffness` and `options` of `Mesh.pair_parameters`, if given.
+
+        `section_key` is the key of this section for an error message.
+        """
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
@@ -130,57 +132,57 @@ class DrawnPair(_Placed):
 
     pinion: PinionSection
     wheel: WheelSection
-    torque: t.Torque = entry("Torque of the pinion, N m.")
+    torque: t.Torque = field("Torque of the pinion, N m.")
 
     def mesh(self, section_key: str = "") -> Mesh:
-        """Return the `gearlib.geometry.Mesh` of the pair; errors name keys under `section_key`."""
+        """Return the `gearlib.geometry.Mesh` of the pair, whose config key is `section_key`."""
         gear_keys = {name: f"{section_key}.{name}" for name in ("pinion", "wheel")}
-        pinion = gear_of(gear_keys["pinion"], self.pinion)
-        wheel = gear_of(gear_keys["wheel"], self.wheel, self.pinion)
-        with in_keys(section_key, **gear_keys):
+        pinion = spur_gear(gear_keys["pinion"], self.pinion)
+        wheel = spur_gear(gear_keys["wheel"], self.wheel, self.pinion)
+        with config_errors(section_key, **gear_keys):
             return Mesh(pinion, wheel, self.centre_distance, self.backlash)
 
-    def check(self, section_key: str, *methods: str) -> None:
-        """Refuse impossible gears, and gears without a stiffness by the named stiffness methods.
+    def check(self, section_key: str, *stiffness_methods: str) -> None:
+        """Raise ValueError if the gears are impossible or one of the methods fails for them.
 
-        Errors name keys under `section_key`.
+        `section_key` is the config key of this pair.
         """
         drawing = self.model_dump(include={"pinion", "wheel", "centre_distance"})
         # The default gears are known to be valid. Computing them would slow the workflow's start.
         if any(drawing.items() <= pair.items() for pair in (FZG_C, TWENTY)):
             return
-        mesh = self.mesh(section_key)
-        with in_keys(section_key, pinion=f"{section_key}.pinion", wheel=f"{section_key}.wheel"):
-            for method in methods:
+        mesh, wheel_key = self.mesh(section_key), f"{section_key}.wheel"
+        with config_errors(section_key, pinion=f"{section_key}.pinion", wheel=wheel_key):
+            for method in stiffness_methods:
                 mesh.pair_parameters(torque=self.torque, stiffness=method)
 
-    def modification_key(self) -> str:
-        """Return the first key that modifies the involute flanks, such as "pinion.tip_relief".
+    def modification_key(self, *keys: str) -> str:
+        """Return the first of the keys with a value, such as "pinion.tip_relief", "" without any.
 
-        Return "" if all flanks are pure involutes.
+        By default these are the keys that modify the involute flanks.
         """
-        for name, gear in (("pinion", self.pinion), ("wheel", self.wheel)):
-            for key in ("tip_relief", "pitch_errors"):
-                if getattr(gear, key):
-                    return f"{name}.{key}"
+        for gear_name in ("pinion", "wheel"):
+            for key in keys or ("tip_relief", "pitch_errors"):
+                if getattr(getattr(self, gear_name), key):
+                    return f"{gear_name}.{key}"
         return ""
 
 
 class Gears(MethodSection, DrawnPair):
     """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
 
-    torque: t.Torque = entry("Torque of the pinion, N m; or power and speed.", None)
-    power: t.Power = entry("Power of the pinion, W.", None)
-    speed: t.Speed = entry("Speed of the pinion, rpm; with a torque, of its duty point.", None)
+    torque: t.Torque = field("Torque of the pinion, N m; or power and speed.", None)
+    power: t.Power = field("Power of the pinion, W.", None)
+    speed: t.Speed = field("Speed of the pinion, rpm; with a torque, of its duty point.", None)
 
     @model_validator(mode="after")
     def _check(self) -> "Gears":
-        """Refuse gears from which no `gear_pair` can be derived."""
+        """Raise ValueError if no section `gear_pair` can be derived from the gears."""
         self.pair()
         return self
 
     def load(self) -> dict[str, float]:
-        """Return the given ones of torque (N m), power (W) and speed (rpm) of the pinion."""
+        """Return torque (N m), power (W) and speed (rpm) of the pinion, as far as given."""
         return self.model_dump(include={"torque", "power", "speed"})
 
     def driving_torque(self) -> float:
@@ -188,13 +190,13 @@ class Gears(MethodSection, DrawnPair):
         return rounded(torque_of(self.torque, self.power, self.speed))
 
     def described(self) -> dict:
-        """Return the drawing, stiffness method and torque as plain values for the library."""
+        """Return the drawing, the stiffness method and the pinion torque (N m) as a dict."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
     def pair(self) -> dict:
-        """Return the values of the section `gear_pair` made of the drawing, to 12 digits."""
+        """Return the values of the section `gear_pair` that follow from the drawing."""
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
-        with in_keys("", self.stiffness_options, pinion=".pinion", wheel=".wheel"):
+        with config_errors("", self.stiffness_options, pinion=".pinion", wheel=".wheel"):
             values = mesh.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
@@ -212,11 +214,11 @@ class Gears(MethodSection, DrawnPair):
 class PublishedPair(DrawnPair):
     """A pair of gears by their drawing, with published values of its stiffness."""
 
-    published: dict[t.Name, t.Stiffness] = entry("Published mean stiffness by source, N/m.", {})
+    published: dict[t.Name, t.Stiffness] = field("Published mean stiffness by source, N/m.", {})
 
     @model_validator(mode="after")
     def _check(self) -> "PublishedPair":
-        """Refuse gears without a stiffness by either method."""
+        """Raise ValueError if one of the stiffness methods fails for the gears."""
         self.check("", "iso", "energy")
         return self
 
@@ -224,79 +226,69 @@ class PublishedPair(DrawnPair):
 class MeshStiffness(Section):
     """The mesh stiffness of drawn pairs by all methods, with its uncertainty."""
 
-    pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = entry(
+    pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = field(
         "Drawn pairs by name.",
         {"z20-20": TWENTY | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
-    samples: t.whole(8, 4096) = entry("Number of phases in the mesh period.", 64)
+    samples: t.integer(8, 4096) = field("Number of phases in the mesh period.", 64)
 
 
 class HarrisMap(Section):
     """The static transmission error of spur gears at several loads, with designed tip reliefs."""
 
-    gears: DrawnPair = entry(
+    gears: DrawnPair = field(
         "The pair at its design load, without tip relief; by default FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
-    stiffness: Literal["energy", "iso"] = entry("Stiffness of a pair of teeth.", "energy")
-    loads: t.Distinct[t.NonNegative] = entry(
+    stiffness: Literal["energy", "iso"] = field("Stiffness of a pair of teeth.", "energy")
+    loads: t.Distinct[t.NonNegative] = field(
         "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
-    phases: t.whole(8, 10_000) = entry("Number of phases in the mesh period.", 256)
+    phases: t.integer(8, 10_000) = field("Number of phases in the mesh period.", 256)
 
     @model_validator(mode="after")
     def _check(self) -> "HarrisMap":
-        """Refuse gears for which no Harris map can be computed."""
+        """Raise ValueError if there is no Harris map of the gears."""
         self.check_gears(".gears", self.gears)
         return self
 
     def check_gears(self, pair_key: str, pair: DrawnPair) -> None:
-        """Refuse helical or modified gears, which have no Harris map; errors name `pair_key`."""
-        for name in ("pinion", "wheel"):
-            for key in ("helix_angle", "tip_relief", "pitch_errors"):
-                if getattr(getattr(pair, name), key):
-                    raise ValueError(
-                        f"{pair_key}.{name}.{key} is not allowed: it must be left out, because the "
-                        "Harris map is of spur gears without errors, and designs their reliefs"
-                    )
+        """Raise ValueError if the pair with the config key `pair_key` has no Harris map."""
+        if key := pair.modification_key("helix_angle", "tip_relief", "pitch_errors"):
+            raise ValueError(
+                f"{pair_key}.{key} is not allowed: it must be left out, because the Harris map is "
+                "of spur gears without errors, and designs their reliefs"
+            )
         pair.check(pair_key, self.stiffness)
 
 
-#: Name of a section -> its key with drawn gears.
-_GEAR_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
-
-
 def takes_configured_gears(config: Any, section_name: str) -> bool:
-    """Return whether the drawn gears of the configuration apply to a section without gears.
-
-    The section is "mesh_stiffness" or "harris_map".
-    """
+    """Return whether "mesh_stiffness" or "harris_map" has no gears and uses the configured ones."""
+    gears_key = {"mesh_stiffness": "pairs", "harris_map": "gears"}[section_name]
     section = getattr(config, section_name)
-    return config.gears is not None and _GEAR_KEYS[section_name] not in section.model_fields_set
+    return config.gears is not None and gears_key not in section.model_fields_set
 
 
 def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
-    """Return the drawn pairs of the section "mesh_stiffness" or "harris_map", by their names.
+    """Return name -> drawn pair of the section "mesh_stiffness" or "harris_map".
 
-    If the section has no gears, they are the drawn gears of the configuration.
+    If the section has no gears, these are the drawn gears of the configuration.
     """
     if not takes_configured_gears(config, section_name):
-        pairs = getattr(getattr(config, section_name), _GEAR_KEYS[section_name])
-        return pairs if section_name == "mesh_stiffness" else {section_name: pairs}
+        is_map = section_name == "harris_map"
+        return {section_name: config.harris_map.gears} if is_map else config.mesh_stiffness.pairs
     torque = config.gears.driving_torque()
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
     if section_name == "harris_map":
-        # The Harris map designs tip reliefs of its own.
-        unrelieved = {
-            name: getattr(pair, name).model_copy(update={"tip_relief": None})
-            for name in ("pinion", "wheel")
-        }
-        pair = pair.model_copy(update=unrelieved)
+        # The study of the Harris map designs the tip reliefs itself.
+        for name in ("pinion", "wheel"):
+            gear = getattr(pair, name).model_copy(update={"tip_relief": None})
+            pair = pair.model_copy(update={name: gear})
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
 def refusal(config: Any, section_name: str) -> str:
-    """Return why "mesh_stiffness" or "harris_map" cannot take the configured gears, else ""."""
+    """Return why the section, see `drawn_pairs`, cannot use the configured gears, else ""."""
     if not takes_configured_gears(config, section_name):
         return ""
     try:

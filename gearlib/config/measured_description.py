@@ -8,28 +8,21 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    TypeAdapter,
-    ValidationError,
-    create_model,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model_validator
 
 from gearlib.checks import refusal, require
 from gearlib.config import types as t
 from gearlib.config import units, yaml_keys
-from gearlib.config.types import Section, entry, quantity, several
-from gearlib.config.validation import sentences
+from gearlib.config.types import Section, field, list_of, quantity
+from gearlib.config.validation import error_messages
 from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import FINITE, LOAD, numbers
+from gearlib.parameters import FINITE, LOAD, numeric_parameters
 
-#: Unit of what a converter gives; of dates and times of day.
+#: Units of channels with the raw values of a converter, and with dates and times of day.
 COUNTS, DATES = "counts", "ISO 8601"
-#: What a source should say of the rig -> keys that say it.
-_ASKED = {
+#: Property of the test rig that should be known -> keys that state it.
+_EXPECTED_FACTS = {
     "contact_ratio": {"contact_ratio", "gears"},
     "stiffness": {"stiffness", "max_stiffness", "mean_stiffness", "stiffness_ratio", "gears"},
     "reduced_mass": {"reduced_mass", "inertias", "gears"},
@@ -39,18 +32,18 @@ _ASKED = {
     "transmission_error": {"transmission_error"},
     "ramp_rate": {"ramp_rate", "acceleration"},
 }
-#: Formats that know the times.
-_TIMED = (".uff", ".unv")
-_FORMATS = (".csv", *_TIMED)
-#: Observables whose time courses at constant speeds are compared.
-_COURSES = {"displacement", "velocity", "acceleration", "dynamic_force"}
-#: Units of ratios; pint would take angles for some as well.
+#: Endings of files that include the times, and of all files.
+_TIMED_FORMATS = (".uff", ".unv")
+_FORMATS = (".csv", *_TIMED_FORMATS)
+#: Observables that are compared as time histories.
+_TIME_HISTORIES = {"displacement", "velocity", "acceleration", "dynamic_force"}
+#: Units of ratios; pint would read some of them as angles.
 _RATIOS = {"1": 1.0, "percent": 0.01, "%": 0.01}
 
 
-def _text(longest):
-    comment = f"a text of 1 to {longest} characters"
-    return t.text(comment, min_length=1, max_length=longest)
+def _text(max_length):
+    comment = f"a text of 1 to {max_length} characters"
+    return t.text(comment, min_length=1, max_length=max_length)
 
 
 def _read_facts(value):
@@ -60,9 +53,9 @@ def _read_facts(value):
 
 
 _Key = Annotated[str, Field(pattern="(?s).")]
-#: 1 is read as a number by YAML.
+# YAML reads the unit 1 as a number.
 _Unit = Annotated[_text(40), BeforeValidator(lambda unit: "1" if type(unit) is int else unit)]
-_Facts = t.anything(_read_facts, ["object"], "a mapping of names to what is known")
+_Facts = t.custom_type(_read_facts, ["object"], "a mapping of names to what is known")
 _Known = Literal["known", "unknown"]
 _Checksum = t.text("a checksum of 64 hexadecimal digits", pattern="^[0-9a-f]{64}$")
 
@@ -70,86 +63,91 @@ _Checksum = t.text("a checksum of 64 hexadecimal digits", pattern="^[0-9a-f]{64}
 class FitSection(Section):
     """Model and parameters that `gearlib fit` fits to a measured set."""
 
-    model: Literal["one_degree", "six_degrees", "train"] = entry("Kind of the model.", None)
-    free: dict[_Key, several(t.Option, 2)] = entry("Lowest and highest value by parameter.", {})
+    model: Literal["one_degree", "six_degrees", "train"] = field("Kind of the model.", None)
+    free: dict[_Key, list_of(t.Option, 2)] = field("Lowest and highest value by parameter.", {})
 
 
-def range_of(name, ends):
-    """Return the lowest and highest value of a parameter in SI; texts may have units."""
-    parameter = numbers(PairParameters).get(name)
+def range_of(name, limits):
+    """Return lowest and highest value of a parameter in SI; `limits` may be texts with units."""
+    parameter = numeric_parameters(PairParameters).get(name)
     kind = parameter.kind if parameter else FINITE
     try:
-        return TypeAdapter(several(t.type_of(kind), 2)).validate_python([*ends])
+        return TypeAdapter(list_of(t.type_of(kind), 2)).validate_python([*limits])
     except ValidationError:
         unit = " in SI" if kind.unit == "1" else f" in {kind.unit} or a text with a unit of it"
-        allowed = f"two values, each {kind.words}{unit}"
-        raise refusal(f"free.{name}", list(ends), allowed) from None
+        allowed = f"two values, each {kind.allowed}{unit}"
+        raise refusal(f"free.{name}", list(limits), allowed) from None
 
 
 class Channel(Section):
     """One column of a table, or one observable of a long one."""
 
-    observableId: _text(80) = entry("Observable. Default: the key of the channel.", None)
-    unit: _Unit = entry("Unit of the values: um, N, rpm, deg, counts, ISO 8601 ...", None)
-    sensor: _text(200) = entry("Sensor that measured it.", None)
-    noise: t.Option = entry("Standard deviation, in the unit of the channel or its own.", None)
-    gain: _Known = entry("unknown: the sensor is not calibrated.", None)
-    offset: _Known = entry("unknown: the zero means nothing.", None)
-    counts_per_turn: t.whole(2, 2**32) = entry("Counts of one turn of an encoder.", None)
-    count: _text(40) = entry("Value of one count of another converter: 0.1 um.", None)
-    gaps: t.Truth = entry("Whether empty cells are points that were not measured.", None)
+    observableId: _text(80) = field("Observable. Default: the key of the channel.", None)
+    unit: _Unit = field("Unit of the values: um, N, rpm, deg, counts, ISO 8601 ...", None)
+    sensor: _text(200) = field("Sensor that measured it.", None)
+    noise: t.Option = field("Standard deviation, in the unit of the channel or its own.", None)
+    gain: _Known = field("unknown: the sensor is not calibrated.", None)
+    offset: _Known = field("unknown: the zero means nothing.", None)
+    counts_per_turn: t.integer(2, 2**32) = field("Counts of one turn of an encoder.", None)
+    count: _text(40) = field("Value of one count of another converter: 0.1 um.", None)
+    gaps: t.Boolean = field("Whether empty cells are points that were not measured.", None)
 
     def check(self, key):
-        """Raise ValueError where keys do not go together."""
-        name, place = self.observableId or key, f"channels.{key}"
+        """Raise ValueError if the keys of the channel named `key` are not compatible."""
+        name, channel_key = self.observableId or key, f"channels.{key}"
         known = measured_names.of(name)
         allowed = f"one of {', '.join(measured_names.KNOWN)}, maybe with _ and which one it is"
-        require(known, f"{place}.observableId", name, allowed)
+        require(known, f"{channel_key}.observableId", name, allowed)
         if self.unit is None:
-            written = measured_names.dimensions(known[0])[0][1]
-            raise ValueError(f"{place}.unit is missing: it must be one such as {written}")
-        counts = self.model_dump(include={"counts_per_turn", "count"})
-        if self.unit == COUNTS and not counts and self.gain != "unknown" and known[0] != "1":
+            example = measured_names.dimensions(known[0])[0][1]
+            raise ValueError(f"{channel_key}.unit is missing: it must be one such as {example}")
+        count_keys = self.model_dump(include={"counts_per_turn", "count"})
+        if self.unit == COUNTS and not count_keys and self.gain != "unknown" and known[0] != "1":
             raise ValueError(
-                f"{place}.counts_per_turn is missing: of counts it must be said what one is, by "
-                "counts_per_turn or count, or that the gain is unknown"
+                f"{channel_key}.counts_per_turn is missing: of counts it must be said what one is, "
+                "by counts_per_turn or count, or that the gain is unknown"
             )
-        for other, value in counts.items():
+        for other_key, value in count_keys.items():
             allowed = f"left out: the unit is {self.unit!r}, not 'counts'"
-            require(self.unit == COUNTS, f"{place}.{other}", value, allowed)
-            require(len(counts) == 1, f"{place}.{other}", value, f"one of {' and '.join(counts)}")
+            require(self.unit == COUNTS, f"{channel_key}.{other_key}", value, allowed)
+            allowed = f"one of {' and '.join(count_keys)}"
+            require(len(count_keys) == 1, f"{channel_key}.{other_key}", value, allowed)
         if name not in ("condition", "direction"):
             self.noise_std(key)
 
     def scale(self, key):
-        """Return (factor from the unit of the file, CF units); ValueError for a wrong unit."""
-        name, field, text = self.observableId or key, "unit", f"1 {self.unit}"
+        """Return the factor that converts values of the channel `key` to CF units, and these units.
+
+        Raise ValueError if the unit does not fit the observable.
+        """
+        name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
         dimensions = measured_names.dimensions(measured_names.of(name)[0])
         if self.unit == DATES and name == "time":
             return 1.0, "s"
         if self.unit == COUNTS and self.counts_per_turn is not None:
-            field, text = "counts_per_turn", "1 turn"
+            unit_key, text = "counts_per_turn", "1 turn"
         elif self.unit == COUNTS and self.count is not None:
-            field, text = "count", self.count
+            unit_key, text = "count", self.count
         elif self.unit == COUNTS:
             return 1.0, "1" if dimensions[0][0] == "1" else "count"
-        for cf, written in dimensions:
-            if cf == "1" and self.unit in _RATIOS:
-                return _RATIOS[self.unit], cf
+        for cf_unit, written_unit in dimensions:
+            if cf_unit == "1" and self.unit in _RATIOS:
+                return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
-                if cf != "1":
-                    return units.read(text, written) / (self.counts_per_turn or 1), cf
-        texts = " or ".join(written for _, written in dimensions)
-        allowed = f"a value in, or a unit of the dimension of {texts}, for {name}"
-        raise refusal(f"channels.{key}.{field}", getattr(self, field), allowed)
+                if cf_unit != "1":
+                    return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
+        unit_names = " or ".join(written_unit for _, written_unit in dimensions)
+        allowed = f"a value in, or a unit of the dimension of {unit_names}, for {name}"
+        raise refusal(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):
-        """Return the standard deviation in CF units, 0 where it is not said."""
-        factor, cf = self.scale(key)
+        """Return the standard deviation of the channel `key` in CF units, 0 if it is not given."""
+        factor, cf_unit = self.scale(key)
         noise = -1.0
         if isinstance(self.noise, str):
+            unit = dict(measured_names.dimensions(cf_unit)).get(cf_unit, cf_unit)
             with suppress(ValueError):
-                noise = units.read(self.noise, dict(measured_names.dimensions(cf)).get(cf, cf))
+                noise = units.read(self.noise, unit)
         elif not isinstance(self.noise, bool):
             noise = (self.noise or 0.0) * abs(factor)
         allowed = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
@@ -160,98 +158,101 @@ class Channel(Section):
 class Condition(Section):
     """Speed and load of all measurements with one simulationConditionId."""
 
-    speed: quantity("rpm", "1500 rpm", ge=0) = entry("Speed of the gear that counts, rpm.", None)
-    direction: Literal["up", "down", "rest"] = entry("How the speed was reached.", None)
-    load: t.type_of(LOAD) = entry("Static mesh force, N.", None)
-    torque: quantity("N m", "120 N m", gt=0) = entry("Torque of the same gear, N m.", None)
-    acceleration: quantity("rpm/s", "50 rpm/s") = entry("Rate of the ramp, rpm/s.", None)
+    speed: quantity("rpm", "1500 rpm", ge=0) = field("Speed of the gear that counts, rpm.", None)
+    direction: Literal["up", "down", "rest"] = field("How the speed was reached.", None)
+    load: t.type_of(LOAD) = field("Static mesh force, N.", None)
+    torque: quantity("N m", "120 N m", gt=0) = field("Torque of the same gear, N m.", None)
+    acceleration: quantity("rpm/s", "50 rpm/s") = field("Rate of the ramp, rpm/s.", None)
 
 
 class MeasuredSpeed(Section):
     """A speed at which the motion changes."""
 
-    value: quantity("rpm", "1500 rpm", gt=0) = entry("The speed, rpm.")
-    noise: quantity("rpm", "5 rpm", ge=0) = entry("Standard deviation, rpm.", None)
+    value: quantity("rpm", "1500 rpm", gt=0) = field("The speed, rpm.")
+    noise: quantity("rpm", "5 rpm", ge=0) = field("Standard deviation, rpm.", None)
 
 
-Speeds = create_model(
-    "Speeds",
-    __base__=Section,
-    __doc__="Measured speeds of jumps and of the onset of contact loss.",
-    **{
-        name: (MeasuredSpeed, entry(f"{words[0].upper()}{words[1:]}.", None))
-        for name, (_, words) in measured_names.SPEEDS.items()
-    },
-)
+class Speeds(Section):
+    """Measured speeds of jumps and of the onset of contact loss."""
+
+    jump_up: MeasuredSpeed = field("Speed at which the motion jumps while the speed goes up.", None)
+    jump_down: MeasuredSpeed = field("Speed of the jump while the speed goes down.", None)
+    onset_of_contact_loss: MeasuredSpeed = field("Speed from which contact is lost.", None)
 
 
 class Description(Section):
     """A measured set: a table and what is said of it."""
 
-    data: _text(400) = entry("The file beside this one: .csv or .uff.", None)
-    title: _text(200) = entry("Title of the set, in a line.", None)
-    source: _text(2000) = entry("Who measured it, where it was published.")
-    licence: _text(200) = entry("Licence of the data, such as CC BY 4.0; or 'own data'.")
-    synthetic: t.Truth = entry("Whether it was computed, not measured.", None)
-    sha256: _Checksum = entry("Checksum of the file.", None)
-    separator: Literal[",", ";", "\t", "|"] = entry("Separator of the cells of a CSV.", ",")
-    decimal: Literal[".", ","] = entry("Decimal sign of a CSV.", ".")
-    comment: Literal["#", "%", "!"] = entry("Sign that begins a comment in a CSV.", None)
-    encoding: Literal["utf-8", "latin-1", "utf-16"] = entry("Encoding of a CSV.", "utf-8")
-    skip: t.whole(0, 10_000) = entry("Lines of a CSV above its names of columns.", 0)
-    channels: dict[_Key, Channel] = entry("Meaning of each column, by its name.", {})
-    conditions: dict[_Key, Condition] = entry("Conditions by their simulationConditionId.", {})
-    speeds: Speeds = entry("Measured speeds of jumps and of the onset of contact loss.", None)
-    known: _Facts = entry("What is known of the rig: contact_ratio, load, backlash ...", {})
-    fit: FitSection = entry("Model and parameters for `gearlib fit`.", None)
+    data: _text(400) = field("The file beside this one: .csv or .uff.", None)
+    title: _text(200) = field("Title of the set, in a line.", None)
+    source: _text(2000) = field("Who measured it, where it was published.")
+    licence: _text(200) = field("Licence of the data, such as CC BY 4.0; or 'own data'.")
+    synthetic: t.Boolean = field("Whether it was computed, not measured.", None)
+    sha256: _Checksum = field("Checksum of the file.", None)
+    separator: Literal[",", ";", "\t", "|"] = field("Separator of the cells of a CSV.", ",")
+    decimal: Literal[".", ","] = field("Decimal sign of a CSV.", ".")
+    comment: Literal["#", "%", "!"] = field("Sign that begins a comment in a CSV.", None)
+    encoding: Literal["utf-8", "latin-1", "utf-16"] = field("Encoding of a CSV.", "utf-8")
+    skip: t.integer(0, 10_000) = field("Lines of a CSV above its names of columns.", 0)
+    channels: dict[_Key, Channel] = field("Meaning of each column, by its name.", {})
+    conditions: dict[_Key, Condition] = field("Conditions by their simulationConditionId.", {})
+    speeds: Speeds = field("Measured speeds of jumps and of the onset of contact loss.", None)
+    known: _Facts = field("What is known of the rig: contact_ratio, load, backlash ...", {})
+    fit: FitSection = field("Model and parameters for `gearlib fit`.", None)
 
     @model_validator(mode="after")
     def _check(self):
-        keys = {}
+        """Raise ValueError if channels, files or ranges are not compatible."""
+        key_by_observable = {}
         for key, channel in self.channels.items():
             channel.check(key)
-            name, place = channel.observableId or key, f"channels.{key}.observableId"
-            other = keys.setdefault(name, key)
-            require(other == key, place, name, f"another one: channels.{other} has it")
-        files = "a file beside this one in a format of csv, uff, unv"
+            name = channel.observableId or key
+            other_key = key_by_observable.setdefault(name, key)
+            allowed = f"another one: channels.{other_key} has it"
+            require(other_key == key, f"channels.{key}.observableId", name, allowed)
+        allowed = "a file beside this one in a format of csv, uff, unv"
         if self.data is None and not self.speeds:
-            raise ValueError(f"data is missing: it must be {files}")
+            raise ValueError(f"data is missing: it must be {allowed}")
         if self.data is not None:
-            require(Path(self.data).suffix.lower() in _FORMATS, "data", self.data, files)
+            require(Path(self.data).suffix.lower() in _FORMATS, "data", self.data, allowed)
             if not self.channels:
                 raise ValueError(
                     "channels is missing: it must be a mapping of columns to what they are"
                 )
-        for name, ends in (self.fit.free if self.fit else {}).items():
-            range_of(name, ends)
+        for name, limits in (self.fit.free if self.fit else {}).items():
+            range_of(name, limits)
         return self
 
     def files(self, path):
-        """Return the path of the table beside the file at `path`, in a list; empty without."""
+        """Return the path of the table, if any, in a list; `path` is that of the YAML file."""
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
-    def _names(self):
+    def _observables(self):
         return {channel.observableId or key for key, channel in self.channels.items()}
 
     def has_courses(self):
-        """Return whether there are time courses at constant speeds."""
-        constant = any(condition.speed for condition in self.conditions.values())
-        return constant and "speed" not in self._names() and bool(self._names() & _COURSES)
+        """Return whether there are time histories at constant speeds."""
+        names, has_speed = self._observables(), any(x.speed for x in self.conditions.values())
+        return has_speed and "speed" not in names and bool(names & _TIME_HISTORIES)
 
     def has_run_ups(self):
-        """Return whether there are time courses with a speed of their own."""
-        timed = "time" in self._names() or Path(self.data or "").suffix.lower() in _TIMED
-        return timed and "speed" in self._names() and bool(self._names() & _COURSES)
+        """Return whether there are time histories in which the speed is a channel."""
+        names, suffix = self._observables(), Path(self.data or "").suffix.lower()
+        has_times = "time" in names or suffix in _TIMED_FORMATS
+        return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
     def not_said(self):
-        """Return what the source does not say of the rig."""
+        """Return the names of properties of the test rig that the source does not state."""
         facts = dict(self.known).items()
-        said = {key for key, value in facts if value not in (None, "unknown")}
-        return [name for name, keys in _ASKED.items() if not said & keys]
+        known_keys = {key for key, value in facts if value not in (None, "unknown")}
+        return [name for name, keys in _EXPECTED_FACTS.items() if not known_keys & keys]
 
 
 def sets(paths):
-    """Return name -> (path, `Description`) of measured sets; ValueError for what is wrong."""
+    """Return name -> (path, `Description`) of the measured sets in these YAML files.
+
+    Raise ValueError if a path or a file is invalid.
+    """
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"
@@ -261,15 +262,15 @@ def sets(paths):
         require(name not in descriptions, key, path, allowed)
         require(Path(path).is_file(), key, path, "a path of a YAML file")
         description = read(path)
-        for table in description.files(path):
-            if not Path(table).is_file():
+        for table_path in description.files(path):
+            if not Path(table_path).is_file():
                 raise ValueError(f"{path}: {refusal('data', description.data, 'a file beside it')}")
         descriptions[name] = path, description
     return descriptions
 
 
 def read(path):
-    """Return the `Description` in a YAML file; ValueError has a sentence for each problem."""
+    """Return the `Description` in a YAML file; raise ValueError with all problems in the file."""
     content, problems = yaml_keys.read(path)
     if not problems and not isinstance(content, dict):
         problems = [f"{path} is not allowed: it must be a mapping with source, licence, channels"]
@@ -278,5 +279,5 @@ def read(path):
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        problems = sentences(error.errors(), Description.model_json_schema())
+        problems = error_messages(error.errors(), Description.model_json_schema())
         raise ValueError("\n".join(f"{path}: {text}" for text in problems)) from None

@@ -1,4 +1,4 @@
-"""A configuration to begin with: an example of drawn gears, each key explained."""
+"""A configuration to start from: an example of drawn gears with comments on each key."""
 
 _TEXT = """\
 # A project of gearlib: put your gears here. Then
@@ -40,5 +40,5 @@ phase_planes:               # velocity over displacement at single tunings
 
 
 def text(name):
-    """Return the text of the file `name`."""
+    """Return the content of a new configuration file, which mentions its own `name`."""
     return _TEXT.format(name=name)

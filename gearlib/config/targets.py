@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any, get_args
 
 from gearlib.config import gears_section
-from gearlib.config.experiments import PEERS
+from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.train_section import PAIR_TRAINS, Kind
 
@@ -38,7 +38,7 @@ def for_targets(reason: str, *target_names: str) -> str:
 
 def installed(method: str) -> bool:
     """Return whether the package of an integration method is installed."""
-    return method not in PEERS or find_spec(PEERS[method]) is not None
+    return method not in METHOD_PACKAGES or find_spec(METHOD_PACKAGES[method]) is not None
 
 
 def has_own_train(config: Any) -> bool:
@@ -64,33 +64,34 @@ def undamped(config: Any) -> str:
     return ""
 
 
-def _check_bearings(config: Any) -> str:
-    """Return the error message for drawn gears without bearings, else ""."""
+def _missing_bearings(config: Any) -> str:
+    """Return the error message for gears without bearing stiffness, else ""."""
     return MISSING_BEARINGS if config.six_degrees.bearing_stiffness is None else ""
 
 
-def _check_scene_bearings(config: Any) -> str:
+def _refuse_models(config: Any) -> str:
     """Return the error message for missing bearings if a scene may need them, else ""."""
-    models = {model for scene in config.scenes.values() for model in config.candidates(scene)}
-    return _check_bearings(config) if models - {"one_degree"} else ""
+    scenes = config.scenes.values()
+    models = {model for scene in scenes for model in config.candidate_models(scene)}
+    return _missing_bearings(config) if models - {"one_degree"} else ""
 
 
-def _check_scenes(config: Any) -> str:
+def _refuse_scenes(config: Any) -> str:
     """Return why the scenes cannot be computed for drawn gears, else ""."""
     if config.gears and not config.scenes:
         return (
             "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
             "one must be given"
         )
-    return _check_scene_bearings(config)
+    return _refuse_models(config)
 
 
-def _refuse_drawn(reason: str, config: Any) -> str:
+def _refuse_drawn_gears(reason: str, config: Any) -> str:
     """Return the error message, with its reason, if the configuration has drawn gears, else ""."""
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
 
 
-def _check_reducer(config: Any) -> str:
+def _refuse_reducer(config: Any) -> str:
     """Return why the paper's reducer cannot be computed for the configuration, else ""."""
     train = config.train
     if train.kind != "split_power_reducer":
@@ -105,7 +106,7 @@ def _check_reducer(config: Any) -> str:
     return ""
 
 
-def _check_train_teeth(config: Any) -> str:
+def _missing_teeth(config: Any) -> str:
     """Return the error message for a train of drawn pairs without teeth, else ""."""
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
@@ -113,31 +114,30 @@ def _check_train_teeth(config: Any) -> str:
     return ""
 
 
-def _check_campbell(config: Any) -> str:
+def _refuse_campbell(config: Any) -> str:
     """Return why the Campbell diagram cannot be computed for the configuration, else ""."""
-    return _check_train_teeth(config) if has_own_train(config) else _check_reducer(config)
+    return _missing_teeth(config) if has_own_train(config) else _refuse_reducer(config)
 
 
-def _check_train_sweep(config: Any) -> str:
+def _refuse_train_sweep(config: Any) -> str:
     """Return why the train cannot be swept over speed, else ""."""
-    reason = _check_train_teeth(config)
+    reason = _missing_teeth(config)
     return NO_TRAIN if not reason and "train" not in config.model_fields_set else reason
 
 
-def _check_work_precision(config: Any) -> str:
+def _refuse_work_precision(config: Any) -> str:
     """Return the error message for missing bearings if a test problem needs them, else ""."""
-    return _check_bearings(config) if "six_degrees" in config.work_precision.problems else ""
+    return _missing_bearings(config) if "six_degrees" in config.work_precision.problems else ""
 
 
-def _check_measured(config: Any) -> str:
+def _refuse_measured(config: Any) -> str:
     """Return the error message for a configuration without measured sets, else ""."""
-    return (
-        "" if config.measured else "measured = [] is not allowed: it must be a list of YAML files"
-    )
+    allowed = "it must be a list of YAML files"
+    return "" if config.measured else f"measured = [] is not allowed: {allowed}"
 
 
-def _check_tolerances(config: Any) -> str:
-    """Return why the tolerances cannot be those of the gears, else ""."""
+def _refuse_tolerances(config: Any) -> str:
+    """Return why the gears cannot have the tolerances of the configuration, else ""."""
     if config.tolerances.of_drawing() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
@@ -153,16 +153,16 @@ def _check_tolerances(config: Any) -> str:
 
 #: Target -> function of the configuration that returns why the target is refused, or "".
 _REFUSALS = {
-    "scenes": _check_scenes,
-    "claims": partial(_refuse_drawn, "its statements are about the paper's pair"),
-    "models": _check_scene_bearings,
-    "failures": partial(_refuse_drawn, "its problems have gears of their own"),
-    "work_precision": _check_work_precision,
-    "reducer": _check_reducer,
-    "campbell": _check_campbell,
-    "train_sweep": _check_train_sweep,
+    "scenes": _refuse_scenes,
+    "claims": partial(_refuse_drawn_gears, "its statements are about the paper's pair"),
+    "models": _refuse_models,
+    "failures": partial(_refuse_drawn_gears, "its problems have gears of their own"),
+    "work_precision": _refuse_work_precision,
+    "reducer": _refuse_reducer,
+    "campbell": _refuse_campbell,
+    "train_sweep": _refuse_train_sweep,
     "mesh_stiffness": partial(gears_section.refusal, section_name="mesh_stiffness"),
     "harris_map": partial(gears_section.refusal, section_name="harris_map"),
-    "measured": _check_measured,
-    "tolerances": _check_tolerances,
+    "measured": _refuse_measured,
+    "tolerances": _refuse_tolerances,
 }

@@ -14,10 +14,10 @@ from gearlib.config.gears_section import (
     GearSection,
     MethodSection,
     PinionSection,
-    gear_of,
-    in_keys,
+    config_errors,
+    spur_gear,
 )
-from gearlib.config.types import OwnGrid, Recorded, Section, Started, entry, grid, like, several
+from gearlib.config.types import Section, create_section, default_grid, field, list_of
 from gearlib.models.geometry.drawings import planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh, torque_of
@@ -25,15 +25,17 @@ from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
 from gearlib.parameters import DIAMETER, MODULE, TORQUE
 
-_OF_RING = ("outer_diameter",)
+_RING_KEYS = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
-_WORDS = "The ring gear of a planetary set; what it shares with the sun is the sun's by default."
-RingSection = like("RingSection", _WORDS, SpurGear, *_OF_RING, base=GearSection, required=_OF_RING)
-_WORDS = "Stiffness and damping of drawn meshes."
-DrawnMesh = like("DrawnMesh", _WORDS, planetary_set, *_DAMPINGS, base=MethodSection)
-_Set = like("_Set", "", planetary_set, base=DrawnMesh, without=("torque", *_DAMPINGS))
+_DOC = "The ring gear of a planetary set; what it shares with the sun is the sun's by default."
+RingSection = create_section(
+    "RingSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection, required=_RING_KEYS
+)
+_DOC = "Stiffness and damping of drawn meshes."
+DrawnMesh = create_section("DrawnMesh", _DOC, planetary_set, *_DAMPINGS, base=MethodSection)
+_Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_DAMPINGS))
 #: Keys of a mesh that suit drawn gears only, and the coefficient in place of ratios.
-OF_DRAWN = {*DrawnMesh.model_fields, "torque", "centre_distance"}
+DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}
 
 
 class PlanetarySet(_Set):
@@ -42,64 +44,68 @@ class PlanetarySet(_Set):
     sun: PinionSection
     planet: GearSection
     ring: RingSection
-    torque: t.Torque = entry("Torque of the sun, N m; or power and speed.", None)
-    power: t.Power = entry("Power of the sun, W.", None)
-    speed: t.Speed = entry("Speed of the sun, rpm.", None)
+    torque: t.Torque = field("Torque of the sun, N m; or power and speed.", None)
+    power: t.Power = field("Power of the sun, W.", None)
+    speed: t.Speed = field("Speed of the sun, rpm.", None)
 
     @model_validator(mode="after")
     def _check(self):
-        sun, planet = gear_of(".sun", self.sun), gear_of(".planet", self.planet, self.sun)
-        ring = gear_of(".ring", self.ring, self.sun, internal=True)
-        keys = {name: f".{name}" for name in ("sun", "planet", "ring")}
-        with in_keys("", self.stiffness_options, **keys):
-            places = {"planets", "positions", "centre_distance", "backlashes"}
-            planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=places))
+        """Raise ValueError if gears, positions or meshes of the planetary set are impossible."""
+        sun, planet = spur_gear(".sun", self.sun), spur_gear(".planet", self.planet, self.sun)
+        ring = spur_gear(".ring", self.ring, self.sun, internal=True)
+        gear_keys = {name: f".{name}" for name in ("sun", "planet", "ring")}
+        with config_errors("", self.stiffness_options, **gear_keys):
+            layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
+            planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
-            names = {*DrawnMesh.model_fields, "options"} & arguments.keys()
-            share = arguments["torque"] / len(planets.positions)
+            mesh_keys = {*DrawnMesh.model_fields, "options"} & arguments.keys()
+            mesh_arguments = {key: arguments[key] for key in mesh_keys}
+            torque = arguments["torque"]
+            sun_mesh_torque = torque / len(planets.positions)
             for mesh in (planets.sun_mesh, planets.ring_mesh):
-                # The sun carries its share, a planet the same force at its radius.
+                # Both meshes of a planet transmit the same force.
+                pinion_torque = sun_mesh_torque * mesh.pinion.teeth / sun.teeth
+                load_argument = ("torque", torque, "N m")
                 mesh.train_parameters(
-                    torque=share * mesh.pinion.teeth / sun.teeth,
-                    load_argument=("torque", arguments["torque"], "N m"),
-                    **{name: arguments[name] for name in names},
+                    torque=pinion_torque, load_argument=load_argument, **mesh_arguments
                 )
         return self
 
     def arguments(self):
-        """Return the arguments of `planetary_set` as plain values, gears as dicts."""
+        """Return the arguments of `planetary_set` as a dict, with gears as dicts."""
         torque = rounded(torque_of(self.torque, self.power, self.speed))
         arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
         return arguments | self.stiffness_arguments() | {"torque": torque}
 
 
-Planetary = like(
+Planetary = create_section(
     "Planetary",
     "Sun, ring, carrier and planets, of Lin and Parker where left out.\n\n"
     "All keys are arguments of `gearlib.planetary`; gear_pair has no part in it.",
     planetary.planetary,
 )
-_WORDS = "Pinion, idler and wheel; both meshes are gear_pair. Arguments of `gearlib.idler`."
-Idler = like("Idler", _WORDS, ready_made.idler)
-_WORDS = "Two stages with a shaft; both meshes are gear_pair. Arguments of `gearlib.two_stage`."
-TwoStage = like("TwoStage", _WORDS, ready_made.two_stage)
-SplitPowerReducer = like(
+_DOC = "Pinion, idler and wheel; both meshes are gear_pair. Arguments of `gearlib.idler`."
+Idler = create_section("Idler", _DOC, ready_made.idler)
+_DOC = "Two stages with a shaft; both meshes are gear_pair. Arguments of `gearlib.two_stage`."
+TwoStage = create_section("TwoStage", _DOC, ready_made.two_stage)
+SplitPowerReducer = create_section(
     "SplitPowerReducer",
     "The paper's Fig. 1 a, every mesh a gear_pair. Arguments of `gearlib.split_power_reducer`.",
     ready_made.split_power_reducer,
 )
-_WORDS = "An elastic shaft between two bodies, see `gearlib.Shaft`."
-ShaftPart = like("ShaftPart", _WORDS, elements.Shaft)
-_Body = like("_Body", "", elements.Body, optional=("inertia", "base_radius"))
+_DOC = "An elastic shaft between two bodies, see `gearlib.Shaft`."
+ShaftPart = create_section("ShaftPart", _DOC, elements.Shaft)
+_Body = create_section("_Body", "", elements.Body, optional=("inertia", "base_radius"))
 
 
 class BodyPart(_Body):
     """A gear or a carrier, see `gearlib.Body`."""
 
-    gear: BodyGear = entry("Drawing, which gives its inertia and base radius.", None)
+    gear: BodyGear = field("Drawing, which gives its inertia and base radius.", None)
 
     @model_validator(mode="after")
     def _check(self):
+        """Require inertia and base radius of a body without a drawing."""
         for key in ("inertia", "base_radius"):
             if self.gear is None and getattr(self, key) is None:
                 raise PydanticCustomError("missing_key", "", {"key": key})
@@ -109,66 +115,69 @@ class BodyPart(_Body):
 class Deviation(Section):
     """Deviation of the flanks over the mesh phase."""
 
-    cosines: list[t.Error] = entry("Amplitudes of the cosines of orders 1, 2, ..., m.", [])
-    sines: list[t.Error] = entry("Amplitudes of the sines of orders 1, 2, ..., m.", [])
+    cosines: list[t.Error] = field("Amplitudes of the cosines of orders 1, 2, ..., m.", [])
+    sines: list[t.Error] = field("Amplitudes of the sines of orders 1, 2, ..., m.", [])
 
 
-_WORDS = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
-_LOADED = "Torque of the pinion, N m; the stiffness of drawn gears may need it."
-MeshPart = like(
+_DOC = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
+_TORQUE_DOC = "Torque of the pinion, N m; the stiffness of drawn gears may need it."
+MeshPart = create_section(
     "MeshPart",
     "Two gears in mesh, see `gearlib.Mesh`; stiffness, ratios, phases follow where both are drawn.",
     elements.Mesh,
     base=DrawnMesh,
-    without=("material_damping",),
+    exclude=("material_damping",),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
-    centre_distance=(t.type_of(DIAMETER), entry(_WORDS, None)),
-    torque=(t.type_of(TORQUE), entry(_LOADED, None)),
-    deviation=(Deviation, entry("Deviation of the drive-side flanks.", None)),
-    inverse_deviation=(Deviation, entry("Deviation of the coast-side flanks.", None)),
+    centre_distance=(t.type_of(DIAMETER), field(_DOC, None)),
+    torque=(t.type_of(TORQUE), field(_TORQUE_DOC, None)),
+    deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
+    inverse_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
 )
 
 
 class Own(Section):
     """Bodies, shafts and meshes, arguments of `gearlib.GearTrain`."""
 
-    bodies: list[BodyPart] = entry("The bodies.", [])
-    shafts: list[ShaftPart] = entry("The shafts.", [])
-    meshes: list[MeshPart] = entry("The meshes.", [])
-    carrier_ratio: t.Finite = entry("Speed of the frame over that of the first pinion in it.", None)
-    gyroscopic: t.Truth = entry("Whether the forces of the turning frame are felt.", None)
+    bodies: list[BodyPart] = field("The bodies.", [])
+    shafts: list[ShaftPart] = field("The shafts.", [])
+    meshes: list[MeshPart] = field("The meshes.", [])
+    carrier_ratio: t.Finite = field("Speed of the frame over that of the first pinion in it.", None)
+    gyroscopic: t.Boolean = field("Whether the forces of the turning frame are felt.", None)
 
     @model_validator(mode="after")
     def _check(self):
-        places = {x.name: f".bodies[{i}].gear" for i, x in enumerate(self.bodies) if x.gear}
-        gears = {x.name: gear_of(places[x.name], x.gear) for x in self.bodies if x.gear}
+        """Raise ValueError if a drawn gear or a mesh is impossible."""
+        drawn = {
+            x.name: (f".bodies[{i}].gear", x.gear) for i, x in enumerate(self.bodies) if x.gear
+        }
+        gears = {name: spur_gear(key, section) for name, (key, section) in drawn.items()}
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
             key, pinion, wheel = f".meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
-                _check_numbers(key, mesh)
+                _check_undrawn_mesh(key, mesh)
                 continue
-            arguments = mesh.model_dump(include=OF_DRAWN - MethodSection.model_fields.keys())
+            arguments = mesh.model_dump(include=DRAWN_MESH_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
             arguments |= mesh.stiffness_arguments(key)
-            with in_keys(key, mesh.stiffness_options, pinion=places[pinion], wheel=places[wheel]):
+            gear_keys = {"pinion": drawn[pinion][0], "wheel": drawn[wheel][0]}
+            with config_errors(key, mesh.stiffness_options, **gear_keys):
                 Mesh(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
 
 
-def _check_numbers(key, mesh):
-    """Refuse a mesh without stiffness, or with keys of drawn gears beside it."""
-    for name in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
-        if getattr(mesh, name) is None:
-            raise ValueError(
-                f"{key}.{name} is missing: it must be given unless both gears are drawn"
-            )
+def _check_undrawn_mesh(mesh_key: str, mesh: Any) -> None:
+    """Raise ValueError if `mesh` has no stiffness or has keys that only suit drawn gears."""
+    for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
+        if getattr(mesh, key) is None:
+            problem = "is missing: it must be given unless both gears are drawn"
+            raise ValueError(f"{mesh_key}.{key} {problem}")
     allowed = "left out where the stiffness is given or a gear is not drawn"
-    for name, value in mesh.model_dump(include=OF_DRAWN - {"material_damping"}).items():
-        raise checks.refusal(f"{key}.{name}", value, allowed)
+    for key, value in mesh.model_dump(include=DRAWN_MESH_KEYS - {"material_damping"}).items():
+        raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
 
-#: Kinds whose meshes are all a gear_pair with a damping.
+#: Kinds of trains in which every mesh is the gear pair with one of the dampings.
 PAIR_TRAINS = ("split_power_reducer", "idler", "two_stage")
 Kind = Literal["split_power_reducer", "planetary", "idler", "two_stage", "own", "planetary_set"]
 
@@ -180,9 +189,9 @@ class Train(Section):
     trains but the planetary one make every mesh of gear_pair and a damping.
     """
 
-    kind: Kind = entry("The section that describes the train.", "split_power_reducer")
-    reference: t.Label = entry("Mesh that sets scales and tuning; the first if left out.", None)
-    reference_frequency: t.quantity("Hz", "2 kHz", gt=0) = entry(
+    kind: Kind = field("The section that describes the train.", "split_power_reducer")
+    reference: t.Label = field("Mesh that sets scales and tuning; the first if left out.", None)
+    reference_frequency: t.quantity("Hz", "2 kHz", gt=0) = field(
         "Frequency of the tuning 1, Hz; that of the mode that deforms the reference mesh most if "
         "left out.",
         None,
@@ -192,10 +201,11 @@ class Train(Section):
     idler: Idler = t.SECTION
     two_stage: TwoStage = t.SECTION
     own: Own = t.SECTION
-    planetary_set: PlanetarySet = entry("Sun, planets and ring by their drawing.", None)
+    planetary_set: PlanetarySet = field("Sun, planets and ring by their drawing.", None)
 
     @model_validator(mode="after")
     def _check(self):
+        """Require the section of the kind of the train."""
         if self.kind == "planetary_set" and self.planetary_set is None:
             raise PydanticCustomError("missing_key", "", {"key": "planetary_set"})
         allowed = "a list of at least one entry where train.kind is own"
@@ -204,14 +214,16 @@ class Train(Section):
         return self
 
     def arguments(self):
-        """Return the arguments of the function or class of this kind as plain values."""
-        keys = self.model_dump(include={self.kind, "reference", "reference_frequency"})
+        """Return the arguments of the library function or class for this kind of train."""
+        arguments = self.model_dump(include={self.kind, "reference", "reference_frequency"})
         if self.kind == "planetary_set":
-            keys[self.kind] = self.planetary_set.arguments()
-        return keys.pop(self.kind) | keys
+            arguments[self.kind] = self.planetary_set.arguments()
+        return arguments.pop(self.kind) | arguments
 
 
-class TrainSweep(Started, grid(0.5, 1.4, 0.01, OwnGrid), Recorded):
+class TrainSweep(
+    t.IncreasingStarts, default_grid(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods
+):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
     damping: t.DampingName = None
@@ -219,29 +231,29 @@ class TrainSweep(Started, grid(0.5, 1.4, 0.01, OwnGrid), Recorded):
     record_periods: t.RecordPeriods = 12
 
 
-class Reducer(Started, grid(0.74, 1.84, 0.02, OwnGrid), Recorded):
+class Reducer(t.IncreasingStarts, default_grid(0.74, 1.84, 0.02, t.NumericGrid), t.RecordedPeriods):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
 
     damping: t.DampingName = None
-    teeth: several(t.whole(3, 1000), 4) = entry("Teeth from input to output.", [24, 36, 24, 36])
-    modules: several(t.type_of(MODULE), 2) = entry(
+    teeth: list_of(t.integer(3, 1000), 4) = field("Teeth from input to output.", [24, 36, 24, 36])
+    modules: list_of(t.type_of(MODULE), 2) = field(
         "Modules of both stages, m; the centre distances must be equal.", [0.004, 0.004]
     )
-    shaft_stiffness: t.quantity("N m/rad", "1e6 N m/rad", gt=0) = entry(
+    shaft_stiffness: t.quantity("N m/rad", "1e6 N m/rad", gt=0) = field(
         "Torsional stiffness of a satellite's shaft, N m/rad.", 1e6
     )
-    support_stiffness: t.Stiffness = entry(
+    support_stiffness: t.Stiffness = field(
         "Stiffness of the supports of all axes, N/m. Default: 2.5 max_stiffness.", None
     )
-    damping_ratio: t.number(ge=0, le=1) = entry(
+    damping_ratio: t.number(ge=0, le=1) = field(
         "Damping ratio of supports and shafts, at the mean eigenfrequency of the pair.", 0.03
     )
-    pin_error: several(t.Error, 2) = entry(
+    pin_error: list_of(t.Error, 2) = field(
         "Displacement of the first satellite's axis in one case, radial and tangential, m. "
         "Default: a static deflection outwards.",
         None,
     )
-    backlashes: several(t.Backlash, 3) = entry(
+    backlashes: list_of(t.Backlash, 3) = field(
         "Backlash of each branch in one case, m. Default: a quarter in the first.", None
     )
     periods: t.Periods = 210
@@ -249,18 +261,19 @@ class Reducer(Started, grid(0.74, 1.84, 0.02, OwnGrid), Recorded):
 
     @model_validator(mode="after")
     def _check(self):
-        sums = self.teeth[0] + self.teeth[1], self.teeth[2] + self.teeth[3]
-        first, second = (m * z / 2.0 for m, z in zip(self.modules, sums, strict=True))
+        """Raise ValueError if the two stages have different centre distances."""
+        teeth, (first_module, second_module) = self.teeth, self.modules
+        first = first_module * (teeth[0] + teeth[1]) / 2.0
+        second = second_module * (teeth[2] + teeth[3]) / 2.0
         allowed = (
             f"of stages with one centre distance, and with .modules = {self.modules!r} it is "
             f"{first:.6g} m in the first, {second:.6g} m in the second"
         )
-        fits = math.isclose(first, second, rel_tol=1e-9)
-        checks.require(fits, ".teeth", self.teeth, allowed)
+        checks.require(math.isclose(first, second, rel_tol=1e-9), ".teeth", teeth, allowed)
         return self
 
 
 class Campbell(Section):
     """Campbell diagram of the reducer whose branches are alike."""
 
-    orders: t.whole(1, 20) = entry("Highest order of each mesh frequency.", 3)
+    orders: t.integer(1, 20) = field("Highest order of each mesh frequency.", 3)

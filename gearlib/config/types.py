@@ -1,15 +1,14 @@
 """Types of the configuration's values, and the base classes of its sections.
 
-Numbers: YAML 1.1, which Snakemake reads, takes ``4e8`` or ``4.0e8`` for a text (it wants
-``4.0e+8``), and all values inside of ``--config section={key: 0.66}`` come as texts. A text that is
-plainly a number, true or false is accepted as that. Every other text in place of a number is
-refused, and so are ``true`` for 1, 2.0 for an integer, NaN and, except for a backlash, infinity.
-Where a value has a dimension, a number is in SI units and a text may name another one of that
-dimension: ``"4e5 N/mm"``.
+YAML 1.1, which Snakemake reads, parses ``4e8`` as a string, and all values in ``--config
+section={key: 0.66}`` are strings. A string that spells a number, true or false is converted. Other
+strings in place of a number are refused, and so are ``true`` for 1, 2.0 for an integer, NaN and,
+except for a backlash, infinity. A number with a dimension is in SI units; a string may have another
+unit of that dimension: ``"4e5 N/mm"``.
 
-Validators get a context with the ``pair``, a section `gear_pair`, whose speeds tunings may be, and
-the names of the ``dampings``. In the message of a ValueError ``.stop`` stands for the key ``stop``
-of the section that is checked, and ``.`` for the key itself.
+The validation context holds the gear pair (``pair``), which converts speeds to tunings, and the
+names of the ``dampings``. In error messages ``.stop`` stands for the key ``stop`` of the section
+that is validated, and ``.`` for the key itself.
 """
 
 import math
@@ -18,52 +17,43 @@ from decimal import Decimal
 from functools import cache
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    WithJsonSchema,
-    create_model,
-    model_validator,
-)
+import pydantic
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from gearlib import checks, parameters, tunings
 from gearlib.config import units
 
-#: Limit that catches a mistyped step before it makes as many jobs or tunings.
+#: Largest number of jobs or tunings; it catches a mistyped step.
 MAX_JOBS = 10_000
-#: Decimals of the tunings of a grid of speeds: with those before the point, a float keeps them all.
-_DECIMALS = Decimal("1e-12")
-#: Speeds in rpm, and numbers of steps, beyond all that are allowed.
+#: Tunings converted from speeds are rounded to this decimal, so that floats represent them.
+_TUNING_RESOLUTION = Decimal("1e-12")
+#: Upper bound of speeds in rpm and of numbers of steps.
 _MAX_RPM = 10**9
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
-_TRUTH = {"true": True, "false": False}
+_BOOLEANS = {"true": True, "false": False}
 #: Pattern of names, which are short enough for titles.
 NAME = "^[A-Za-z0-9+_-]{1,40}$"
 _T = TypeVar("_T")
 
 
-def entry(description, default=..., **bounds):
-    """Return the field of a key, by its description and default; None: it may be left out."""
-    checked = default not in (..., None)
-    return Field(default=default, description=description, validate_default=checked, **bounds)
+def field(description, default=..., **constraints):
+    """Return the pydantic field of a key: required without a default, optional if it is None."""
+    validate = default not in (..., None)
+    return Field(default=default, description=description, validate_default=validate, **constraints)
 
 
-#: A section that is left out has the defaults of its keys.
+#: Field of a section; a missing section has the defaults of its keys.
 SECTION: Any = Field(default={}, validate_default=True)
 
 
-def check_different(key, entries, name):
-    """Refuse two entries of a list that have the same name or title."""
-    names = [getattr(section, name) for section in entries]
-    for i, value in enumerate(names):
-        allowed = f"another one: {name}s must be all different"
-        checks.require(names.count(value) == 1, f"{key}[{i}].{name}", value, allowed)
+def check_unique(list_key, sections, attribute):
+    """Raise ValueError if two sections of a list have the same `attribute`, such as "title"."""
+    values = [getattr(section, attribute) for section in sections]
+    for i, value in enumerate(values):
+        allowed = f"another one: {attribute}s must be all different"
+        checks.require(values.count(value) == 1, f"{list_key}[{i}].{attribute}", value, allowed)
 
 
 def _read_number(value):
@@ -74,33 +64,34 @@ def _read_integer(value):
     return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
 
 
-def _read_truth(value):
-    return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
+def _read_boolean(value):
+    return _BOOLEANS.get(value.lower(), value) if isinstance(value, str) else value
 
 
 def _read_choice(value):
-    return _accept(not isinstance(value, bool), _read_integer(value))  # true is not 1
+    if isinstance(value, bool):  # true is not 1
+        raise _invalid()
+    return _read_integer(value)
 
 
 def _read_option(value):
-    value = _read_number(_read_integer(_read_truth(value)))
-    is_plain = isinstance(value, (int, float, str))
-    return _accept(is_plain and (isinstance(value, str) or math.isfinite(value)), value)
-
-
-def _read_amount(value):
-    value = _read_option(value)
-    return _accept(not isinstance(value, bool), value)
-
-
-def _accept(fits, value):
-    """Return a value, or have it refused in the words of the schema."""
-    if not fits:
-        raise PydanticCustomError("refused", "not allowed")
+    value = _read_number(_read_integer(_read_boolean(value)))
+    if not isinstance(value, str) and not (isinstance(value, int | float) and math.isfinite(value)):
+        raise _invalid()
     return value
 
 
-def _all_different(values):
+def _read_amount(value):
+    return _read_choice(_read_option(value))
+
+
+def _invalid():
+    """Return the error whose message `gearlib.config.validation` writes from the JSON schema."""
+    return PydanticCustomError("refused", "not allowed")
+
+
+def _require_distinct(values):
+    """Return the list `values`, or raise ValueError if it has a value twice."""
     for value in values:
         if values.count(value) > 1:
             raise ValueError(f". lists {value!r} twice: its entries must be all different")
@@ -108,17 +99,19 @@ def _all_different(values):
 
 
 def from_context(info, key):
-    """Return an entry of the context of a validation, None where there is none."""
+    """Return the entry `key` of a pydantic validation context, None if it is missing."""
     return (info.context or {}).get(key)
 
 
-def _known_damping(name, info):
+def _require_known_damping(name, info):
+    """Return the name of a damping, or raise ValueError if the configuration has no such name."""
     names = from_context(info, "dampings") or [name]
     checks.require(name in names, ".", name, f"one of {', '.join(names)}")
     return name
 
 
 def _read_tuning(value, info):
+    """Return a tuning as number, converted if it is a speed such as "1500 rpm"."""
     rpm = units.rpm(value)
     if rpm is None:
         return _read_number(value)
@@ -126,27 +119,35 @@ def _read_tuning(value, info):
 
 
 def tuning_per_rpm(pair, change=None):
-    """Return the tuning of 1 rpm of a section `gear_pair`, or a stand-in while it is refused."""
+    """Return the tuning of a gear pair at 1 rpm; `change` holds other values of its parameters.
+
+    If the gear pair is invalid (None), any positive number serves, because it is reported anyway.
+    """
     if pair is None:
         return 1e-4
     pair = pair.model_copy(update=change.model_dump()) if change else pair
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
-def number(read=_read_number, **bounds):
-    """Return the type of a finite number within `bounds` (gt, ge, lt, le), by what reads it."""
-    # Innermost first: bounds that pydantic cannot attach to the number itself would be missing
-    # in the schema.
-    return Annotated[float, Field(**{"allow_inf_nan": False} | bounds), BeforeValidator(read)]
+def number(read=_read_number, **constraints):
+    """Return the type of a finite float with pydantic `constraints` (gt, ge, lt, le).
+
+    The function `read` converts the value in the YAML file.
+    """
+    # Constraints come before the validator, because pydantic would omit them from the schema else.
+    return Annotated[float, Field(**{"allow_inf_nan": False} | constraints), BeforeValidator(read)]
 
 
-def whole(least, most=None):
-    """Return the type of an integer within bounds."""
-    return Annotated[int, Field(ge=least, le=most), BeforeValidator(_read_integer)]
+def integer(minimum, maximum=None):
+    """Return the type of an integer from `minimum` to `maximum`, both included."""
+    return Annotated[int, Field(ge=minimum, le=maximum), BeforeValidator(_read_integer)]
 
 
-def quantity(unit, example, *, infinite=False, **bounds):
-    """Return the type of a number in `unit`, or a text with a unit of the same dimension."""
+def quantity(unit, example, *, infinite=False, **constraints):
+    """Return the type of a number in `unit`, or a string with a unit of the same dimension.
+
+    `example` is such a string for error messages; `infinite` allows infinity.
+    """
 
     def read(value):
         value = math.inf if infinite and value == ".inf" else _read_number(value)
@@ -155,42 +156,45 @@ def quantity(unit, example, *, infinite=False, **bounds):
         try:
             return units.read(value, unit)
         except ValueError:
-            return _accept(False, value)
+            raise _invalid() from None
 
     comment = f"{'or .inf, ' if infinite else ''}in {unit} or a text with its unit such as "
-    extra = _or_text(units.TEXT, f"{comment}'{example}'")
-    return number(read, json_schema_extra=extra, allow_inf_nan=infinite or False, **bounds)
+    extra = _number_or_string(units.TEXT, f"{comment}'{example}'")
+    return number(read, json_schema_extra=extra, allow_inf_nan=infinite, **constraints)
 
 
-def _or_text(pattern, comment):
-    """Return what the schema of a number says where a text of a pattern may stand for it."""
+def _number_or_string(pattern, comment):
+    """Return the JSON schema of a number or a string that matches the compiled `pattern`."""
     return {"type": ["number", "string"], "pattern": f"^{pattern.pattern}$", "$comment": comment}
 
 
-def text(comment, **bounds):
-    """Return the type of a text, described by a comment."""
-    return Annotated[str, Field(json_schema_extra={"$comment": comment}, **bounds)]
+def text(comment, **constraints):
+    """Return the type of a string; `comment` describes allowed values in error messages."""
+    return Annotated[str, Field(json_schema_extra={"$comment": comment}, **constraints)]
 
 
-def anything(read, types, comment):
-    """Return the type of whatever a function reads, described by a comment."""
-    schema = WithJsonSchema({"type": types, "$comment": comment})
+def custom_type(read, json_types, comment):
+    """Return the type of the values that the function `read` accepts and converts.
+
+    `comment` describes allowed values in error messages.
+    """
+    schema = WithJsonSchema({"type": json_types, "$comment": comment})
     return Annotated[Any, PlainValidator(read), schema]
 
 
-def several(item, count):
-    """Return the type of a list of `count` values."""
-    return Annotated[list[item], Field(min_length=count, max_length=count)]
+def list_of(item_type, length):
+    """Return the type of a list with `length` items."""
+    return Annotated[list[item_type], Field(min_length=length, max_length=length)]
 
 
 #: A non-empty list of different values.
 Distinct = Annotated[
     list[_T],
     Field(min_length=1, json_schema_extra={"uniqueItems": True}),
-    AfterValidator(_all_different),
+    AfterValidator(_require_distinct),
 ]
-Truth = Annotated[
-    bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_truth)
+Boolean = Annotated[
+    bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_boolean)
 ]
 Name = Annotated[str, Field(pattern=NAME)]
 Label = text("a text of 1 to 60 characters", min_length=1, max_length=60)
@@ -200,55 +204,60 @@ DampingName = Annotated[
         pattern=NAME,
         description="One of the dampings. Default: the first one that damps, if one does.",
     ),
-    AfterValidator(_known_damping),
+    AfterValidator(_require_known_damping),
 ]
 #: Option of a method, which only the method can check; integers stay integers.
-Option = anything(
+Option = custom_type(
     _read_option, ["boolean", "number", "string"], "a finite number, true, false or a text"
 )
 #: Number or text whose unit follows from another key; that checks the text.
-Amount = anything(
+Amount = custom_type(
     _read_amount, ["number", "string"], "or a text with its unit, or a share such as '5 %'"
 )
 
 
-def _plain(value):
-    """Return a value with mappings in place of the sections in it."""
+def _sections_to_dicts(value):
+    """Return `value`, a dict, list or scalar, with all sections in it converted to dicts."""
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: _sections_to_dicts(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_plain(item) for item in value]
+        return [_sections_to_dicts(item) for item in value]
     return value.model_dump() if isinstance(value, Section) else value
 
 
-class Section(BaseModel):
-    """Base of all sections: no unknown keys, no silent conversions, immutable."""
+class Section(pydantic.BaseModel):
+    """Base class of all sections: immutable, without unknown keys and implicit conversions."""
 
-    # Built with the whole configuration only, not each section by itself before: that takes longer.
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
+    # Building the validators once, with the whole configuration, is faster.
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
     def model_dump(self, *, include=None, exclude=(), **_):
-        """Return key -> plain value, without keys that are left out; no serializer is built."""
-        skipped = {*exclude, *(key for key, x in type(self).model_fields.items() if x.exclude)}
-        values = {key: value for key, value in self if value is not None and key not in skipped}
-        return {key: _plain(values[key]) for key in values if include is None or key in include}
+        """Return the section as a dict without keys whose value is None.
+
+        `include` and `exclude` are collections of keys. Pydantic's version is slower, because it
+        builds a serializer.
+        """
+        excluded = {*exclude, *(key for key, x in type(self).model_fields.items() if x.exclude)}
+        keys = (type(self).model_fields.keys() if include is None else {*include}) - excluded
+        values = ((key, value) for key, value in self if key in keys and value is not None)
+        return {key: _sections_to_dicts(value) for key, value in values}
 
 
 @cache
 def type_of(kind):
-    """Return the type of a kind of `gearlib.parameters`, as YAML has its values."""
+    """Return the pydantic type of values of a `gearlib.parameters.Kind`."""
     if isinstance(kind, parameters.Number):
-        bounds = {"gt": kind.above, "ge": kind.least, "lt": kind.below, "le": kind.most}
-        bounds = {name: value for name, value in bounds.items() if value is not None}
+        bounds = {name: getattr(kind, name) for name in ("gt", "ge", "lt", "le")}
+        bounds = {name: bound for name, bound in bounds.items() if bound is not None}
         if kind.unit == "1":
             return number(**bounds)
         return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **bounds)
     if isinstance(kind, parameters.Integer):
-        return whole(kind.least, kind.limit if kind.most is None else kind.most)
+        return integer(kind.minimum, kind.limit if kind.maximum is None else kind.maximum)
     if kind == parameters.TEXT:
         return Label
     if kind == parameters.TRUTH:
-        return Truth
+        return Boolean
     if isinstance(kind, parameters.OneOf):
         return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
     return Annotated[
@@ -256,30 +265,31 @@ def type_of(kind):
     ]
 
 
-def like(
-    title, words, constructor, *names, base=Section, without=(), required=(), optional=(), **more
+def create_section(
+    name, doc, constructor, *keys, base=Section, exclude=(), required=(), optional=(), **extra
 ):
-    """Return a section whose keys are what a constructor or function declares, or some `names`.
+    """Return a section class with a key for each declared parameter of `constructor`.
 
-    They are added to `base`. What has a default may be left out unless it is `required`, and so
-    may `optional` keys; `without` are no keys. `more` keys, (type, field) each, belong to the
-    section alone. `words` describe the section.
+    `constructor` is a class or function. If `keys` are given, other parameters have no key, and
+    neither have those in `exclude`. Keys in `required` must be given although they have a default,
+    keys in `optional` may be missing although they have none. The class is derived from `base`, has
+    the docstring `doc` and the `extra` keys, each a pair (type, field).
     """
     fields = {}
-    for name, parameter in parameters.declared(constructor).items():
-        chosen = name in names if names else name not in {*without, *more}
-        if not chosen or isinstance(parameter.kind, parameters.Instance):
+    for key, parameter in parameters.declared_parameters(constructor).items():
+        included = key in keys if keys else key not in {*exclude, *extra}
+        if not included or isinstance(parameter.kind, parameters.Instance):
             continue
-        default, extra = parameter.default, {}
-        needed = name in required or (default is parameters.MISSING and name not in optional)
-        values = default if isinstance(default, tuple) else (default,)
-        if not needed and not {parameters.MISSING, None, math.inf}.intersection(values):
-            # Left out, it is not dumped; the schema says what the constructor makes of it.
-            plain = list(default) if isinstance(default, tuple) else default
-            extra = {"json_schema_extra": {"default": plain}} if name not in optional else {}
-        field = entry(parameter.description, ... if needed else None, **extra)
-        fields[name] = type_of(parameter.kind), field
-    return create_model(title, __base__=base, __doc__=words, **(fields | more))
+        default, options = parameter.default, {}
+        is_required = key in required or (default is parameters.MISSING and key not in optional)
+        values = list(default) if isinstance(default, tuple) else [default]
+        if not (is_required or key in optional or {parameters.MISSING, None, math.inf} & {*values}):
+            # Only the schema has the default, because the constructor itself applies it.
+            default = values if isinstance(default, tuple) else default
+            options = {"json_schema_extra": {"default": default}}
+        definition = field(parameter.description, ... if is_required else None, **options)
+        fields[key] = type_of(parameter.kind), definition
+    return pydantic.create_model(name, __base__=base, __doc__=doc, **(fields | extra))
 
 
 Finite, Positive = type_of(parameters.FINITE), type_of(parameters.POSITIVE)
@@ -290,115 +300,119 @@ Backlash, Angle = type_of(parameters.BACKLASH), type_of(parameters.ANGLE)
 DampingCoefficient = type_of(parameters.DAMPING)
 PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
 Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
-#: Of the gear pair.
-_SPEED = {"json_schema_extra": _or_text(units.RPM, "or a speed such as '1500 rpm'")}
-Tuning = number(_read_tuning, gt=0, le=100, **_SPEED)
-Distance = number(_read_tuning, gt=0, le=10, **_SPEED)
-#: Of a train or drawing, which takes no speed.
-OwnTuning = number(gt=0, le=100)
+_OR_SPEED = {"json_schema_extra": _number_or_string(units.RPM, "or a speed such as '1500 rpm'")}
+#: Tuning of the gear pair and difference of two tunings, which may be speeds.
+Tuning = number(_read_tuning, gt=0, le=100, **_OR_SPEED)
+Distance = number(_read_tuning, gt=0, le=10, **_OR_SPEED)
+#: Tuning that must be a number, because it belongs to a train or drawing.
+NumericTuning = number(gt=0, le=100)
 Tolerance = number(gt=0, le=10)
-Count, LargeCount = whole(1, 1000), whole(1, 1_000_000)
+Count, LargeCount = integer(1, 1000), integer(1, 1_000_000)
 
 
-def described(item, description):
-    """Return a type with a description, for keys that many sections have."""
-    return Annotated[item, Field(description=description)]
+def with_description(value_type, description):
+    """Return a type whose fields have `description`, for keys of several sections."""
+    return Annotated[value_type, Field(description=description)]
 
 
 _FIRST, _LAST = "First tuning.", "Last tuning; start plus a whole multiple of step."
 _DISTANCE = "Distance of the tunings."
-Start, OwnStart = described(Tuning, _FIRST), described(OwnTuning, _FIRST)
-Stop, OwnStop = described(Tuning, _LAST), described(OwnTuning, _LAST)
-Step, OwnStep = described(Distance, _DISTANCE), described(number(gt=0, le=10), _DISTANCE)
-Periods = described(LargeCount, "Mesh periods of a run.")
-RecordPeriods = described(whole(1), "The last mesh periods, which are evaluated.")
-Starts = described(Count, "Seeded starts of every motion.")
-Seed = described(whole(0, 1_000_000), "Seed of the random starts.")
+Start, NumericStart = with_description(Tuning, _FIRST), with_description(NumericTuning, _FIRST)
+Stop, NumericStop = with_description(Tuning, _LAST), with_description(NumericTuning, _LAST)
+Step, NumericStep = (with_description(x, _DISTANCE) for x in (Distance, number(gt=0, le=10)))
+Periods = with_description(LargeCount, "Mesh periods of a run.")
+RecordPeriods = with_description(integer(1), "The last mesh periods, which are evaluated.")
+Starts = with_description(Count, "Seeded starts of every motion.")
+Seed = with_description(integer(0, 1_000_000), "Seed of the random starts.")
 
 
-class OwnGrid(Section):
-    """A range of tunings in equal steps, of a train or drawing."""
+class NumericGrid(Section):
+    """Equidistant tunings of a train or drawing."""
 
-    start: OwnStart
-    stop: OwnStop
-    step: OwnStep
+    start: NumericStart
+    stop: NumericStop
+    step: NumericStep
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check_grid(self):
         self.check_steps("step")
         return self
 
-    def check_steps(self, key, most=MAX_JOBS):
-        """Refuse a range that is no whole multiple of a step, or has too many."""
-        step, span = getattr(self, key), self.stop - self.start
-        count = tunings.steps(self.start, self.stop, step)
-        allowed = f">= {span / most:.2g} to stay within {most:,} tunings"
-        checks.require(count < most, f".{key}", step, allowed)
-        allowed = f".start = {self.start!r} plus a whole multiple of .{key} = {step!r}"
-        checks.require(count > 0 and count % 1 == 0, ".stop", self.stop, allowed)
+    def check_steps(self, step_key, max_tunings=MAX_JOBS):
+        """Raise ValueError if the range has too many steps or is no multiple of the step."""
+        step, tuning_range = getattr(self, step_key), self.stop - self.start
+        step_count = tunings.steps(self.start, self.stop, step)
+        allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
+        checks.require(step_count < max_tunings, f".{step_key}", step, allowed)
+        allowed = f".start = {self.start!r} plus a whole multiple of .{step_key} = {step!r}"
+        checks.require(step_count > 0 and step_count % 1 == 0, ".stop", self.stop, allowed)
 
 
-class Grid(OwnGrid):
-    """A range of tunings of the gear pair in equal steps, or of speeds."""
+class Grid(NumericGrid):
+    """Equidistant tunings or speeds of the gear pair."""
 
     start: Start
     stop: Stop
     step: Step
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _read_speeds(cls, values, info):
-        """Return a grid in rpm as one of tunings; a decimal step keeps stop a whole multiple."""
+        """Convert a range of speeds to one of tunings, so that it stays a multiple of its step.
+
+        `values` is the section, `info` the validation context; all keys or none are in rpm.
+        """
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
-        given = dict(values) if isinstance(values, dict) else {}
-        rpm = {key: units.rpm(given[key]) for key in keys if key in given}
-        if {*rpm.values()} <= {None}:
+        section = dict(values) if isinstance(values, dict) else {}
+        speeds = {key: units.rpm(section[key]) for key in keys if key in section}
+        if {*speeds.values()} <= {None}:
             return values
-        for key in (*keys[:3], *rpm):
-            if rpm.get(key) is None:
-                fault = f"= {given[key]!r} is not allowed" if key in given else "is missing"
-                raise ValueError(f".{key} {fault}: a grid must be in rpm throughout, or nowhere")
-        count = (rpm["stop"] - rpm["start"]) / rpm["step"] if rpm["step"] else Decimal(0)
-        fits = rpm["stop"] < _MAX_RPM and 0 < count < _MAX_RPM and count % 1 == 0
-        allowed = f".start = {given['start']!r} plus a whole multiple of .step = {given['step']!r}"
-        checks.require(fits, ".stop", given["stop"], allowed)
-        unit = Decimal(tuning_per_rpm(from_context(info, "pair")))
-        start, step = ((unit * rpm[key]).quantize(_DECIMALS) for key in ("start", "step"))
-        lengths = {key: value / rpm["step"] * step for key, value in rpm.items()}
-        lengths |= {"start": start, "stop": start + count * step}
-        return values | {key: float(value) for key, value in lengths.items()}
+        for key in (*keys[:3], *speeds):
+            if speeds.get(key) is None:
+                problem = f"= {section[key]!r} is not allowed" if key in section else "is missing"
+                raise ValueError(f".{key} {problem}: a grid must be in rpm throughout, or nowhere")
+        start, stop, step = (speeds[key] for key in keys[:3])
+        step_count = (stop - start) / step if step else Decimal(0)
+        is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_RPM and step_count % 1 == 0
+        allowed = f".start = {section['start']!r} plus a whole multiple of .step = "
+        checks.require(is_valid, ".stop", section["stop"], f"{allowed}{section['step']!r}")
+        factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
+        first, distance = ((factor * x).quantize(_TUNING_RESOLUTION) for x in (start, step))
+        tuning_values = {key: speed / step * distance for key, speed in speeds.items()}
+        tuning_values |= {"start": first, "stop": first + step_count * distance}
+        return values | {key: float(value) for key, value in tuning_values.items()}
 
 
-def grid(start, stop, step, base=Grid):
-    """Return the base of a section with a range of tunings, by its defaults."""
-    types = (OwnStart, OwnStop, OwnStep) if base is OwnGrid else (Start, Stop, Step)
-    keys = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
-    return create_model("Range", __base__=base, **keys)
+def default_grid(start, stop, step, base=Grid):
+    """Return a base class of sections with a range of tunings that has these defaults."""
+    types = (NumericStart, NumericStop, NumericStep) if base is NumericGrid else (Start, Stop, Step)
+    fields = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
+    return pydantic.create_model("Range", __base__=base, **fields)
 
 
-class Recorded(Section):
-    """Runs of which the last mesh periods are evaluated."""
+class RecordedPeriods(Section):
+    """Base class of sections with runs whose last mesh periods are evaluated."""
 
     periods: Periods
     record_periods: RecordPeriods
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _check_record(self):
-        allowed = f"an integer from 1 to .periods = {self.periods}"
-        fits = self.record_periods <= self.periods
-        checks.require(fits, ".record_periods", self.record_periods, allowed)
+        """Refuse more recorded than computed mesh periods."""
+        recorded, allowed = self.record_periods, f"an integer from 1 to .periods = {self.periods}"
+        checks.require(recorded <= self.periods, ".record_periods", recorded, allowed)
         return self
 
 
-class Seeded(Section):
-    """Sections whose motions have many seeded starts."""
+class SeededStarts(Section):
+    """Base class of sections with motions from random initial states."""
 
     starts: Starts = 32
     seed: Seed = 1
-    spread: Tolerance = entry("Largest displacement at a start, static deflections.", 0.02)
+    spread: Tolerance = field("Largest displacement at a start, static deflections.", 0.02)
 
 
-class Started(Seeded):
-    """Sections whose motions get fewer starts where those agree."""
+class IncreasingStarts(SeededStarts):
+    """Base class of sections that compute all starts only if the first ones disagree."""
 
-    first_starts: Count = entry("Starts that suffice if they end on one orbit.", 4)
+    first_starts: Count = field("Starts that suffice if they end on one orbit.", 4)

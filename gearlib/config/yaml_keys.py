@@ -1,47 +1,44 @@
-"""YAML files, and the keys that they give twice: YAML itself would silently keep the last."""
+"""Reading of YAML files, and keys that are given twice, of which YAML keeps the last silently."""
 
 import yaml
 
-#: That of libyaml is ten times as fast.
-_Base = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """Loader of plain YAML that collects the keys that a mapping repeats."""
 
-class _Loader(_Base):
-    """Reads plain YAML and remembers the keys that a mapping repeats."""
-
-    repeated: list[str]
+    repeated_keys: list[str]
 
     def construct_mapping(self, node, deep=False):
-        # Keys that are no plain scalars are left to the check of the configuration.
+        """Return the dict of a YAML mapping, and note its repeated keys."""
+        # The validation of the configuration refuses keys that are not scalars.
         keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for i, key in enumerate(keys):
             if any(key.value == earlier.value for earlier in keys[:i]):
                 line = key.start_mark.line + 1
-                self.repeated.append(f"{key.value} is given twice, again in line {line}")
+                self.repeated_keys.append(f"{key.value} is given twice, again in line {line}")
         return super().construct_mapping(node, deep)
 
 
 def read(path):
-    """Return (what a file says, one sentence for each key that it repeats within a mapping).
+    """Return the content of a YAML file, and an error message for each repeated key.
 
-    ValueError, with file and line, where it is not YAML.
+    Raise ValueError, with file and line, if it is not YAML.
     """
     try:
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
-        loader.repeated = []
+        loader.repeated_keys = []
         content = loader.get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is not YAML{_fault(error)}") from None
+        raise ValueError(f"{path} is not YAML{_position_and_problem(error)}") from None
     if content is None:
         raise ValueError(f"{path} is empty: it must be a mapping of keys to values")
-    return content, [f"{path}: the key {text}: it must stand once" for text in loader.repeated]
+    return content, [f"{path}: the key {key}: it must stand once" for key in loader.repeated_keys]
 
 
-def _fault(error):
-    """Return where a file is no YAML, and what is wrong there."""
+def _position_and_problem(error):
+    """Return the end of an error message: line and column of an error of YAML, and its message."""
     mark = getattr(error, "problem_mark", None)
-    place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    context, problem = (getattr(error, key, None) for key in ("context", "problem"))
-    words = ", ".join(filter(None, [context, problem])) or " ".join(str(error).split())
-    return f"{place}: {words}"
+    position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    parts = [getattr(error, "context", None), getattr(error, "problem", None)]
+    return f"{position}: {', '.join(filter(None, parts)) or ' '.join(str(error).split())}"

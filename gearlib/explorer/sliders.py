@@ -11,7 +11,7 @@ from gearlib.explorer.view import HIGHEST, LOWEST
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair import GearPair
-from gearlib.parameters import declared, named
+from gearlib.parameters import declared_parameters, units_and_names
 
 #: Least number of steps of a slider, and the rounding error of a number of steps.
 _MIN_STEPS, _ROUNDING = 200, 1e-9
@@ -52,7 +52,7 @@ def of_field(thing, name: str, start: float, low: float, high: float) -> Slider:
 
     Initial value and ends are in SI.
     """
-    kind, (_, parameter_name) = declared(thing)[name].kind, named(thing)[name]
+    kind, (_, parameter_name) = declared_parameters(thing)[name].kind, units_and_names(thing)[name]
     written = getattr(kind, "example", "").partition(" ")[2]
     # Forces are written in N.
     written = kind.unit if written.startswith("k") else written

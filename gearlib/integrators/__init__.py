@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gearlib import checks
 from gearlib.integrators.method import MissingPackage
 from gearlib.models.model import is_model
-from gearlib.removed import REMOVED, sentence
+from gearlib.removed import REMOVED, removal_message
 
 if TYPE_CHECKING:  # `workflow.sources` reads this import; any run loads the module by its name.
     from gearlib.integrators import method  # noqa: F401
@@ -98,7 +98,7 @@ def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
     if name in REMOVED:
-        raise ValueError(sentence(name))
+        raise ValueError(removal_message(name))
     checks.one_of("method", name, tuple(METHODS))
     # The other methods are checked only now, because their modules take time to load.
     reason = refusal(model, name)

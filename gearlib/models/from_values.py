@@ -16,7 +16,7 @@ from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains import planetary, ready_made
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.train import GearTrain
-from gearlib.parameters import declared
+from gearlib.parameters import declared_parameters
 
 _PROFILES = {
     profile.__name__.lower(): profile
@@ -60,7 +60,7 @@ def _model_with(values: dict[str, Any]) -> Model | None:
         return GearTrain(**values)
     if "base_radii" in values:
         return SixDegreePair(**(values | {"pair": GearPair(**values["pair"])}))
-    pair_fields = declared(GearPair).keys()
+    pair_fields = declared_parameters(GearPair).keys()
     pair = GearPair(**{name: values.pop(name) for name in pair_fields if name in values})
     if "profile" in values:
         profile_fields = values.pop("profile")

@@ -85,7 +85,7 @@ class LoadSharingPair(WithPair):
     stiffness: Any = "energy"
     coupling: Annotated[
         float,
-        Number("1", least=0, most=1),
+        Number("1", ge=0, le=1),
         "Share of the gear body's compliance that is common to all pairs of teeth",
     ] = 1.0
     deviation: PathTable | None = None

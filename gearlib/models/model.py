@@ -149,7 +149,7 @@ class Model:
         """
         settable: dict = {}
         for model in filter(None, (self, self.mesh)):
-            declarations = parameters.declared(type(model))
+            declarations = parameters.declared_parameters(type(model))
             for name, value in fields_of(model).items():
                 parameter = declarations.get(name, parameters.Parameter(None, name))
                 units, description = parameters.cf_units(parameter.unit), parameter.long_name

@@ -40,10 +40,10 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Fourier, Pieces, Rectangular, Series, Steps, Tabulated
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented, named
+from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented, units_and_names
 
 _HARMONICS = Instance((Harmonics,))
-_QUADRATIC, _CUBIC = Number("N s^2/m^2", least=0), Number("N s^3/m^3", least=0)
+_QUADRATIC, _CUBIC = Number("N s^2/m^2", ge=0), Number("N s^3/m^3", ge=0)
 
 
 @dataclass(frozen=True)
@@ -191,9 +191,9 @@ class OneDegreePair(WithPair):
     )
     backlash_cubic_damping: Annotated[float, _CUBIC, "Cubic damping D3m of the oil"] = 0.0
     quadratic_stiffness: Annotated[
-        float, Number("1/m", least=0), "Quadratic stiffness g2; power law in contact, |g| g"
+        float, Number("1/m", ge=0), "Quadratic stiffness g2; power law in contact, |g| g"
     ] = 0.0
-    cubic_stiffness: Annotated[float, Number("1/m^2", least=0), "Cubic stiffness g3"] = 0.0
+    cubic_stiffness: Annotated[float, Number("1/m^2", ge=0), "Cubic stiffness g3"] = 0.0
     profile: Annotated[
         Rectangular | Fourier | Tabulated,
         Instance((Rectangular, Fourier, Tabulated)),
@@ -215,7 +215,9 @@ class OneDegreePair(WithPair):
         """A sentence on jumps of the mesh force for results; "" unless stiffness is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
-    parameters = property(lambda model: named(type(model)), doc="Its numbers beside the pair's.")
+    parameters = property(
+        lambda model: units_and_names(type(model)), doc="Its numbers beside the pair's."
+    )
 
     @cached_property
     def equation(self) -> Equation:
@@ -242,7 +244,7 @@ class OneDegreePair(WithPair):
 class _StiffnessKind(Number):
     """A constant stiffness, a `Series` or `Steps`."""
 
-    words = "a finite number >= 0, a Series or Steps"
+    allowed = "a finite number >= 0, a Series or Steps"
 
     def check(self, name: str, value: Any) -> Any:
         return value if isinstance(value, (Series, Steps)) else super().check(name, value)
@@ -251,13 +253,13 @@ class _StiffnessKind(Number):
 class _LowerEdge(Number):
     """The lower edge, which may be at -infinity."""
 
-    words = "a number < infinity"
+    allowed = "a number < infinity"
 
     def accepts(self, value: float) -> bool:
         return value < math.inf
 
 
-_STIFFNESS = _StiffnessKind("1", least=0)
+_STIFFNESS = _StiffnessKind("1", ge=0)
 _StiffnessValue = float | Series | Steps
 
 

@@ -63,10 +63,10 @@ from gearlib.parameters import (
     Many,
     Number,
     documented,
-    named,
+    units_and_names,
 )
 
-_BEARING = Number("N/m", "1 kN/um", above=0, infinite="infinity: rigid")
+_BEARING = Number("N/m", "1 kN/um", gt=0, infinite="infinity: rigid")
 _BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -187,7 +187,8 @@ class SixDegreePair(WithPair):
         return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(drawn_fields | fields))
 
     parameters = property(
-        lambda model: named(type(model)), doc="Continuation parameters: the two phases, in rad."
+        lambda model: units_and_names(type(model)),
+        doc="Continuation parameters: the two phases, in rad.",
     )
     contact_map = contact_map
     as_dict = Model.as_dict

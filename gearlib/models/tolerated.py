@@ -8,7 +8,7 @@ from gearlib import checks, parameters
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import RATIOS, PairParameters
-from gearlib.parameters import Parameter, numbers
+from gearlib.parameters import Parameter, numeric_parameters
 
 #: Config keys of the plain descriptions of a scattering value.
 SCATTER_KEYS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
@@ -42,7 +42,7 @@ FLANK_PARAMETERS = {
 def pair_parameters() -> dict[str, Parameter]:
     """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
     ratios = {name: Parameter(parameters.NONNEGATIVE, name.replace("_", " ")) for name in RATIOS}
-    return numbers(PairParameters) | ratios
+    return numeric_parameters(PairParameters) | ratios
 
 
 def drawing_parameters() -> dict[str, Any]:
@@ -50,9 +50,9 @@ def drawing_parameters() -> dict[str, Any]:
 
     Names of a single gear have a prefix, as in ``pinion.shift``.
     """
-    drawing_parameters = numbers(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
+    drawing_parameters = numeric_parameters(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
     for gear in ("pinion", "wheel"):
-        for name, parameter in numbers(SpurGear).items():
+        for name, parameter in numeric_parameters(SpurGear).items():
             drawing_parameters[f"{gear}.{name}"] = parameter
     return drawing_parameters
 

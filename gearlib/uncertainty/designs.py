@@ -30,7 +30,7 @@ from gearlib.models.tolerated import (
     LOAD_PARAMETERS,
     RATIOS,
     drawing_parameters,
-    numbers,
+    numeric_parameters,
 )
 from gearlib.uncertainty import distributions
 
@@ -50,11 +50,11 @@ class ModelSource:
 
     def __init__(self, model: Any):
         self.model, self.value = model, model.value
-        declared = numbers(type(model)) if dataclasses.is_dataclass(model) else {}
-        declared = (numbers(PairParameters) if model.mesh else {}) | declared
+        declared = numeric_parameters(type(model)) if dataclasses.is_dataclass(model) else {}
+        declared = (numeric_parameters(PairParameters) if model.mesh else {}) | declared
         names = [*model.settable, *({} if model.train is model else declared)]
         self.known = {name: declared.get(name) for name in names}
-        self.described = parameters.named(type(model)) | model.settable
+        self.described = parameters.units_and_names(type(model)) | model.settable
 
     def __call__(self, changes: dict) -> Any:
         """Return the model with changed parameters, a mapping of names to values."""
@@ -153,7 +153,7 @@ def _parameter_text(name: str, parameter: Any) -> str:
     `name` may begin with a gear, as in "pinion.shift"; `parameter` has the full description.
     """
     gear, _, field = name.rpartition(".")
-    text = parameter.words.split(";")[0].split(",")[0].strip()
+    text = parameter.text.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
     return f"{text} of the {gear}" if gear else text
 
@@ -173,7 +173,7 @@ class FunctionSource:
         self.required = [argument.name for argument in arguments if argument.default is empty]
         declared: dict = {}
         with suppress(AttributeError, TypeError):
-            declared = parameters.declared(function)
+            declared = parameters.declared_parameters(function)
         self.known = {argument.name: declared.get(argument.name) for argument in arguments}
         self.described = {name: ("1", name) for name in self.known}
         for name, parameter in self.known.items():

@@ -13,7 +13,7 @@ from gearlib.config import measured_description, units
 from gearlib.data import measured_names
 from gearlib.data.files import canonical_json
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import Number, declared
+from gearlib.parameters import Number, declared_parameters
 from gearlib.uncertainty import measured_tables
 from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, LONG_COLUMNS
 
@@ -98,7 +98,7 @@ def _json_value(name: str, value: Any) -> Any:
         return [_json_value(f"{name}[{i}]", entry) for i, entry in enumerate(value)]
     if isinstance(value, float) and math.isnan(value):
         raise checks.refusal(f"known.{name}", value, "a number or a text")
-    parameter = declared(PairParameters).get(name)
+    parameter = declared_parameters(PairParameters).get(name)
     unit = parameter.kind.unit if parameter and isinstance(parameter.kind, Number) else "1"
     if isinstance(value, str) and value[:1].isdigit() and unit != "1":
         try:

@@ -11,7 +11,7 @@ import xarray as xr
 import gearlib
 import gearlib.geometry as drawn
 from gearlib import Body, GearPair, Harmonics, LoadSharingPair
-from gearlib.parameters import Number, declared
+from gearlib.parameters import Number, declared_parameters
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER, PARAMETERS
 from tests.refusals.ranges import Ranges
@@ -225,7 +225,7 @@ def test_what_is_declared_has_its_unit():
     found = [
         (call, name, one)
         for call in (*MADE, *CALLED)
-        for name, one in declared(call).items()
+        for name, one in declared_parameters(call).items()
         if isinstance(innermost(one.kind), Number)
     ]
     assert len(found) > 100
@@ -233,7 +233,7 @@ def test_what_is_declared_has_its_unit():
         unit = UNITS.of([owner(call), name])
         assert unit and (one.unit or "1") == unit.words, (owner(call), name)
     with pytest.raises(TypeError, match="unit"):
-        Number(above=0)  # type: ignore[call-arg]
+        Number(gt=0)  # type: ignore[call-arg]
 
 
 def innermost(kind):

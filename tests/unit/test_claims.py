@@ -57,7 +57,7 @@ def configured_scenes():
             for case in scene.cases
         ]
         # Which model carries a scene is the matter of `scenes.compare` and its tests.
-        model, six = settings.candidates(scene)[0], settings.six_degrees.model_dump()
+        model, six = settings.candidate_models(scene)[0], settings.six_degrees.model_dump()
         result[name] = scenes.scene(cases, model, six, RUN | {"samples_per_period": 16}, starts)
     return result
 

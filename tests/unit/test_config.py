@@ -13,7 +13,7 @@ import gearlib
 from gearlib import GearPair, tunings
 from gearlib.cli import main
 from gearlib.config import ConfigError, cases, load, overlay, schema, units
-from gearlib.config.experiments import PEERS
+from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.integrators import METHODS
 from gearlib.removed import REMOVED
 from tests.paper import CONFIG
@@ -122,7 +122,7 @@ def test_single_tunings_in_rpm():
     own[2] = own[2] | {"tuning": "2000 rpm"}
     found = changed(basins={"cases": own})
     case = found.basins.cases[2]
-    gears = found.global_parameters(case)
+    gears = found.case_parameters(case)
     assert gears["stiffness_ratio"] == 0.35
     assert GearPair(**gears).speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
 
@@ -166,7 +166,7 @@ def test_methods_and_packages_are_those_of_the_library():
         for name, method in METHODS.items()
         if method.PACKAGE is not None
     }
-    assert packages == PEERS
+    assert packages == METHOD_PACKAGES
 
 
 def test_every_key_is_described():

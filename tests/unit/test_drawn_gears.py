@@ -174,9 +174,9 @@ def test_dampings_by_ratio_decrement_and_coefficient():
     sections["poincare"] = {"cases": [case | {"phase": 0.0, "settle": 10}]}
     settings = load(FZG | sections)
     expected = load(changed("dampings/k/damping_ratio", 0.02)).pair_parameters("k")
-    assert settings.damped_parameters(settings.bifurcation.damping) == expected
+    assert settings.pair_parameters(settings.bifurcation.damping) == expected
     for section in (settings.basins, settings.poincare):
-        assert settings.global_parameters(section.cases[0]) == expected
+        assert settings.case_parameters(section.cases[0]) == expected
 
 
 def test_a_configuration_laid_over_another_one():

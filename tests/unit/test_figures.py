@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib.config.experiments import PEERS
+from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.figures import (
     failures_figure,
     jump_figure,
@@ -113,7 +113,7 @@ def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
 def test_gears_and_methods_not_installed_are_named_beside_legend_and_panels(draw, tmp_path):
     figure = draw()
     style.name_gears(figure, "gear pair z 23/61, m 2.5 mm")
-    style.note_absent(figure, list(PEERS))
+    style.note_absent(figure, list(METHOD_PACKAGES))
     style.save(figure, tmp_path / "figure.png")
     others = [legend.get_window_extent() for legend in figure.legends]
     others += [axes.get_tightbbox() for axes in figure.axes]

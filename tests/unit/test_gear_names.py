@@ -59,13 +59,15 @@ def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words)
         load(OWN | {"gears": gears, "targets": [target]})
     assert str(refusal.value).startswith(words) and target in str(refusal.value)
     # Asked for nothing in particular, these are left out.
-    assert target not in load(OWN | {"gears": gears}).wanted()
+    assert target not in load(OWN | {"gears": gears}).computed_targets()
 
 
 def test_drawn_trains_are_wanted_alone_or_beside_a_pair():
-    assert load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS)).wanted() == [*TRAIN_TARGETS]
+    assert load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS)).computed_targets() == [
+        *TRAIN_TARGETS
+    ]
     both = PLANETS | {"gear_pair": {"load": 1e3}}
-    wanted = load(overlay_gears(overlay(CONFIG, both), both)).wanted()
+    wanted = load(overlay_gears(overlay(CONFIG, both), both)).computed_targets()
     assert {*TRAIN_TARGETS, "resonance"} <= {*wanted} and "reducer" not in wanted
     # Chosen by name it is refused.
     (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).refusals()

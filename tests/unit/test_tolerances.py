@@ -9,14 +9,14 @@ import yaml
 from scipy import stats
 
 import gearlib
-from gearlib.parameters import declared
+from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
 from gearlib.uncertainty.designs import Designs, DrawnPair, counted
 from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 
-KNOWN = declared(gearlib.GearPair) | {"free": None}
+KNOWN = declared_parameters(gearlib.GearPair) | {"free": None}
 PAIR = PAPER.replace(material_damping=3953.7)
 MANY = {
     "load": {"mean": 3300.0, "std": 150.0},

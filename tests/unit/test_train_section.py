@@ -17,7 +17,7 @@ from tests.trains.random_trains import random_train
 
 EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 #: Keys of drawn gears, tested in test_drawn_trains.py.
-DRAWN = {"gear", *train_section.OF_DRAWN} - {"material_damping"}
+DRAWN = {"gear", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
 READY_MADE = ("split_power_reducer", "planetary", "idler", "two_stage")
 
 

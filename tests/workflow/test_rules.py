@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from gearlib.config import overlay
-from gearlib.config.configuration import FOLDERS, TARGETS
+from gearlib.config.configuration import RESULT_FOLDERS, TARGETS
 from gearlib.config.targets import TRAIN_TARGETS
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
@@ -83,7 +83,7 @@ def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
 
 def test_names_of_projects_are_none_of_the_folders_of_results(paper):
     paths = [path.split("/") for rule in paper.rules.values() for path in rule["outputs"]]
-    assert {path[1] for path in paths if len(path) > 2} <= FOLDERS
+    assert {path[1] for path in paths if len(path) > 2} <= RESULT_FOLDERS
 
 
 @pytest.mark.parametrize("name", ["mesh_stiffness", "harris_map"])

@@ -76,7 +76,7 @@ def checked_configuration():
     try:
         raise_any([sentence for path in files for sentence in yaml_keys.read(path)[1]])
         checked = configuration.load(config)
-        raise_any([*checked.refusals(), *checked.without_damping()])
+        raise_any([*checked.refusals(), *checked.missing_train_damping()])
         if workflow.is_main_process:
             check_numbers(checked)
         return checked
@@ -91,7 +91,7 @@ def canonical(value):
 
 CONFIG = checked_configuration()
 #: Targets of a call that names none.
-WANTED = CONFIG.wanted()
+WANTED = CONFIG.computed_targets()
 # Rules and captions of the report find defaults as well.
 config.update(canonical(CONFIG.model_dump()))
 
@@ -120,7 +120,7 @@ def global_cases(section):
         [
             {
                 **case.model_dump(exclude={"damping", "change"}),
-                "pair": CONFIG.global_parameters(case),
+                "pair": CONFIG.case_parameters(case),
             }
             for case in section.cases
         ]
@@ -230,7 +230,7 @@ def cases_of_scene(wildcards):
 def question_of_scene(wildcards):
     """Return observables, tolerance and candidates of the comparison of models for a scene."""
     scene = config["scenes"][wildcards.scene]
-    candidates = CONFIG.candidates(CONFIG.scenes[wildcards.scene])
+    candidates = CONFIG.candidate_models(CONFIG.scenes[wildcards.scene])
     return pick(scene, "observables", "tolerance") | {"candidates": candidates}
 
 

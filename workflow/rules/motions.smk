@@ -416,7 +416,7 @@ rule basins:
         target_files("basins", rules.draw_basins.output),
 
 
-BIFURCATION_PAIR = canonical(CONFIG.damped_parameters(CONFIG.bifurcation.damping))
+BIFURCATION_PAIR = canonical(CONFIG.pair_parameters(CONFIG.bifurcation.damping))
 
 
 use rule _compute as compute_bifurcation with:

@@ -66,9 +66,9 @@ def inverse_involute(involute: float) -> float:
 class Material:
     """An elastic material; steel of ISO 6336-1 by default."""
 
-    young: Annotated[float, Number("Pa", "206 GPa", above=0), "Modulus of elasticity"] = 206e9
-    poisson: Annotated[float, Number("1", least=0, below=0.5), "Poisson's ratio"] = 0.3
-    density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", above=0), "Density"] = 7850.0
+    young: Annotated[float, Number("Pa", "206 GPa", gt=0), "Modulus of elasticity"] = 206e9
+    poisson: Annotated[float, Number("1", ge=0, lt=0.5), "Poisson's ratio"] = 0.3
+    density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", gt=0), "Density"] = 7850.0
 
     def __post_init__(self) -> None:
         check(self, " of a material")
@@ -79,8 +79,8 @@ class Material:
 class Rack:
     """The basic rack that generates the teeth, in modules."""
 
-    addendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_aP"] = 1.0
-    dedendum: Annotated[float, Number("1", above=0, most=3), "Of the rack,", "h_fP"] = 1.25
+    addendum: Annotated[float, Number("1", gt=0, le=3), "Of the rack,", "h_aP"] = 1.0
+    dedendum: Annotated[float, Number("1", gt=0, le=3), "Of the rack,", "h_fP"] = 1.25
     tip_radius: Annotated[
         float,
         NONNEGATIVE,
@@ -216,15 +216,15 @@ class SpurGear:
     teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
     module: Annotated[float, MODULE, "Normal module", "m_n"]
     width: Annotated[float, WIDTH, "Face width", "b"]
-    shift: Annotated[float, Number("1", least=-3, most=3), "Profile shift coefficient", "x"] = 0.0
+    shift: Annotated[float, Number("1", ge=-3, le=3), "Profile shift coefficient", "x"] = 0.0
     pressure_angle: Annotated[
         float,
-        Number("rad", "20 deg", above=0, below=math.pi / 4),
+        Number("rad", "20 deg", gt=0, lt=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Number("rad", "15.8 deg", least=0, below=math.pi / 3),
+        Number("rad", "15.8 deg", ge=0, lt=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
     internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
@@ -238,7 +238,7 @@ class SpurGear:
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Number("m", "-50 um", most=0),
+        Number("m", "-50 um", le=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
     bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0

@@ -187,7 +187,7 @@ class Mesh:
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
             # The message suggests a unit if the value is right in another one.
-            allowed += parameters.likely(self.backlash, example, self.base_pitch)
+            allowed += parameters.unit_hint(self.backlash, example, self.base_pitch)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
         backlash, module = self._geometric_backlash(), self.pinion.module

@@ -57,7 +57,7 @@ class Body:
     ] = (0.0, 0.0)
     torsional_stiffness: Annotated[
         float,
-        parameters.Number("N m/rad", "1 kN m/rad", least=0, infinite="infinity: rigid"),
+        parameters.Number("N m/rad", "1 kN m/rad", ge=0, infinite="infinity: rigid"),
         "Stiffness of a support against rotation",
     ] = 0.0
     torsional_damping: Annotated[
@@ -122,7 +122,7 @@ class Shaft:
     damping: Annotated[float, parameters.TWIST_DAMPING, "Torsional damping"] = 0.0
     bending_stiffness: Annotated[
         float,
-        parameters.Number("N/m", "1 kN/um", least=0),
+        parameters.Number("N/m", "1 kN/um", ge=0),
         "Stiffness between the displacements of both bodies; the same along x and y",
     ] = 0.0
     bending_damping: Annotated[
@@ -238,7 +238,7 @@ class Mesh:
     ] = 0.0
     tooth_thickness: Annotated[
         tuple | None,
-        parameters.Two(parameters.Number("1", above=0, below=1)),
+        parameters.Two(parameters.Number("1", gt=0, lt=1)),
         "Tooth thickness of pinion and wheel on their working circles in pitches; by default half "
         "a pitch",
     ] = None
@@ -332,13 +332,13 @@ class Parts:
 
     def __init__(self, element_class: type, min_length: int = 1) -> None:
         self.element_class, self.min_length = element_class, min_length
-        self.words = f"a sequence of {element_class.__name__}"
+        self.allowed = f"a sequence of {element_class.__name__}"
 
     def check(self, parameter_name: str, elements: Any) -> tuple:
         """Return the elements as a tuple; raise ValueError if one is not of the element class."""
         enough = isinstance(elements, (tuple, list)) and len(elements) >= self.min_length
         valid = enough and all(isinstance(element, self.element_class) for element in elements)
-        checks.require(valid, parameter_name, elements, self.words)
+        checks.require(valid, parameter_name, elements, self.allowed)
         return tuple(elements)
 
 

@@ -65,7 +65,7 @@ class GearTrain(Model):
     ] = None
     reference_frequency: Annotated[
         float | None,
-        Number(unit="Hz", above=0),
+        Number(unit="Hz", gt=0),
         "Mesh frequency at which the tuning is 1; by default the natural frequency of the elastic "
         "mode with the most strain energy in the reference mesh, with mean stiffness and all "
         "flanks in contact",
