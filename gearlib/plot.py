@@ -1,8 +1,8 @@
-"""One call for each of the usual pictures of a dataset: `resonance`, `phase_plane` and the like.
+"""Functions that plot datasets: `resonance`, `phase_plane`, `time_course` and others.
 
-All draw into ``axes``, or into those of a new figure of pyplot, and return them, so that
-``axes.figure.savefig("curve.png")`` writes the picture. Look and code are those of the workflow's
-figures. Second scales are in SI units where the gears have them: a pair by its ratios has none.
+All draw into ``axes``, or into those of a new pyplot figure, and return them, so that
+``axes.figure.savefig("curve.png")`` writes the plot. Style and code are those of the workflow's
+figures. Second scales are in SI units, which gear pairs that are defined by ratios do not have.
 """
 
 import math
@@ -45,13 +45,13 @@ __all__ = [
 
 @style.styled()
 def resonance(*sweeps, axes=None, labels=None, variable=None):
-    """Draw resonance characteristics: lines where the motion repeats, dots where it does not.
+    """Draw resonance characteristics: lines for periodic motions, markers for others.
 
     Parameters
     ----------
     *sweeps : xarray.Dataset
-        Datasets returned by `gearlib.sweep`, to compare; datasets of the workflow, which also have
-        the dimensions damping and direction, have a curve for each of these.
+        Datasets returned by `gearlib.sweep`, or datasets of the workflow, which have a curve for
+        each damping and direction.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
@@ -80,12 +80,14 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     axes.set_ylim(style.limits(*ranges))
     axes.set_xlim(style.limits(*(sweep.tuning for sweep in sorted_sweeps), margin=0.0))
     for number, (curve, sweep) in enumerate(zip(curves, sorted_sweeps, strict=True)):
-        shift = number / len(curves)  # Moves the markers, so that equal curves stay visible.
-        resonance_figure.draw_sweep(axes, sweep, curve.look, shift, names, label=curve.label)
-    axes.set_xlabel(style.OWN_TUNING)
+        marker_shift = number / len(curves)  # Keeps the markers of equal curves visible.
+        resonance_figure.draw_sweep(
+            axes, sweep, curve.style, marker_shift, names, label=curve.label
+        )
+    axes.set_xlabel(style.OWN_TUNING_LABEL)
     axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], 45))
     speeds = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
-    if len(speeds) == 1 and plot_curves.in_si(curves):
+    if len(speeds) == 1 and plot_curves.have_si_units(curves):
         style.second_scale(axes, speeds.pop(), panels.axis_label(sorted_sweeps[0].speed))
     if names == resonance_figure.EXTREMA:
         axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
@@ -96,7 +98,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
 
 @style.styled()
 def phase_plane(*runs, axes=None, labels=None):
-    """Draw velocities over displacements; a motion that repeats is drawn as a closed curve.
+    """Draw velocities over displacements; a periodic motion is a closed curve.
 
     Parameters
     ----------
@@ -115,19 +117,19 @@ def phase_plane(*runs, axes=None, labels=None):
     Raises
     ------
     ValueError
-        If a dataset has no time course.
+        If a dataset has no time history.
     """
     names = ("displacement", "velocity")
     curves = plot_curves.curves("phase_plane", runs, labels, names, "simulate", "phase")
     axes = plot_curves.axes_or_new(axes)
     for curve in curves:
         displacements, velocities = phase_planes_figure.closed_orbit(curve.data)
-        line = curve.look.line
+        line = curve.style.line
         if "stable" in curve.data:
             line = "-" if curve.data.stable else style.DASHED
-        look = {"color": curve.look.colour, "linestyle": line}
-        axes.plot(displacements, velocities, label=curve.label, **look)
-    # With moving bearings the backlash varies, so that it has no fixed limit in this plane.
+        options = {"color": curve.style.colour, "linestyle": line}
+        axes.plot(displacements, velocities, label=curve.label, **options)
+    # With moving bearings the backlash varies and has no fixed limit in this plane.
     if not any("backlash" in run for run in runs):
         plot_curves.shade_backlash(axes, curves, "x")
     for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
@@ -138,10 +140,10 @@ def phase_plane(*runs, axes=None, labels=None):
 
 @style.styled()
 def time_course(*runs, axes=None, labels=None, variable="displacement"):
-    """Draw a variable over the mesh periods, with each gain and loss of contact.
+    """Draw a variable over the mesh periods, with the changes of contact.
 
     Intervals of contact loss are shaded if there is only one curve. Ticks on the curve of a gear
-    pair mark the changes of contact.
+    pair mark contact events.
 
     Parameters
     ----------
@@ -170,20 +172,20 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     for curve in curves:
         run = panels.in_mesh_periods(curve.data)
         periods, values = run.phase.values, run[variable].values
-        look = {"color": curve.look.colour, "linestyle": curve.look.line}
-        axes.plot(periods, values, label=curve.label, **look)
+        options = {"color": curve.style.colour, "linestyle": curve.style.line}
+        axes.plot(periods, values, label=curve.label, **options)
         limits += [periods[0], periods[-1]]
         if "event_phase" in run and "mesh" not in run.coords:
             events = run.event_phase.values / math.tau
             event_values = np.interp(events, periods, values)
-            style.dots(axes, events, event_values, "|", curve.look.colour, 7.0, zorder=3)
+            style.draw_markers(axes, events, event_values, "|", curve.style.colour, 7.0, zorder=3)
     if len(curves) == 1 and "contact" in run:
         time_courses_figure.shade_contact(axes, periods, run.contact.values)
     axes.set_xlim(min(limits), max(limits))
     axes.set_xlabel(panels.axis_label(run.phase))
     axes.set_ylabel(panels.axis_label(run[variable], 45))
     frequency = plot_curves.common_scalar(curves, "mesh_frequency")
-    if frequency is not None and plot_curves.in_si(curves):
+    if frequency is not None and plot_curves.have_si_units(curves):
         style.second_scale(axes, 1e3 * math.tau / frequency, "time (ms)")
     plot_curves.add_si_scale(axes, curves, variable, "right")
     return plot_curves.add_legend(axes)
@@ -191,7 +193,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
 
 @style.styled()
 def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
-    """Draw a variable of each revolution of run-ups over the speed; dotted where the speed falls.
+    """Draw a variable of run-ups, by revolution, over the speed; dotted where the speed falls.
 
     Parameters
     ----------
@@ -213,7 +215,7 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
     Raises
     ------
     ValueError
-        If a dataset is no run-up, or has no such variable.
+        If a dataset is not a run-up, or has no such variable.
     """
     names = (variable, "revolution_speed")
     curves = plot_curves.curves("run_up", runs, labels, names, "run_up", "revolution")
@@ -224,8 +226,8 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
         speed = curve.data.revolution_speed.values
         # The first revolution counts as falling if the speed falls after it.
         falling = np.diff(speed, prepend=2.0 * speed[0] - speed[1]) < 0.0
-        look = {"color": curve.look.colour, "label": curve.label}
-        style.draw_rise_and_fall(axes, speed, values.values / unit_size, falling, **look)
+        options = {"color": curve.style.colour, "label": curve.label}
+        style.draw_solid_and_dotted(axes, speed, values.values / unit_size, falling, **options)
     axes.set_xlabel("speed (rpm)")
     axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), 45))
     return plot_curves.add_legend(axes)
@@ -254,7 +256,7 @@ def campbell(diagram, *, axes=None, to=None):
     Raises
     ------
     ValueError
-        If the dataset is no Campbell diagram of one order or more.
+        If the dataset is not a Campbell diagram, or has no order.
     """
     plot_curves.require("campbell", diagram, ("critical_speed", "excites"), "GearTrain.campbell")
     if not diagram.critical_speed.size:
@@ -270,7 +272,7 @@ def campbell(diagram, *, axes=None, to=None):
 
 @style.styled()
 def schematic(train, *, run=None, phase=None, axes=None):
-    """Draw a train seen along its axes: pitch circles, shafts, carriers and named meshes.
+    """Draw a train seen along its axes: pitch circles, shafts, carriers and labelled meshes.
 
     Meshes have the colours of their curves in `resonance` and `time_course`.
 
@@ -280,7 +282,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
         Gear train to draw.
     run : xarray.Dataset, optional
         Dataset returned by `gearlib.simulate` or `GearTrain.static` for this train: meshes without
-        contact at `phase` have open marks, meshes in back-side contact have diamonds.
+        contact at `phase` have open markers, meshes in coast-side contact diamonds.
     phase : float, optional
         Mesh phase of the reference mesh, rad, at which the train is drawn; by default the first
         phase of the run's record, or 0 without a run.
@@ -295,7 +297,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
     Raises
     ------
     ValueError
-        If `train` is no gear train, the run has other meshes, or the phase is outside its record.
+        If `train` is not a gear train, the run has other meshes, or `phase` is outside its record.
     """
     try:
         layout = train.layout()
@@ -304,7 +306,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
         raise ValueError(message) from None
     if run is not None:
         plot_curves.require("schematic", run, ("contact", "status"), "simulate")
-    phase, contact = train_schematic.instant_of_run(layout, run, phase)
+    phase, contact = train_schematic.phase_and_contact(layout, run, phase)
     axes = plot_curves.axes_or_new(axes)
     train_schematic.draw(axes, layout, None, phase, contact)
     return axes
@@ -341,23 +343,23 @@ def harris_map(errors, *, axes=None):
     axes = plot_curves.axes_or_new(axes)
     design = float(errors.get("design_torque", math.nan))
     data = errors.transpose("torque", "phase", ...)
-    harris_map_figure.draw_courses(axes, data, data.torque.values, design)
-    axes.set_ylabel(harris_map_figure.ERROR)
+    harris_map_figure.draw_errors(axes, data, data.torque.values, design)
+    axes.set_ylabel(harris_map_figure.ERROR_LABEL)
     axes.set_title("torque of the pinion in N m beside its curve")
     return axes
 
 
 @style.styled()
 def values(data, *names, axes=None):
-    """Draw variables of one physical unit over their last dimension, with a mark for each entry.
+    """Draw variables of one physical unit over their last dimension, with a marker per entry.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Dataset such as `GearTrain.modes` or `GearTrain.static` return; each entry of the other
-        dimensions has its own marks.
+        Dataset such as those that `GearTrain.modes` and `GearTrain.static` return; each entry of
+        the other dimensions has its own style of markers.
     *names : str
-        Names of the variables, which have the same unit and dimensions.
+        Names of variables with equal units and dimensions.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
 
@@ -384,12 +386,12 @@ def values(data, *names, axes=None):
             curve = data[name].isel(dict(zip(other_dims, index, strict=True)))
             coordinates = [f"{curve[dim].item():g}" for dim in other_dims]
             curves[" ".join(prefix + coordinates)] = curve
-    for label, look in style.looks(curves).items():
-        axes.plot(curves[label], look.marker, color=look.colour, ms=4, label=label)
+    for label, curve_style in style.curve_styles(curves).items():
+        axes.plot(curves[label], curve_style.marker, color=curve_style.colour, ms=4, label=label)
     tick_labels = [str(value) for value in data[last_dim].values]
-    shown = slice(None, None, math.ceil(len(tick_labels) / 12))  # At most 12 tick labels.
-    tilted = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
-    axes.set_xticks(range(len(tick_labels))[shown], tick_labels[shown], **tilted)
+    label_slice = slice(None, None, math.ceil(len(tick_labels) / 12))  # At most 12 labels.
+    options = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
+    axes.set_xticks(range(len(tick_labels))[label_slice], tick_labels[label_slice], **options)
     axes.set_xlabel(last_dim.replace("_", " "))
     label = panels.axis_label(data[names[0]], 45)
     axes.set_ylabel(label if len(names) == 1 else ", ".join(names).replace("_", " "))
@@ -406,9 +408,9 @@ def orbit(*orbits, axes=None, labels=None):
     Parameters
     ----------
     *orbits : Orbit or xarray.Dataset
-        Either orbits returned by `gearlib.periodic_orbit`, solid if stable and dashed if unstable;
-        or datasets returned by `gearlib.continue_orbit`, with the largest and smallest
-        displacement, solid where stable, and marks at folds, period doublings and grazings.
+        Either orbits returned by `gearlib.periodic_orbit`, or datasets returned by
+        `gearlib.continue_orbit`, with the largest and smallest displacement and markers at special
+        points such as folds and period doublings. Lines are solid if stable, dashed if unstable.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
@@ -439,18 +441,18 @@ def orbit(*orbits, axes=None, labels=None):
         if "branch" not in points:
             points = points.assign(branch=0 * points.label)
         for name in resonance_figure.EXTREMA:
-            branches_figure.draw_curve(axes, points, name, curve.look.colour)
+            branches_figure.draw_curve(axes, points, name, curve.style.colour)
             branches_figure.draw_special_points(axes, points.tuning, points[name], points.label)
     axes.set_xlabel(panels.axis_label(orbits[0][parameter]))
     axes.set_ylabel(resonance_figure.EXTREMA_LABEL)
     codes = np.concatenate([branch.label for branch in orbits])
-    axes.legend(handles=branches_figure.entries(codes))
+    axes.legend(handles=branches_figure.legend_entries(codes))
     return axes
 
 
 def _time_course_of(orbit: Orbit):
-    """Return the simulated dataset of an orbit over one period, with its stability as variable."""
-    counts = {"periods": orbit.period, "record_periods": orbit.period}
-    run = simulate(orbit.pair, orbit.tuning, initial_state=tuple(orbit.state), **counts)
-    # Rounding errors grow along an unstable orbit, so the run may not detect its period.
+    """Return a simulation of an orbit over one period, with its stability as a variable."""
+    options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
+    run = simulate(orbit.pair, orbit.tuning, record_periods=orbit.period, **options)
+    # Rounding errors grow along an unstable orbit, so that the run may not detect its period.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))

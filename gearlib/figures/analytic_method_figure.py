@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from gearlib.figures import panels, style
 
 _GREY = "#4D4D4D"
-#: Iterations that are drawn, and their colours.
+#: Number of an iteration that is drawn -> its colour.
 _ITERATION_COLOURS = {0: "#C8C8C8", 3: "#56B4E9", 10: "#009E73", 20: "#E69F00", 30: "#D55E00"}
 #: Method -> (name, colour, marker, face colour of the marker).
 _METHODS = {
@@ -21,60 +21,61 @@ _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 
 
 def draw(data: xr.Dataset) -> dict[str, Figure]:
-    """Return a dict of both figures, by name, of the data of `gearlib.studies.analytic_method`."""
+    """Return both figures of the data of `gearlib.studies.analytic_method`, in a dict by name."""
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 
 @style.styled()
 def draw_convergence(data: xr.Dataset):
-    """Return a figure of iterates, errors and convergence of `gearlib.studies.analytic_method`."""
-    figure = style.page(7.6)
+    """Return a figure of iterates, their errors, and contraction factors of the analytic method."""
+    figure = style.page_figure(7.6)
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
-    _draw_courses(above, data)
+    _draw_iterates(above, data)
     grid = panels.draw_panels(data, "iteration", "iterate_error", panel="shown", figure=middle)
     for i, axes in enumerate(grid[0]):
         error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
         label = "a step of the degenerate part follows"
-        style.dots(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
+        style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
     style.legend(middle, grid[0, 0], 1)
-    _draw_range(below, data)
+    _draw_contraction(below, data)
     return figure
 
 
-def _draw_courses(figure, data: xr.Dataset):
-    """Draw iterates over the exact orbit, a panel for each tuning shown."""
+def _draw_iterates(figure, data: xr.Dataset):
+    """Draw the iterates and the exact orbit over the phase, a panel for each tuning shown."""
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
     options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
-    courses = panels.in_mesh_periods(data)
-    grid = panels.draw_panels(courses, "phase", "iterate_displacement", **options)
+    data = panels.in_mesh_periods(data)
+    grid = panels.draw_panels(data, "phase", "iterate_displacement", **options)
     for i, axes in enumerate(grid[0]):
-        exact = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
-        axes.plot(courses.phase, data.exact_displacement[i], **exact)
+        line_options = {"color": "black", "linewidth": 2.2, "zorder": 1, "label": "exact orbit"}
+        axes.plot(data.phase, data.exact_displacement[i], **line_options)
         count = int(data.degenerate_chosen[i])
         axes.set_title(f"{axes.get_title()}, degenerate harmonics: {count}")
         axes.set_ylabel(panels.axis_label(data.exact_displacement, 24) if i == 0 else "")
 
 
-def _draw_range(figure, data: xr.Dataset):
+def _draw_contraction(figure, data: xr.Dataset):
     """Draw contraction factors over the tuning and the number of degenerate harmonics."""
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
     for k, (axes, title) in enumerate(zip(grid, _MESHES, strict=True)):
         mesh = data.isel(contact_loss=k)
         options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
-        shades = axes.pcolormesh(data.tuning, counts, mesh.contraction, **options)
+        image = axes.pcolormesh(data.tuning, counts, mesh.contraction, **options)
         rows, columns = np.nonzero((mesh.converged == 0) & mesh.contraction.notnull())
-        diverged = data.tuning.values[columns], counts[rows]
-        style.dots(axes, *diverged, "x", "black", 3, markeredgewidth=0.7, label="diverged")
+        options = {"markeredgewidth": 0.7, "label": "diverged"}
+        tunings = data.tuning.values[columns]
+        style.draw_markers(axes, tunings, counts[rows], "x", "black", 3, **options)
         steps = {"color": "black", "drawstyle": "steps-mid", "label": "automatic choice"}
         panels.draw_curves(axes, mesh, "tuning", "automatic", **steps)
         axes.set(yticks=counts, ylim=(-0.5, counts[-1] + 0.5), title=title)
         axes.set_ylabel(panels.axis_label(data.degenerate_count))
         axes.label_outer()
     label = "contraction factor of an iteration"
-    figure.colorbar(shades, ax=list(grid), extend="both", label=label)
+    figure.colorbar(image, ax=list(grid), extend="both", label=label)
     style.legend(figure, grid[0], 2)
 
 
@@ -84,33 +85,34 @@ def draw_harmonics(data: xr.Dataset):
 
     `data` is that of `gearlib.studies.analytic_method.compute`.
     """
-    figure = style.page(5.4)
+    figure = style.page_figure(5.4)
     above, below = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
     row = above.subplots(1, data.sizes["shown"], squeeze=False, sharey=True)[0]
     for i, axes in enumerate(row):
         _draw_errors(axes, data.isel(shown=i))
         axes.label_outer()
     handles = [
-        style.entry(name, colour, "-", marker, markersize=3.5, markerfacecolor=face)
+        style.legend_entry(name, colour, "-", marker, markersize=3.5, markerfacecolor=face)
         for name, colour, marker, face in _METHODS.values()
     ]
-    handles += [style.entry(kind, _GREY, dashes) for kind, dashes in _DASHES.items()]
+    handles += [style.legend_entry(kind, _GREY, dashes) for kind, dashes in _DASHES.items()]
     style.legend(above, handles, 4)
     _draw_resonance(below, data)
     return figure
 
 
 def _draw_errors(axes, data: xr.Dataset):
-    """Draw the errors of both methods at one tuning over their harmonics, with slope lines."""
+    """Draw the errors of both methods over the number of harmonics, with lines of known slopes."""
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
         for kind, dashes in _DASHES.items():
             names = f"{method}_harmonics", f"{method}_{kind}_error"
             panels.draw_curves(axes, data, *names, linestyle=dashes, **options)
     harmonics = np.array([10.0, 1000.0])
-    for power, low, high in ((-2.0, 0.4, 0.6), (-1.0, 1.5, 2.0)):
-        axes.plot(harmonics, low * harmonics**power, color=_GREY, linewidth=0.7, linestyle=":")
-        axes.annotate(f"$h^{{{power:.0f}}}$", (300.0, high * 300.0**power), fontsize=7)
+    for power, line_factor, text_factor in ((-2.0, 0.4, 0.6), (-1.0, 1.5, 2.0)):
+        errors = line_factor * harmonics**power
+        axes.plot(harmonics, errors, color=_GREY, linewidth=0.7, linestyle=":")
+        axes.annotate(f"$h^{{{power:.0f}}}$", (300.0, text_factor * 300.0**power), fontsize=7)
     axes.set(xscale="log", yscale="log", title=panels.value_label(data.shown))
     axes.set(xlabel="harmonics $h$", ylabel="largest error over the period")
 
@@ -125,17 +127,17 @@ def _draw_resonance(figure, data: xr.Dataset):
             for stable, face in ((1, colour), (0, "white")):
                 extrema = sweep[f"balance_{end}"].where(sweep.stable == stable)
                 options = {"markerfacecolor": face, "markeredgewidth": 0.6}
-                style.dots(axes, data.tuning, extrema, marker, colour, 3, **options)
+                style.draw_markers(axes, data.tuning, extrema, marker, colour, 3, **options)
     style.shade_areas(axes, float(data.backlash_ratio), "y")
     axes.set_xlabel(panels.axis_label(data.tuning))
     axes.set_ylabel("extrema of the displacement\n(static deflections)")
     handles = [
-        style.entry(f"tuning {name}", colour, "-", marker, markersize=3.5)
+        style.legend_entry(f"tuning {name}", colour, "-", marker, markersize=3.5)
         for name, (colour, marker) in _DIRECTIONS.items()
     ]
     handles += [
-        style.entry("line: exact sweep", _GREY),
-        style.entry("mark: harmonic balance", _GREY, "", "^"),
-        style.entry("unstable", _GREY, "", "^", markerfacecolor="white"),
+        style.legend_entry("line: exact sweep", _GREY),
+        style.legend_entry("mark: harmonic balance", _GREY, "", "^"),
+        style.legend_entry("unstable", _GREY, "", "^", markerfacecolor="white"),
     ]
     style.legend(figure, handles, 5)

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 from gearlib.figures import panels, style
 
 _HEIGHT = 6.6
-#: Number of points on both sides of a fold from which its open side is found.
+#: Number of points on both sides of a fold that show on which side the branch lies.
 POINTS_BESIDE_FOLD = 6
-#: Shares of the ranges of tuning and height within which special points share a line of text.
+#: Special points within these fractions of the ranges of tuning and height have one common text.
 SAME_TEXT_WIDTH, SAME_TEXT_HEIGHT = 0.05, 0.06
 #: Code of `gearlib.analysis.orbits.special_points` -> (name, colour, marker).
 SPECIAL_POINTS = {
@@ -25,10 +25,10 @@ SPECIAL_POINTS = {
 def draw(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of orbits with special points, above the loci of these points.
 
-    The datasets are those of `branches` and `loci` of `gearlib.studies.resonance`. The dotted line
-    is the damping of the branches.
+    `branches` and `loci` are results of the functions of `gearlib.studies.resonance` of the same
+    name. The dotted line is the damping of the branches.
     """
-    figure = style.page(_HEIGHT)
+    figure = style.page_figure(_HEIGHT)
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
     draw_curve(top, branches, "orbit_height", "black")
     draw_special_points(top, branches.tuning, branches.orbit_height, branches.label)
@@ -39,11 +39,11 @@ def draw(branches: xr.Dataset, loci: xr.Dataset):
     bottom.axhline(damping, color="black", linewidth=0.6, linestyle=":")
     at_damping = np.full(branches.sizes["point"], damping)
     draw_special_points(bottom, branches.tuning, at_damping, branches.label, size=3.5)
-    handles = entries(branches.label, "-")
+    handles = legend_entries(branches.label, "-")
     style.legend(figure, handles, len(handles), "upper")
     top.set_ylabel(panels.axis_label(branches.orbit_height, 40))
     bottom.set_ylabel(panels.axis_label(loci.damping_ratio, 40))
-    bottom.set_xlabel(style.TUNING)
+    bottom.set_xlabel(style.TUNING_LABEL)
     return figure
 
 
@@ -63,25 +63,28 @@ def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0
 
 
 def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
-    """Mark the special points of branches at (x, y); `labels` has the code of each point."""
+    """Mark special points of branches at (x, y); `labels` are codes, keys of `SPECIAL_POINTS`."""
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
         points = labels == code
         if points.any():
-            style.dots(axes, x[points], y[points], marker, colour, size, zorder=3)
+            style.draw_markers(axes, x[points], y[points], marker, colour, size, zorder=3)
 
 
-def entries(labels: ArrayLike, line="none") -> list:
-    """Return legend handles of branches, and of special points (codes in `labels`) with `line`."""
-    handles = [style.entry("stable orbit"), style.entry("unstable orbit", line=style.DASHED)]
+def legend_entries(labels: ArrayLike, line="none") -> list:
+    """Return legend handles of branches and of the special points with codes in `labels`."""
+    handles = [
+        style.legend_entry("stable orbit"),
+        style.legend_entry("unstable orbit", line=style.DASHED),
+    ]
     for code, (name, colour, marker) in SPECIAL_POINTS.items():
         if code in np.asarray(labels):
-            handles.append(style.entry(name, colour, line, marker, markersize=4))
+            handles.append(style.legend_entry(name, colour, line, marker, markersize=4))
     return handles
 
 
 def _draw_locus(axes, locus: xr.Dataset):
-    """Draw damping over tuning of one locus, as two halves that start at the branches' damping."""
+    """Draw the damping over the tuning of a locus, in halves from the branches' damping on."""
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping = locus.damping_ratio.values
     starts = np.flatnonzero(np.isclose(damping, float(locus.own_damping), rtol=1e-12, atol=0.0))
@@ -90,9 +93,9 @@ def _draw_locus(axes, locus: xr.Dataset):
 
 
 def _write_tunings(axes, branches: xr.Dataset):
-    """Write the tuning beside each special point of branches; close points share a text."""
+    """Write the tuning beside each special point of branches; close points have a common text."""
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
-    # Positions are in sizes of a text.
+    # Positions are in multiples of the text size.
     x = tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH
     positions = np.stack([x, height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT])
     points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
@@ -110,4 +113,4 @@ def _write_tunings(axes, branches: xr.Dataset):
         if abs(side) == 2:
             offset, anchor = (3 * side, 0), "left center" if side > 0 else "right center"
         point = tuning[first], height[first]
-        style.note(axes, text, point, offset, anchor, white=(0.15, 0.85), zorder=2.5)
+        style.annotate(axes, text, point, offset, anchor, box=(0.15, 0.85), zorder=2.5)

@@ -26,30 +26,30 @@ _VERDICTS = {
 def draw(matrix: xr.Dataset):
     """Return a figure of verdicts, a row for each problem and a column for each method.
 
-    `matrix` is gathered from `gearlib.studies.trials.failures.compute`. A star marks a run of
-    fewer mesh periods than the others of its row.
+    `matrix` is a result of `gearlib.data.gathering.gather_failures`. A star marks a run over fewer
+    mesh periods than the others of its row.
     """
     verdicts = [_VERDICTS[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
     periods = matrix.periods.values
     shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
-    rows, trials = matrix.verdict.shape
-    figure = style.page(_MARGINS + _ROW_HEIGHT * rows)
+    rows, columns = matrix.verdict.shape
+    figure = style.page_figure(_MARGINS + _ROW_HEIGHT * rows)
     axes = figure.subplots()
     codes, colours = matrix.verdict.values, [colour for _, colour, _ in verdicts]
-    style.map_of_codes(axes, range(trials), range(rows), codes, colours)
-    for i, j in np.ndindex(rows, trials):
+    style.draw_code_map(axes, range(columns), range(rows), codes, colours)
+    for i, j in np.ndindex(rows, columns):
         letter = verdicts[codes[i, j]][0] + "*" * int(shortened[i, j])
-        options = {"side": "center center", "fontsize": 6}
-        style.note(axes, letter, (j, i + 0.22), weight="bold", **options)
-        style.note(axes, _number(float(matrix.error[i, j])), (j, i - 0.22), **options)
-    axes.set_xticks(range(trials), matrix.trial.values, rotation=60, ha="left", fontsize=7)
+        options = {"anchor": "center center", "fontsize": 6}
+        style.annotate(axes, letter, (j, i + 0.22), weight="bold", **options)
+        style.annotate(axes, _error_text(float(matrix.error[i, j])), (j, i - 0.22), **options)
+    axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
-    axes.set_xticks(np.arange(trials + 1) - 0.5, minor=True)
+    axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
     axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
     axes.grid(which="minor", color="white", linewidth=0.8)
     axes.tick_params(which="both", length=0)
-    axes.set(xlim=(-0.5, trials - 0.5), ylim=(rows - 0.5, -0.5))
+    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
     patches = [
         Patch(facecolor=colour, label=f"{letter}: {label}", **edge)
@@ -61,7 +61,7 @@ def draw(matrix: xr.Dataset):
     return figure
 
 
-def _number(error: float) -> str:
+def _error_text(error: float) -> str:
     """Return an error as text such as "3e-5", one digit and a short exponent; "" if not finite."""
     if not np.isfinite(error):
         return ""

@@ -6,7 +6,7 @@ import xarray as xr
 from gearlib.figures import panels, style
 
 _TOP_HEIGHT, _ROW_HEIGHT = 2.1, 1.5
-#: Axis label of each kind of variation, and scale of its values.
+#: Kind of variation -> label and scale of the x axis.
 _KINDS = {
     "harmonics": ("stiffness harmonics", "log"),
     "tolerance": ("relative tolerance of a 4(5) pair", "log"),
@@ -22,22 +22,23 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 
 @style.styled()
 def draw(jumps: xr.Dataset, marked=()):
-    """Return a figure of the orbit's height over the tuning, and of shifts of its jump.
+    """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
 
-    `jumps` is that of `gearlib.studies.jump.compute`; `marked` are up to two tunings to compare
-    with: an orange band spans the shifts between them. Pale bars are ranges of shifts over many
-    starts. Values without a jump in the scan are named above their panel.
+    `jumps` is a result of `gearlib.studies.jump.compute`; `marked` are up to two tunings for
+    comparison: an orange band spans the shifts between them. Pale bars are ranges of shifts over
+    many initial states. Values without a jump in the scan are listed above their panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
-    figure = style.page(sum(heights))
+    figure = style.page_figure(sum(heights))
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
     for i, kind in enumerate(kinds):
         first_panel = figure.axes[1] if i else None
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_panel)
-        of_kind = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind)).sortby("value")
-        _draw_kind(axes, of_kind, np.array(marked) - float(jumps.jump[0]), *_KINDS[kind])
+        variations = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind))
+        marked_shifts = np.array(marked) - float(jumps.jump[0])
+        _draw_shifts(axes, variations.sortby("value"), marked_shifts, *_KINDS[kind])
         axes.set_ylabel("shift of the jump\n(tuning)" if i % 2 == 0 else "")
     if kinds and (jumps.switches.values > 1).any():
         figure.supxlabel("cross: several jumps in the scan", fontsize=6, x=0.99, ha="right")
@@ -45,13 +46,13 @@ def draw(jumps: xr.Dataset, marked=()):
 
 
 def _draw_scan(axes, jumps: xr.Dataset, marked):
-    """Draw the orbit's height over the tuning, and the `marked` tunings as dashed lines."""
-    tuning, base = jumps.tuning.values, float(jumps.jump[0])
+    """Draw the peak-to-peak displacement over the tuning; `marked` tunings are dashed lines."""
+    tuning, jump = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
     panels.draw_curves(axes, jumps, "tuning", "height", **options)
     title = "from rest the orbit does not jump in this scan: there is no shift to draw"
-    if np.isfinite(base):
-        title = f"from rest the orbit jumps at $\\nu_s$ = {base:.7f}"
+    if np.isfinite(jump):
+        title = f"from rest the orbit jumps at $\\nu_s$ = {jump:.7f}"
     marked = [nu for nu in marked if tuning[0] <= nu <= tuning[-1]]
     for nu in marked:
         axes.axvline(nu, color=_ORANGE, linewidth=0.6, linestyle="--")
@@ -60,23 +61,23 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
     axes.set(title=title, xlim=(tuning[0], tuning[-1]))
 
 
-def _draw_kind(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
+def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
     """Draw the shift of the jump, in tuning, over the values of one kind of variation.
 
-    `marked_shifts` are those of tunings to compare with; `label` and `scale` are those of the x
-    axis, `scale` "linear" or "log".
+    A band spans `marked_shifts`, for comparison; `label` and `scale`, "linear" or "log", are those
+    of the x axis.
     """
     value, shift = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # Stems instead of a line: between the values the shift is not known.
+    # Stems instead of a line, because the shift between the values is not known.
     axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
     axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
     several_jumps = jumps.switches.values > 1
     for mask, marker, size in ((~several_jumps, "o", 3), (several_jumps, "x", 4)):
-        style.dots(axes, value[mask], shift[mask], marker, _BLUE, size)
+        style.draw_markers(axes, value[mask], shift[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
     # The x limits must include values without a jump.
     axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))

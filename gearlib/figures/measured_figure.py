@@ -1,23 +1,23 @@
-"""Measured curves, time courses and mesh orders beside those of the model."""
+"""Measured curves, time histories and mesh orders beside those of the model."""
 
 import numpy as np
 import xarray as xr
 
 from gearlib.figures import panels, style
 
-#: Colours of measured curves, and markers by direction of the speed: 1 rises, -1 falls, 0 neither.
+#: Colours of measured sets, and markers for rising (1), falling (-1) and other (0) speed.
 _SET_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#882255")
 _DIRECTION_MARKERS = {1: "^", -1: "v", 0: "o"}
-_JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
+_SPEEDS_OF_JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
 _POINT_COLOUR = "#8C8C8C"
-_MEASURED = style.entry("measured", _POINT_COLOUR, "none", ".")
+_MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 
 
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
-    `curves` are datasets of `gearlib.studies.measured`. Jumps are dotted lines; the limits of the
-    axes do not change.
+    `curves` are results of `gearlib.studies.measured.curve`. Dotted lines mark the speeds of jumps.
+    The limits of the axes remain.
     """
     handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     for curve, colour in zip(curves, _SET_COLOURS * len(curves), strict=False):
@@ -30,14 +30,14 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
             for sign, marker in _DIRECTION_MARKERS.items():
                 mask = curve.direction.values == sign
                 points = curve.tuning.values[mask], values.values[mask]
-                style.dots(axes, *points, marker, colour, 3.0, **options)
-        jumps = [name for name in _JUMPS if name in curve]
+                style.draw_markers(axes, *points, marker, colour, 3.0, **options)
+        jumps = [name for name in _SPEEDS_OF_JUMPS if name in curve]
         for name in jumps:
             tuning = curve.attrs["tuning_rate"] * float(curve[name])
             axes.axvline(tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
         if jumps or set(names) & set(curve):
             label = f"measured: {curve.title}"
-            handles.append(style.entry(label, colour, ":", "^", markerfacecolor=face))
+            handles.append(style.legend_entry(label, colour, ":", "^", markerfacecolor=face))
     axes.set(**limits)
     return handles
 
@@ -46,7 +46,7 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are datasets of `gearlib.studies.measured.courses`; `colours` maps damping names to
+    `courses` are results of `gearlib.studies.measured.courses`; `colours` maps damping names to
     colours.
     """
     histories = [
@@ -55,19 +55,19 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         for i, j in np.ndindex(data.sizes["course"], data.sizes["observable"])
     ]
     rows = max(1, -(-len(histories) // 2))
-    figure = style.page(2.6 * rows + 0.5)
-    styles = panels.curve_styles(courses[0].damping, colours)
+    figure = style.page_figure(2.6 * rows + 0.5)
+    styles = panels.plot_options(courses[0].damping, colours)
     for k, history in enumerate(histories):
         data = panels.in_mesh_periods(panels.in_mesh_periods(history), "point_phase")
         axes = figure.add_subplot(rows, 2, k + 1)
-        style.dots(axes, data.point_phase, data.point, ".", _POINT_COLOUR, 2.0, zorder=1)
+        style.draw_markers(axes, data.point_phase, data.point, ".", _POINT_COLOUR, 2.0, zorder=1)
         panels.draw_curves(axes, data, "phase", "computed", colour="damping", styles=styles)
         name = data.observable.item()
-        # The attribute reads "name in unit, name in unit".
+        # The attribute is a text such as "displacement in m, dynamic_force in N".
         unit = dict(entry.split(" in ") for entry in data.course_units.split(", "))[name]
         axes.set_title(f"{data.title}, {float(data.speed):.5g} rpm")
         axes.set_ylabel(f"{name.replace('_', ' ')} ({unit})")
-    style.legend(figure, [_MEASURED, *panels.legend_entries(styles)], 5)
+    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], 5)
     return figure
 
 
@@ -75,35 +75,35 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
 
-    `orders` are datasets of `gearlib.studies.measured.orders`; `colours` maps damping names to
-    colours. Levels are in dB of the largest one, so that an unknown gain has no effect.
+    `orders` are results of `gearlib.studies.measured.orders`; `colours` maps damping names to
+    colours. Levels are in dB relative to the largest one, so that an unknown gain has no effect.
     """
-    rows = [
+    row_data = [
         data.isel(track=i, observable=j)
         for data in orders
         for i, j in np.ndindex(data.sizes["track"], data.sizes["observable"])
     ]
-    figure = style.page(2.4 * max(1, len(rows)) + 0.5)
+    figure = style.page_figure(2.4 * max(1, len(row_data)) + 0.5)
     shared = {"squeeze": False, "sharex": "row", "sharey": "row"}
-    grid = figure.subplots(max(1, len(rows)), orders[0].sizes["order"], **shared)
-    styles = panels.curve_styles(orders[0].damping, colours)
-    for grid_row, data in zip(grid, rows, strict=False):
+    grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **shared)
+    styles = panels.plot_options(orders[0].damping, colours)
+    for grid_row, data in zip(grid, row_data, strict=False):
         data["level"] = _level(data.amplitude, data.amplitude.max())
         computed = data.computed_amplitude
         data["computed_level"] = _level(computed, computed.max(["order", "block"]))
         for k, axes in enumerate(grid_row):
             order = data.isel(order=k)
-            style.dots(axes, order.speed, order.level, ".", _POINT_COLOUR, 2.5, zorder=1)
-            curves = {"colour": "damping", "styles": styles}
-            panels.draw_curves(axes, order, "speed", "computed_level", **curves)
+            style.draw_markers(axes, order.speed, order.level, ".", _POINT_COLOUR, 2.5, zorder=1)
+            curve_options = {"colour": "damping", "styles": styles}
+            panels.draw_curves(axes, order, "speed", "computed_level", **curve_options)
             axes.set_title(f"order {'' if k == 0 else k + 1}z")
             axes.set_ylabel(f"{data.title}\n{data.observable.item().replace('_', ' ')} (dB)")
             axes.label_outer()
-    style.legend(figure, [_MEASURED, *panels.legend_entries(styles)], 5)
+    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], 5)
     return figure
 
 
-def _level(amplitude: xr.DataArray, largest: xr.DataArray):
-    """Return the levels of amplitudes in dB of the amplitude `largest`, NaN for zeros."""
-    ratio = (amplitude / largest).where(amplitude > 0.0)
+def _level(amplitude: xr.DataArray, reference: xr.DataArray):
+    """Return the levels of amplitudes in dB relative to a reference amplitude, NaN for zeros."""
+    ratio = (amplitude / reference).where(amplitude > 0.0)
     return 20.0 * np.log10(ratio)

@@ -1,4 +1,4 @@
-"""Mesh stiffness of drawn gears by every method: courses, means, uncertainty, published values."""
+"""Mesh stiffness of drawn gears by every method, with means, uncertainty and published values."""
 
 import math
 
@@ -6,42 +6,42 @@ import xarray as xr
 
 from gearlib.figures import panels, style
 
-#: Methods drawn with an uncertainty; the spread of the others is that of the energy method.
-_UNCERTAIN = ("iso", "energy")
+#: Methods that are drawn with their uncertainty; the others differ as much as the energy method.
+_METHODS_WITH_UNCERTAINTY = ("iso", "energy")
 
 
 @style.styled()
 def draw(stiffness: xr.Dataset):
     """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
 
-    `stiffness` is that of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands are the stated
+    `stiffness` is a result of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands are the stated
     uncertainty, crosses published means.
     """
     data = stiffness.copy()
     for name in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
         data[name] = panels.in_unit(stiffness[name], 1e8, "$10^8$ N/m")
-    styles = panels.curve_styles(data.stiffness_method)
+    styles = panels.plot_options(data.stiffness_method)
     count = data.sizes["pair"]
     rows = -(-count // 2)
-    figure = style.page(2.6 * rows + 0.5)
+    figure = style.page_figure(2.6 * rows + 0.5)
     grid = figure.add_gridspec(rows, min(count, 2))
     for i, name in enumerate(data.pair.values):
         cell = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
-        courses, means = cell.subplots(sharey=True)
+        left, right = cell.subplots(sharey=True)
         pair = data.sel(pair=name)
-        handles = _draw_courses(courses, pair, styles)
-        _draw_means(means, pair, styles)
-        courses.set_title(name, loc="left")
+        handles = _draw_stiffness(left, pair, styles)
+        _draw_means(right, pair, styles)
+        left.set_title(name, loc="left")
         # The upper limit leaves room for markers and error bars.
-        low, high = courses.get_ylim()
-        courses.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
+        low, high = left.get_ylim()
+        left.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
     style.legend(figure, handles, 4, fontsize=6.5)
     return figure
 
 
-def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
+def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
     """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
-    for method in _UNCERTAIN:
+    for method in _METHODS_WITH_UNCERTAINTY:
         curve = pair.sel(stiffness_method=method)
         low = curve.mesh_stiffness * (1 - curve.method_uncertainty)
         high = curve.mesh_stiffness * (1 + curve.method_uncertainty)
@@ -56,18 +56,19 @@ def _draw_courses(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
     """Draw the mean stiffness of a pair by each method in `styles`, and published means."""
-    for x, ((method, look), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
-        chosen = pair.sel(stiffness_method=method)
-        mean = float(chosen.mean_mesh_stiffness)
-        error = mean * float(chosen.method_uncertainty) if method in _UNCERTAIN else 0.0
-        bar = {"color": look["color"], "marker": marker, "markersize": 4, "capsize": 2, "lw": 0.8}
-        axes.errorbar(x, mean, error, **bar)
+    for x, ((method, options), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
+        of_method = pair.sel(stiffness_method=method)
+        mean, error = float(of_method.mean_mesh_stiffness), 0.0
+        if method in _METHODS_WITH_UNCERTAINTY:
+            error = mean * float(of_method.method_uncertainty)
+        bar_options = {"color": options["color"], "markersize": 4, "capsize": 2, "lw": 0.8}
+        axes.errorbar(x, mean, error, marker=marker, **bar_options)
     published = pair.isel(published=pair.published_pair.values == pair.pair.item())
     x = len(styles)
     for source in published.published.values:
         value = float(published.published_stiffness.sel(published=source))
         axes.plot(x, value, "x", color="black", markersize=4)
-        style.note(axes, source, (x, value), (4, 0), fontsize=5.5)
+        style.annotate(axes, source, (x, value), (4, 0), fontsize=5.5)
     axes.set(xlim=(-0.8, x + (3.6 if published.published.size else 0.0)), xlabel="means")
     axes.set_xticks([])
     axes.tick_params(labelleft=False)

@@ -1,11 +1,11 @@
-"""Scenes and models: what a larger model would change, beside the tolerance and the cost."""
+"""Comparison of models for each scene: changes by a larger model, tolerance and cost."""
 
 import numpy as np
 import xarray as xr
 
 from gearlib.figures import style
 
-_ROW_HEIGHT, _HEAD = 1.15, 0.6
+_ROW_HEIGHT, _HEADER_HEIGHT = 1.15, 0.6
 _MODEL_LABELS = {
     "one_degree": "1 degree",
     "six_degrees_plain": "6 degrees, plain",
@@ -22,19 +22,20 @@ cost: components of the state advanced per mesh period"""
 
 @style.styled()
 def draw(comparisons: list[xr.Dataset], scenes: list[str]):
-    """Return a figure of the change of observables by every model as bars, a panel per scene.
+    """Return a figure of the largest change of an observable by model, a panel of bars per scene.
 
-    `comparisons` are datasets of `gearlib.studies.scenes.compare`, `scenes` their names. The bar of
-    the chosen model is filled. Where rounding decides, bars are medians over starts, with ranges.
+    `comparisons` are results of `gearlib.studies.scenes.compare`, `scenes` their names. The bar of
+    the chosen model is filled. If the motion depends on rounding errors, bars are medians over
+    initial states, with ranges.
     """
-    figure = style.page(_HEAD + _ROW_HEIGHT * len(comparisons))
+    figure = style.page_figure(_HEADER_HEIGHT + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
     for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
         axes.axvline(data.tolerance, color=_ORANGE, linewidth=0.8, linestyle="--")
         axes.set(xscale="log", xlim=_LIMITS)
         for i in range(data.sizes["model"]):
             _draw_bar(axes, data.isel(model=i), i)
-        # Ticks inside the frame would lie on the bars.
+        # Ticks inside the frame would overlap the bars.
         axes.tick_params(axis="y", length=0)
         names = [_MODEL_LABELS[name].format(int(data.harmonics)) for name in data.model.values]
         axes.set_yticks(range(len(names)), names, fontsize=6)
@@ -45,17 +46,17 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]):
 
 
 def _draw_bar(axes, model: xr.Dataset, y: int):
-    """Draw the change of one model as a bar at height `place`, with a description on the right."""
-    change, chosen = float(model.change), model.model.item() == model.chosen.item()
-    certain = bool(model.change_free_of_rounding)
-    description = f"{change:.2g}" if certain else "rounding decides"
+    """Draw the change of one model as a horizontal bar at `y`, with a description on the right."""
+    change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
+    is_reproducible = bool(model.change_free_of_rounding)
+    description = f"{change:.2g}" if is_reproducible else "rounding decides"
     if np.isnan(change):
         description = "the largest model"
     else:
-        face = _BLUE if chosen else "white"
+        face = _BLUE if is_chosen else "white"
         axes.barh(y, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
-        if not certain:
+        if not is_reproducible:
             axes.plot([model.change_low, model.change_high], [y] * 2, color=_ORANGE, lw=2.0)
-    description += ", used for the scene" if chosen else ""
-    description += f", cost {float(model.cost):.3g}" if certain else ""
-    style.note(axes, description, (_LIMITS[1], y), (-4, 0), "right center", white=(0.1,))
+    description += ", used for the scene" if is_chosen else ""
+    description += f", cost {float(model.cost):.3g}" if is_reproducible else ""
+    style.annotate(axes, description, (_LIMITS[1], y), (-4, 0), "right center", box=(0.1,))

@@ -1,4 +1,4 @@
-"""Order maps: level in dB over speed and order or frequency, the overall level beneath."""
+"""Order maps: level in dB over speed and order or frequency, and the overall level below."""
 
 import numpy as np
 import xarray as xr
@@ -6,45 +6,50 @@ import xarray as xr
 from gearlib import checks
 from gearlib.figures import style
 
-#: Units of variables -> (size in SI, name): levels are in dB re 1 of them.
-REFERENCES = {"m": (1e-6, "µm"), "N": (1.0, "N"), "m s-1": (1.0, "m/s"), "m s-2": (1.0, "m/s²")}
-#: Levels this far below the highest are one colour, dB.
+#: Unit of a variable -> (size in SI units, name) of the unit that is the reference of levels in dB.
+REFERENCE_UNITS = {
+    "m": (1e-6, "µm"),
+    "N": (1.0, "N"),
+    "m s-1": (1.0, "m/s"),
+    "m s-2": (1.0, "m/s²"),
+}
+#: Range of the colour scale below the highest level, dB.
 LEVEL_RANGE = 80.0
 MESH_ORDERS = 3
-#: Circles of a measured map on each mesh order.
+#: Largest number of circles of a measured map on each mesh order.
 MAX_CIRCLES = 30
 
 
 @style.styled()
 def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, measured=None):
-    """Draw an order map as it is read at the rig: runs up and down side by side.
+    """Draw an order map, with the rising and the falling speed side by side.
 
-    Lines with names are mesh orders z, 2z, ... and the subharmonic z/2, thinner ones sidebands
-    z - 1, z + 1. The overall level is below.
+    Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2, dotted lines the
+    sidebands z - 1, z + 1 and so on. The overall level is below.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Order map of `gearlib.order_map`; of a train, that of one mesh.
+        Order map returned by `gearlib.order_map`, for a train that of one mesh.
     figure : matplotlib.figure.Figure, optional
-        Empty figure to draw in; a new one of pyplot by default.
+        Empty figure to draw into; by default a new pyplot figure.
     vertical : {"order", "frequency"}
         Quantity of the vertical axis.
     levels : tuple of float, optional
-        Lowest and highest level, dB; by default 80 dB from the highest down.
+        Lowest and highest level, dB; by default the highest level and 80 dB below it.
     measured : xarray.Dataset, optional
-        Order map of the same variable of a rig: circles on the mesh orders, in the colours of their
-        levels, which vanish where both agree, and dots for the overall level.
+        Measured order map of the same variable, drawn as dots for the overall level and as circles
+        on the mesh orders, coloured by level, so that they vanish where both maps agree.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With two axes for each direction of the speed: map and overall level.
+        Figure with two axes for each direction of the speed: map and overall level.
 
     Raises
     ------
     ValueError
-        If a dataset is no order map of one mesh, or both have different variables.
+        If a dataset is not an order map of one mesh, or both have different variables.
     """
     checks.one_of("vertical", vertical, ("order", "frequency"))
     for name, data in {"found": found, "measured": found if measured is None else measured}.items():
@@ -68,20 +73,20 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
     grid = figure.subplots(
         2, directions.size, squeeze=False, sharex=True, sharey="row", height_ratios=(3, 1)
     )
-    for (above, below), direction in zip(grid.T, directions, strict=True):
-        run = _one_direction(found, direction)
+    for (map_axes, level_axes), direction in zip(grid.T, directions, strict=True):
+        run = _select_direction(found, direction)
         speed, level = np.broadcast_arrays(run.rpm.values[:, None], run.level.clip(low, high))
         options = colours | {"shading": "nearest", "rasterized": True}
-        image = above.pcolormesh(speed, run.height, level, **options)
-        _draw_mesh_orders(above, run)
-        above.set_title(f"speed goes {direction}")
-        below.plot(run.rpm, run.overall, color="C0")
+        image = map_axes.pcolormesh(speed, run.height, level, **options)
+        _draw_mesh_orders(map_axes, run)
+        map_axes.set_title(f"speed goes {direction}")
+        level_axes.plot(run.rpm, run.overall, color="C0")
         if measured is not None:
-            rig = _one_direction(_in_decibels(measured, vertical)[0], direction)
-            _draw_circles(above, rig, colours)
+            rig = _select_direction(_in_decibels(measured, vertical)[0], direction)
+            _draw_circles(map_axes, rig, colours)
             options = {"zorder": 1, "label": "measured"}
-            style.dots(below, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
-        below.set_xlabel("speed (rpm)")
+            style.draw_markers(level_axes, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
+        level_axes.set_xlabel("speed (rpm)")
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
     label = f"{found.attrs['variable'].replace('_', ' ')}, {found.attrs['amplitude']}\n({unit})"
@@ -90,18 +95,18 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
 
 
 def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
-    """Return an order map without order 0, with levels in dB added, and the name of their unit.
+    """Return (order map without order 0, with levels in dB; the name of their unit).
 
-    Also added are the direction of the speed of each block, and the height of each level on the
-    `vertical` axis, "order" or "frequency".
+    The map also gets the direction of the speed in each block of samples, and the height of each
+    level on the `vertical` axis, "order" or "frequency".
     """
     data = data.isel(order=slice(1, None))
     unit = data.overall.attrs.get("units", "N")
-    size, name = REFERENCES.get(unit, (1.0, unit))
-    power = data.attrs["amplitude"] == "power"
+    reference, name = REFERENCE_UNITS.get(unit, (1.0, unit))
+    amplitude = data.amplitude**0.5 if data.attrs["amplitude"] == "power" else data.amplitude
     with np.errstate(divide="ignore"):
-        level = 20.0 * np.log10((data.amplitude**0.5 if power else data.amplitude) / size)
-        overall = 20.0 * np.log10(data.overall / size)
+        level = 20.0 * np.log10(amplitude / reference)
+        overall = 20.0 * np.log10(data.overall / reference)
     rpm = data.rpm.values
     falls = np.gradient(rpm) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
     scale = data.rpm / 60.0 if vertical == "frequency" else xr.ones_like(data.rpm)
@@ -110,15 +115,15 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
 
 
-def _one_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
-    """Return the blocks in which the speed goes "up" or "down" (`direction`), sorted by speed."""
+def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
+    """Return the blocks of an order map in which the speed goes "up" or "down", sorted by speed."""
     return data.isel(time=np.flatnonzero(data.direction == direction)).sortby("rpm")
 
 
 def _draw_circles(axes, measured: xr.Dataset, colours: dict):
     """Draw circles coloured by level on the mesh orders of a measured order map.
 
-    `colours` are the options of `pcolormesh`: cmap, vmin and vmax, dB.
+    `colours` has the entries cmap, vmin and vmax, dB.
     """
     blocks = measured.isel(time=slice(None, None, -(-measured.sizes["time"] // MAX_CIRCLES) or 1))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
@@ -130,16 +135,18 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
 
 
 def _draw_mesh_orders(axes, data: xr.Dataset):
-    """Draw lines, with names, for the mesh orders of an order map, sidebands and subharmonic."""
+    """Draw labelled lines for mesh orders and subharmonic, and dotted lines for sidebands."""
     teeth, ends = float(data.teeth), data.isel(time=[0, -1])
-    named = {"z/2": 0.5 * teeth, "z": teeth}
-    named |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
+    orders = {"z/2": 0.5 * teeth, "z": teeth}
+    orders |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
     options = {"color": "white", "alpha": 0.6}
-    for name, order in named.items():
+    for name, order in orders.items():
         if order <= data.order[-1]:
             axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
-            style.note(axes, name, (ends.rpm[-1], order * ends.scale[-1]), (2, 0), "left baseline")
-        for side in (-1.0, 1.0) if name != "z/2" else ():
-            if order + side <= data.order[-1]:
-                label, heights = f"{name} {side:+.0f}", (order + side) * ends.scale
+            style.annotate(
+                axes, name, (ends.rpm[-1], order * ends.scale[-1]), (2, 0), "left baseline"
+            )
+        for offset in (-1.0, 1.0) if name != "z/2" else ():
+            if order + offset <= data.order[-1]:
+                label, heights = f"{name} {offset:+.0f}", (order + offset) * ends.scale
                 axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **options)

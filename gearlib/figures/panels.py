@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from gearlib.figures import style
 
 ROW_HEIGHT, LEGEND_HEIGHT = 1.8, 0.7
-#: Characters of a label that fit along an inch of an axis.
+#: Number of characters of a label per inch of an axis.
 CHARACTERS_PER_INCH = 15
 
 _UNITS = {"1": "", "min-1": "rpm", "degree": "degrees"}
@@ -39,7 +39,7 @@ _DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
-    """Return a variable's long name up to a comma or colon, "nu" as "ν" etc., and its unit."""
+    """Return a variable's long name, up to a comma or colon, with Greek letters, and its unit."""
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
     greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
     name = re.sub(greek_words, lambda match: match[1] + _GREEK[match[2]], name)
@@ -48,14 +48,14 @@ def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
 
 
 def axis_label(variable: xr.DataArray, width: int | None = None) -> str:
-    """Return the axis label "name (unit)" of a variable, in lines of at most `width` characters."""
+    """Return the axis label "name (unit)" of a variable, wrapped after `width` characters."""
     name, unit = name_and_unit(variable)
     text = f"{name} ({unit})" if unit else name
     return textwrap.fill(text, width) if width else text
 
 
 def value_label(coordinate: xr.DataArray) -> str:
-    """Return the label of a scalar coordinate: its name as printed, or "name = number unit"."""
+    """Return the label of a scalar coordinate: a readable name, or "name = number unit"."""
     value = coordinate.item()
     if isinstance(value, str):
         return _VALUE_LABELS.get(value, style.damping_label(value))
@@ -63,10 +63,10 @@ def value_label(coordinate: xr.DataArray) -> str:
     return f"{name} = {value:g} {unit}".strip()
 
 
-def curve_styles(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
+def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
     """Return a dict of `Axes.plot` options (colour, dashes, label) for each coordinate value.
 
-    `colours` maps some coordinate values to colours; the others take those of the palette.
+    `colours` maps some coordinate values to colours; others take the colours of the palette.
     """
     given_colours = colours or {}
     return {
@@ -82,14 +82,14 @@ def curve_styles(coordinate: xr.DataArray, colours: dict | None = None) -> dict[
 
 
 def plain_ticks(axis: Axis):
-    """Label the ticks of a logarithmic axis, of a few decades, with plain numbers such as 1.5."""
+    """Label the ticks of a logarithmic axis over few decades with plain numbers such as 1.5."""
     axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 
 def legend_entries(styles: dict[str, dict]) -> list[Line2D]:
-    """Return a legend handle for each curve; `styles` maps curves to options of `Axes.plot`."""
+    """Return a legend handle for each entry of `styles`, a dict of options of `Axes.plot`."""
     return [Line2D([], [], **options) for options in styles.values()]
 
 
@@ -100,7 +100,7 @@ def in_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
 
 
 def in_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
-    """Return a variable divided by `size`, with `unit` as the name of its new unit."""
+    """Return a variable in another unit, of the given size (in the old unit) and name."""
     return (variable / size).assign_attrs(variable.attrs | {"units": unit})
 
 
@@ -109,21 +109,20 @@ def draw_curves(
 ) -> list[Line2D]:
     """Draw the variable named `y` of a dataset over the one named `x`; return legend handles.
 
-    There is a curve for each value of the dimensions named `colour` and `line`, which differ in
-    colour and in dashes. `styles` maps values of `colour` to options of `Axes.plot`; `options`
-    hold for all curves.
+    Each value of the dimension named `colour` has its colour, each value of `line` its dashes.
+    `styles` maps values of `colour` to options of `Axes.plot`; `options` hold for all curves.
     """
-    by_colour = {None: {"color": style.PALETTE[0]}}
-    by_line = {None: {}}
+    colour_styles = {None: {"color": style.PALETTE[0]}}
+    line_styles = {None: {}}
     if colour is not None:
-        by_colour = styles or curve_styles(data[colour])
+        colour_styles = styles or plot_options(data[colour])
     if line is not None:
         dashes = zip(data[line], cycle(_DASHES), strict=False)
-        by_line = {
+        line_styles = {
             value.item(): {"linestyle": dash, "label": value_label(value)} for value, dash in dashes
         }
-    for colour_value, colour_style in by_colour.items():
-        for line_value, line_style in by_line.items():
+    for colour_value, colour_style in colour_styles.items():
+        for line_value, line_style in line_styles.items():
             indexers = {colour: colour_value, line: line_value}
             curve = data.sel({name: value for name, value in indexers.items() if name is not None})
             curve_style = colour_style | line_style | {"label": None} | options
@@ -131,43 +130,29 @@ def draw_curves(
     height = axes.get_window_extent().height / axes.figure.dpi
     axes.set_xlabel(axis_label(data[x]))
     axes.set_ylabel(axis_label(data[y], max(12, round(CHARACTERS_PER_INCH * height))))
-    entries = [*(by_colour.values() if colour else ())]
+    entry_options = [*(colour_styles.values() if colour else ())]
     if line is not None:
-        entries = [entry | {"linestyle": "-"} for entry in entries]
-        entries += [{"color": "black"} | entry for entry in by_line.values()]
-    return [Line2D([], [], **entry) for entry in entries]
+        entry_options = [options | {"linestyle": "-"} for options in entry_options]
+        entry_options += [{"color": "black"} | options for options in line_styles.values()]
+    return [Line2D([], [], **options) for options in entry_options]
 
 
 def draw_panels(
     data, x, y, *, panel=None, colour=None, line=None, styles=None, figure=None
 ) -> np.ndarray:
-    """Draw variables of a dataset over another in panels, a legend below; return the axes.
+    """Draw variables over another one in panels with a legend below; return the array of axes.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-    x : str
-        Variable of the horizontal axes, which all panels share.
-    y : str or sequence of str
-        Variables of the vertical axes: a row of panels for each.
-    panel, colour, line : str, optional
-        Dimensions of which each value has its column of panels, its colour, its dashes.
-    styles : dict, optional
-        Options of `Axes.plot` by value of `colour`, instead of those of `curve_styles`.
-    figure : matplotlib.figure.Figure or SubFigure, optional
-        Where they are drawn; a new page by default.
-
-    Returns
-    -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Shape (number of y, number of panels).
+    `x` names the variable of all horizontal axes; `y` is the name, or a list of names, of variables
+    that have a row of panels each. The dimensions named `panel`, `colour` and `line` have a column
+    of panels, a colour and dashes for each value. `styles` maps values of `colour` to options of
+    `Axes.plot`. `figure` is by default a new one.
     """
-    rows = [y] if isinstance(y, str) else list(y)
+    names = [y] if isinstance(y, str) else list(y)
     selections = [data] if panel is None else [data.sel({panel: v}) for v in data[panel].values]
-    figure = figure or style.page(ROW_HEIGHT * len(rows) + LEGEND_HEIGHT)
-    grid = figure.subplots(len(rows), len(selections), squeeze=False, sharex=True, sharey="row")
+    figure = figure or style.page_figure(ROW_HEIGHT * len(names) + LEGEND_HEIGHT)
+    grid = figure.subplots(len(names), len(selections), squeeze=False, sharex=True, sharey="row")
     for column, selected in zip(grid.T, selections, strict=True):
-        for axes, name in zip(column, rows, strict=True):
+        for axes, name in zip(column, names, strict=True):
             entries = draw_curves(axes, selected, x, name, colour=colour, line=line, styles=styles)
             axes.label_outer()
         if panel is not None:

@@ -1,4 +1,4 @@
-"""Parametric resonance: stability of the motion without loss of contact, after Ince and Strutt."""
+"""Parametric resonance: Ince-Strutt diagrams of the motion without loss of contact."""
 
 import numpy as np
 import xarray as xr
@@ -15,43 +15,46 @@ _PAIR_LINE = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "lab
 
 
 @style.styled()
-def draw(chart: xr.Dataset, facts: xr.Dataset):
+def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
     """Return a stability chart: growth and tongues over the tuning and each other parameter.
 
-    `chart` is that of `gearlib.studies.stability.chart`, `facts` that of its `contact_loss`, with
-    the dampings of the gear pair. Shades are growth per mesh period at the first damping, lines the
-    edges of tongues, circles points of width zero; the gear pair itself is dashed.
+    `chart` and `contact_loss` are results of the functions of `gearlib.studies.stability` of the
+    same name. Shades are growth per mesh period at the first damping, lines the edges of
+    instability tongues, circles points of width zero. Dashed lines are values of the gear pair.
     """
-    figure = style.page(6.6)
+    figure = style.page_figure(6.6)
     mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
     grid = figure.subplot_mosaic(mosaic, height_ratios=[1.25, 1.0])
     for name, axes in grid.items():
         plane = chart.sel(plane=name)
-        shade = _draw_tongues(axes, plane, float(chart.growth.max()) or 1.0)
+        image = _draw_tongues(axes, plane, float(chart.growth.max()) or 1.0)
         points = chart.isel(point=chart.point_plane.values == name)
         options = {"markerfacecolor": "white", "label": "width zero"}
-        style.dots(axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options)
+        style.draw_markers(
+            axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options
+        )
         value = 0.0 if name == "damping" else float(plane.own_value)
-        axes.plot([float(facts.asked)], [value], "k+", markersize=7, clip_on=False)
+        axes.plot([float(contact_loss.asked)], [value], "k+", markersize=7, clip_on=False)
         if name == "damping":
-            _draw_dampings(axes, plane, facts)
+            _label_tongues(axes, plane)
+            _draw_damping_ratios(axes, contact_loss.damping_ratio.round(12))
         else:
             axes.axhline(value, **_PAIR_LINE)
         axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[name])
     label = panels.axis_label(chart.growth)
-    figure.colorbar(shade, ax=list(grid.values()), label=label, aspect=40)
+    figure.colorbar(image, ax=list(grid.values()), label=label, aspect=40)
     style.legend(figure, grid["stiffness_ratio"], 6, "upper")
     return figure
 
 
-def _draw_tongues(axes, plane: xr.Dataset, largest: float):
-    """Draw growth and edges of tongues of one plane of parameters; return the image of growth.
+def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
+    """Draw growth and the edges of tongues in one plane of parameters; return the image of growth.
 
-    The colour scale ends at the growth `largest`; the tuning has a logarithmic scale.
+    The colour scale ends at `max_growth`; the tuning has a logarithmic scale.
     """
     growth = plane.growth.where(plane.growth > 0.0)
-    options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": largest, "shading": "nearest"}
-    shade = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
+    options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
+    image = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
     for damping, colour in zip(plane.damping, _COLOURS * plane.damping.size, strict=False):
         tongues = plane.sel(damping=damping).transpose("row", ...)
         options = {"color": colour, "linewidth": 0.8}
@@ -60,23 +63,25 @@ def _draw_tongues(axes, plane: xr.Dataset, largest: float):
         axes.plot(tongues.tuning_to, plane.value, **options)
     axes.set(xscale="log", xlim=plane.tuning.values[[0, -1]], ylim=plane.value.values[[0, -1]])
     panels.plain_ticks(axes.xaxis)
-    return shade
+    return image
 
 
-def _draw_dampings(axes, plane: xr.Dataset, facts: xr.Dataset):
-    """Name the tongues in the plane of damping, and draw the gear pair's dampings (`facts`)."""
-    tips = plane.isel(damping=0, row=0)
+def _label_tongues(axes, plane: xr.Dataset):
+    """Write order and largest damping ratio of each tongue in the plane of tuning and damping."""
     for order in plane.order.values:
-        tip = tips.sel(order=order)
-        centre = 0.5 * float(tip.tuning_from + tip.tuning_to)
-        closing = float(tip.closing_damping)
-        if np.isfinite(closing) and np.isfinite(centre):
-            text = f"order {order}\n$\\beta$ < {closing:.2g}"
-            style.note(axes, text, (centre, closing), (0, 3), "center bottom")
-    ratios = facts.damping_ratio.round(12)
+        tongue = plane.isel(damping=0, row=0).sel(order=order)
+        centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
+        max_damping = float(tongue.closing_damping)
+        if np.isfinite(max_damping) and np.isfinite(centre):
+            text = f"order {order}\n$\\beta$ < {max_damping:.2g}"
+            style.annotate(axes, text, (centre, max_damping), (0, 3), "center bottom")
+
+
+def _draw_damping_ratios(axes, ratios: xr.DataArray):
+    """Draw a line for each damping ratio of the gear pair, with the names of its dampings."""
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:
             axes.axhline(ratio, **_PAIR_LINE)
             names = ", ".join(map(style.damping_label, dampings.damping.values))
-            options = {"side": "left baseline", "of": ("axes fraction", "data")}
-            style.note(axes, names, (0.01, ratio), (0, 2), **options)
+            options = {"anchor": "left baseline", "coords": ("axes fraction", "data")}
+            style.annotate(axes, names, (0.01, ratio), (0, 2), **options)

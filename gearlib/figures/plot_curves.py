@@ -1,4 +1,4 @@
-"""Curves of datasets for `gearlib.plot`: their names, their looks, and their scales in SI units."""
+"""Curves of datasets for `gearlib.plot`: their labels, their styles, and scales in SI units."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,49 +10,47 @@ from matplotlib.axes import Axes
 
 from gearlib.data.variables import SI_SCALES
 from gearlib.figures import panels, style
+from gearlib.figures.style import CurveStyle
 
-#: Dimensions of which each value is a curve.
+#: Dimensions with a curve for each value.
 CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
-#: Directions of a sweep: their labels, and the dashes and markers of warm-started ones.
-DIRECTIONS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
-CARRIED = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
+#: Direction of a sweep -> its label; and -> (dashes, marker) of warm-started sweeps.
+DIRECTION_LABELS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
+WARM_STARTED_STYLES = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a picture: its data, its name in the legend and its look."""
+    """A curve of a plot: its data, legend label and style."""
 
     data: xr.Dataset
     label: str
-    look: style.Look
+    style: CurveStyle
 
 
-def require(caller: str, dataset: xr.Dataset | None, names: tuple, maker: str, dimension=None):
-    """Raise ValueError unless a dataset has the variables `names`, over `dimension` if given.
+def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
+    """Raise ValueError unless a dataset has the variables `names`, over `dim` if this is given.
 
-    The message names `gearlib.plot.<caller>`, which draws, and `gearlib.<maker>`, which computes.
+    The message names `gearlib.plot.<caller>`, which draws, and `gearlib.<source>`, which computes.
     """
-    known = getattr(dataset, "variables", {})
-    missing = [
-        name for name in names if name not in known or dimension not in (None, *known[name].dims)
-    ]
-    if missing:
-        over = f" over {dimension}" if dimension else ""
-        raise ValueError(
-            f"{missing[0]}{over} is missing: gearlib.plot.{caller} draws datasets of "
-            f"gearlib.{maker}"
-        )
+    variables = getattr(dataset, "variables", {})
+    for name in names:
+        if name not in variables or dim not in (None, *variables[name].dims):
+            over = f" over {dim}" if dim else ""
+            raise ValueError(
+                f"{name}{over} is missing: gearlib.plot.{caller} draws datasets of gearlib.{source}"
+            )
 
 
-def curves(caller, datasets: Sequence, labels, names, maker, dimension) -> list[Curve]:
-    """Return a `Curve` (data, label, look) for each curve in datasets.
+def curves(caller, datasets: Sequence, labels, names, source, dim) -> list[Curve]:
+    """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
-    The variables `names` must have `dimension`; a damping, direction, mesh or case is a curve.
-    `labels`, one per dataset, or None, start the legend labels. `caller` and `maker` are the
-    functions of `gearlib.plot` and `gearlib` that error messages name.
+    The variables `names` must have the dimension `dim`. `labels`, one per dataset, or None, start
+    the legend labels. `caller` and `source` are the functions of `gearlib.plot` and of `gearlib`
+    that error messages name.
     """
     for dataset in datasets or [None]:
-        require(caller, dataset, names, maker, dimension)
+        require(caller, dataset, names, source, dim)
     if labels is not None and len(labels) != len(datasets):
         raise ValueError(
             f"labels = {labels!r} is not allowed: they must be {len(datasets)}, one for each "
@@ -65,18 +63,18 @@ def curves(caller, datasets: Sequence, labels, names, maker, dimension) -> list[
         for values in product(*(dataset[dim].values for dim in dims)):
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
             properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
-    # A property that all curves share does not tell them apart.
+    # Properties that all curves have in common are left out of the labels.
     differing = {
         name
         for name in {name for curve in properties for name in curve}
         if name == "label" or len({curve.get(name) for curve in properties}) > 1
     }
     distinct = [{n: v for n, v in curve.items() if n in differing} for curve in properties]
-    return [*map(Curve, data, map(_label, distinct), _looks(distinct))]
+    return [*map(Curve, data, map(_label, distinct), _curve_styles(distinct))]
 
 
 def _origin(dataset: xr.Dataset) -> dict[str, str]:
-    """Return the direction and the damping of a dataset, for its legend label, where known."""
+    """Return the direction and the damping of a dataset, as far as known, for its legend label."""
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
     origin = {"direction": parameters["direction"]} if "direction" in parameters else {}
     if "damping" in dataset.coords and not dataset.damping.ndim:
@@ -87,22 +85,23 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
 def _label(properties: dict[str, str]) -> str:
     """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
     names = [
-        DIRECTIONS.get(value, value) if name == "direction" else style.damping_label(value)
+        DIRECTION_LABELS.get(value, value) if name == "direction" else style.damping_label(value)
         for name, value in properties.items()
     ]
     return ", ".join(names)
 
 
-def _looks(properties: list[dict[str, str]]) -> Iterator[style.Look]:
-    """Yield each curve's look: sweep directions differ in dashes, other properties in colour."""
+def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
+    """Yield a style for each curve: directions differ in dashes, other properties in colour."""
     colour_keys = [tuple(v for n, v in curve.items() if n != "direction") for curve in properties]
     if len({*colour_keys}) == 1:
         colour_keys = [tuple(curve.values()) for curve in properties]
-    looks = style.looks(list(dict.fromkeys(colour_keys)))
+    styles = style.curve_styles(list(dict.fromkeys(colour_keys)))
     for colour_key, curve in zip(colour_keys, properties, strict=True):
-        look = looks[colour_key]
-        line, marker = CARRIED.get(curve.get("direction"), (look.line, look.marker))
-        yield style.Look(look.colour, line, marker)
+        default = styles[colour_key]
+        line_and_marker = default.line, default.marker
+        line, marker = WARM_STARTED_STYLES.get(curve.get("direction"), line_and_marker)
+        yield CurveStyle(default.colour, line, marker)
 
 
 def axes_or_new(axes: Axes | None) -> Axes:
@@ -120,21 +119,21 @@ def axes_or_new(axes: Axes | None) -> Axes:
 
 
 def common_scalar(curves: list[Curve], name: str) -> float | None:
-    """Return the scalar variable `name` if all curves have the same value of it, else None."""
+    """Return the scalar variable `name` if its value is the same for all curves, else None."""
     values = {curve.data[name].item() if name in curve.data else None for curve in curves}
     return values.pop() if len(values) == 1 else None
 
 
-def in_si(curves: list[Curve]) -> bool:
-    """Return whether all curves share a static deflection in m; models given by ratios have 1."""
+def have_si_units(curves: list[Curve]) -> bool:
+    """Return whether all curves have the same static deflection, m; models by ratios have 1."""
     return common_scalar(curves, "static_deflection") not in (None, 1.0)
 
 
 def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
-    """Add a scale in SI units for `variable` on the "top" or "right" side, if all curves agree."""
+    """Add a scale in SI units for a variable at the "top" or "right" if all curves have one."""
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
-    if factor is None or not in_si(curves):
+    if factor is None or not have_si_units(curves):
         return
     _, unit = panels.name_and_unit(curves[0].data[name])
     if unit == "m":
@@ -144,7 +143,7 @@ def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
 
 
 def shade_backlash(axes: Axes, curves: list[Curve], direction: str):
-    """Shade the backlash area if all curves share one; `direction` is the displacement's axis."""
+    """Shade the backlash if it is the same for all curves; displacements are along `direction`."""
     backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:
         limits = axes.axis()

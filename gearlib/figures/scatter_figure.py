@@ -1,4 +1,4 @@
-"""Scatter by tolerances: bands over speed, jumps and peaks, and their causes."""
+"""Scatter by tolerances: bands over speed, histograms of quantities, and Sobol' indices."""
 
 import math
 
@@ -24,7 +24,7 @@ _GREY = "#CFCFCF"
 
 @style.styled()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return figures, by name, of data of `gearlib.scatter`, with Sobol' `indices` if any."""
+    """Return the figures of a result of `gearlib.scatter`, in a dict by name."""
     return {
         "tolerance_bands": bands(scattered),
         "tolerance_quantities": quantities(scattered, indices=indices),
@@ -33,23 +33,27 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 
 @style.styled()
 def bands(scattered: xr.Dataset):
-    """Return a figure of displacement bands over speed of `gearlib.scatter`, and probabilities."""
-    figure = style.page(_HEIGHT)
+    """Return a figure of quantile bands of displacement, and of probabilities, over the speed.
+
+    `scattered` is a result of `gearlib.scatter`, over "tuning" or "speed".
+    """
+    figure = style.page_figure(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-    over = "tuning" if "tuning" in scattered.dims else "speed"
-    x, band = scattered[over], scattered.height_band
+    dim = "tuning" if "tuning" in scattered.dims else "speed"
+    x, band = scattered[dim], scattered.height_band
     size, unit = style.readable_unit(band.units, band)
-    looks = style.looks(map(str, scattered.direction.values))
+    curve_styles = style.curve_styles(map(str, scattered.direction.values))
     handles = []
-    for name, look in looks.items():
-        line = {"color": look.colour, "linestyle": look.line}
-        # Seeded starts end on several motions, for which one band has no meaning.
-        if name != "seeded" or len(looks) == 1:
-            low, middle, high = band.sel(direction=name).values / size
-            above.fill_between(x, low, high, color=look.colour, alpha=_BAND_OPACITY, linewidth=0)
-            above.plot(x, middle, **line)
+    for name, curve_style in curve_styles.items():
+        line = {"color": curve_style.colour, "linestyle": curve_style.line}
+        # Seeded starts end on several motions, for which a common band would have no meaning.
+        if name != "seeded" or len(curve_styles) == 1:
+            low, median, high = band.sel(direction=name).values / size
+            options = {"color": curve_style.colour, "alpha": _BAND_OPACITY, "linewidth": 0}
+            above.fill_between(x, low, high, **options)
+            above.plot(x, median, **line)
         below.plot(x, scattered.contact_loss_probability.sel(direction=name), **line)
-        handles.append(style.entry(_DIRECTIONS[name], look.colour, look.line))
+        handles.append(style.legend_entry(_DIRECTIONS[name], curve_style.colour, curve_style.line))
     label = "5 to 95 %"
     above.legend(handles=[*handles, Patch(color="black", alpha=_BAND_OPACITY, lw=0, label=label)])
     if "two_motions_probability" in scattered:
@@ -60,15 +64,15 @@ def bands(scattered: xr.Dataset):
     above.set_ylabel(panels.axis_label(panels.in_unit(band, size, unit), 40))
     below.set_ylim(0.0, 1.02)
     below.set_ylabel(panels.axis_label(scattered.contact_loss_probability, 30))
-    below.set_xlabel("speed (rpm)" if over == "speed" else style.OWN_TUNING)
+    below.set_xlabel("speed (rpm)" if dim == "speed" else style.OWN_TUNING_LABEL)
     return figure
 
 
 @style.styled()
 def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
-    """Return a figure of histograms of data of `gearlib.scatter`, with Sobol' indices if any."""
+    """Return a figure of histograms of a result of `gearlib.scatter`, beside Sobol' indices."""
     names = [name for name in QUANTITIES if name in scattered]
-    figure = style.page(_ROW_HEIGHT * len(names))
+    figure = style.page_figure(_ROW_HEIGHT * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)
     for row, name in zip(grid, names, strict=True):
         _draw_histogram(row[0], scattered, name)
@@ -80,7 +84,7 @@ def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
 
 
 def _draw_histogram(axes, scattered: xr.Dataset, name: str):
-    """Draw a histogram of the designs over the quantity `name`, and its nominal value."""
+    """Draw a histogram of the quantity `name` of all designs, and its nominal value."""
     values = scattered[name].values[scattered[f"{name}_status"].values == 0]
     unit = QUANTITIES[name][0]
     size, unit = style.readable_unit({"min-1": "rpm", "1": ""}.get(unit, unit), values)
@@ -98,16 +102,16 @@ def _draw_histogram(axes, scattered: xr.Dataset, name: str):
 
 
 def _draw_indices(axes, indices: xr.Dataset):
-    """Draw the total and first Sobol' indices of a quantity by parameter, with intervals."""
+    """Draw the total and first-order Sobol' indices of all parameters, with their intervals."""
     positions = np.arange(indices.sizes["parameter"])
-    for name, look in (
+    for name, options in (
         ("total_index", {"facecolor": "none", "edgecolor": "black", "linewidth": 0.6}),
         ("first_index", {"color": style.PALETTE[0], "alpha": 0.6}),
     ):
         index, (low, high) = indices[name].values, indices[f"{name}_interval"].values.T
         errors = np.clip([index - low, high - index], 0.0, None)
-        look |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
-        axes.barh(positions, index, height=0.7, **look)
+        options |= {"xerr": errors, "error_kw": {"lw": 0.6, "ecolor": "black"}}
+        axes.barh(positions, index, height=0.7, **options)
     axes.set_yticks(positions, [str(name).replace("_", " ") for name in indices.parameter.values])
     axes.invert_yaxis()
     axes.set_xlim(-0.05, 1.1)

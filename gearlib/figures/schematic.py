@@ -1,4 +1,4 @@
-"""A gear train seen along its axes: pitch circles, shafts, carriers, and its meshes by name."""
+"""A gear train seen along its axes: pitch circles, shafts, carriers and labelled meshes."""
 
 import math
 from typing import NamedTuple
@@ -20,18 +20,18 @@ CONTACTS = {
 }
 #: Kind of a circle -> width and dashes of its line in the figures.
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
-GREY, CARRIER, NO_CURVE = "#707070", "#D0D0D0", "#4D4D4D"
-#: Shares of the size of the picture: room beside it, and the radius of a shaft.
+GREY, CARRIER_COLOUR, DEFAULT_MESH_COLOUR = "#707070", "#D0D0D0", "#4D4D4D"
+#: Margin, and radius of a shaft, relative to the size of the train.
 _MARGIN, _SHAFT_RADIUS = 0.06, 0.025
-#: How far the mark of a ring gear goes, over the radius of its circle.
-RING_MARK = 1.06
-#: Relative differences of lengths that are rounding.
+#: Outer end of the rotation mark of a ring gear, relative to its radius.
+RING_MARK_RADIUS = 1.06
+#: Relative tolerance within which lengths count as equal.
 SAME_LENGTH = 1e-6
-#: Width, a share of the page, and height in inches of a train beside and below its curves.
-_SIDE_SHARE, _HEIGHT_BELOW = 0.3, 1.6
+#: Relative width of a train beside its curves, and height in inches below them.
+_RELATIVE_WIDTH, _HEIGHT_BELOW = 0.3, 1.6
 
 
-class Instant(NamedTuple):
+class Drawing(NamedTuple):
     """Circles, lines and points of a train at one phase, in m."""
 
     circles: list  #: (x, y, radius, kind of `CIRCLES`)
@@ -41,10 +41,11 @@ class Instant(NamedTuple):
     meshes: np.ndarray  #: pitch points, (m, 2)
 
 
-def instant(layout: xr.Dataset, phase=0.0) -> Instant:
+def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     """Return the circles, lines and points of a train at a phase of the reference mesh, rad.
 
-    `layout` is that of `GearTrain.layout`: positions of bodies and meshes, and turns per phase.
+    `layout`, a result of `GearTrain.layout`, has positions of bodies and meshes at phase 0, and
+    rotations per phase.
     """
     angle = float(layout.frame_turns) * phase
     rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
@@ -57,20 +58,23 @@ def instant(layout: xr.Dataset, phase=0.0) -> Instant:
         circles += [(*map(float, axis_of[name]), radius, kind) for radius, kind in radii]
         if radii:
             radius, kind = max(radii)
-            end_radii = radius * np.array([1.0, RING_MARK] if kind == "ring" else [0.0, 1.0])
+            end_radii = radius * np.array([1.0, RING_MARK_RADIUS] if kind == "ring" else [0.0, 1.0])
             mark_direction = np.array([math.cos(turns * phase), math.sin(turns * phase)])
             marks.append(axis_of[name] + np.outer(end_radii, mark_direction))
     carriers = zip(axis_of, map(str, layout.carried_by.values), strict=True)
     arms = [(axis_of[carrier], axis_of[name]) for name, carrier in carriers if carrier]
     axis_of_shaft = dict(zip(layout.shaft_line.values.tolist(), axes, strict=True))
-    # Shaft number 0 belongs to the bodies without a shaft.
+    # Number 0 means that a body has no shaft.
     shafts = [axis for shaft_number, axis in axis_of_shaft.items() if shaft_number]
     marks, arms = (np.reshape(segments, (-1, 2, 2)) for segments in (marks, arms))
-    return Instant(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
+    return Drawing(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 
 
 def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
-    """Return each body's circles, (radius in m, "gear", "ring" or "rotor"); a carrier has none."""
+    """Return a dict of the circles, (radius in m, kind of `CIRCLES`), of each body by name.
+
+    A carrier has no circles.
+    """
     circles = {str(name): {} for name in layout.body.values}
     for names, radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
         for name, radius in zip(map(str, names), map(float, radii), strict=True):
@@ -87,12 +91,12 @@ def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
 def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
     """Draw a train in axes at a phase (rad) of the reference mesh.
 
-    `layout` is that of `GearTrain.layout`, `colours` maps mesh names to colours, `contact` holds
-    the contact code (1, 0, -1) of each mesh; `title` are the first lines of the title.
+    `layout` is a result of `GearTrain.layout`, `colours` maps mesh names to colours, `contact` has
+    the contact code (1, 0, -1) of each mesh, `title` the first lines of the title.
     """
-    drawing = instant(layout, phase)
+    drawing = create_drawing(layout, phase)
     for ends in drawing.arms:
-        axes.plot(*ends.T, color=CARRIER, linewidth=3.0, solid_capstyle="round", zorder=1)
+        axes.plot(*ends.T, color=CARRIER_COLOUR, linewidth=3.0, solid_capstyle="round", zorder=1)
     for x, y, radius, kind in drawing.circles:
         width, dashes = CIRCLES[kind]
         options = {"linewidth": width, "linestyle": dashes, "edgecolor": GREY, "zorder": 2}
@@ -106,13 +110,14 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
     for centre in drawing.shafts:
         axes.add_patch(Circle(centre, radius, facecolor=GREY, linewidth=0, zorder=3))
     names = [str(name) for name in layout.mesh.values]
-    curves = {name: look.colour for name, look in style.looks(names).items()}
-    colours = [(curves if colours is None else colours).get(name, NO_CURVE) for name in names]
+    if colours is None:
+        colours = {name: curve.colour for name, curve in style.curve_styles(names).items()}
+    colours = [colours.get(name, DEFAULT_MESH_COLOUR) for name in names]
     codes = [1] * len(names) if contact is None else [int(code) for code in contact]
     for colour, (x, y), code in zip(colours, drawing.meshes, codes, strict=True):
-        marker, filled, _ = CONTACTS[code]
-        face = {"markerfacecolor": colour if filled else "white", "markeredgewidth": 0.9}
-        style.dots(axes, [x], [y], marker, colour, 4.0, zorder=5, **face)
+        marker, is_filled, _ = CONTACTS[code]
+        options = {"markerfacecolor": colour if is_filled else "white", "markeredgewidth": 0.9}
+        style.draw_markers(axes, [x], [y], marker, colour, 4.0, zorder=5, **options)
     _draw_names(axes, names, drawing.meshes, colours)
     axes.set_axis_off()
     axes.set_title("\n".join([*title, *description(layout, codes)]), fontsize=6 if title else None)
@@ -122,18 +127,18 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
     """Write mesh names left and right of a train, with lines to the pitch points, (meshes, 2)."""
     (left, right), limits = axes.get_xlim(), axes.get_ylim()
     axes.autoscale(enable=False)
-    on_left = points[:, 0] < (left + right) / 2.0 - SAME_LENGTH * (right - left)
-    columns = (left, (-2, 0), "right center", on_left), (right, (2, 0), "left center", ~on_left)
+    is_left = points[:, 0] < (left + right) / 2.0 - SAME_LENGTH * (right - left)
+    columns = (left, (-2, 0), "right center", is_left), (right, (2, 0), "left center", ~is_left)
     for x, offset, anchor, mask in columns:
         meshes = [i for i in np.argsort(points[:, 1], kind="stable") if mask[i]]
         for i, y in zip(meshes, np.linspace(*limits, 2 * len(meshes) + 1)[1::2], strict=True):
             line, colour = np.array([points[i], (x, y)]), colours[i]
             axes.plot(*line.T, color=colour, linewidth=0.4, zorder=4)
-            style.note(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
+            style.annotate(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
 def description(layout: xr.Dataset, codes: list[int]) -> list[str]:
-    """Return text lines on the meshes' contact codes, and on positions that do not fit together."""
+    """Return text lines that explain the contact codes and report inconsistent positions."""
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
     if misfit > SAME_LENGTH * float(layout.body_radius.max()):
@@ -142,11 +147,11 @@ def description(layout: xr.Dataset, codes: list[int]) -> list[str]:
     return lines
 
 
-def instant_of_run(layout: xr.Dataset, run=None, phase=None) -> tuple:
-    """Return the phase (rad) to draw and the contact codes of all meshes at it, None without a run.
+def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
+    """Return (phase, rad; contact codes of all meshes at this phase, or None without a run).
 
     `run` is a recorded run, a static equilibrium or None; `phase` is by default the start of the
-    record, or 0. ValueError if it lies outside the record or the run has other meshes or no motion.
+    record, or 0. ValueError if it is outside the record, or if the run failed or has other meshes.
     """
     if run is None:
         return checks.number("phase", phase or 0.0, "finite", math.isfinite), None
@@ -167,33 +172,33 @@ def instant_of_run(layout: xr.Dataset, run=None, phase=None) -> tuple:
 def beside(axes: Axes, train, run=None, colours=None) -> Axes:
     """Draw a `GearTrain` beside axes that fill a figure; return these axes.
 
-    Contact is that at the start of `run`, if given; `colours` maps mesh names to colours.
+    The contacts are those at the start of `run`, if given; `colours` maps mesh names to colours.
     """
-    grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _SIDE_SHARE, _SIDE_SHARE))
+    grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH))
     axes.set_subplotspec(grid[0])
     width, height = axes.figure.get_size_inches()
-    axes.figure.set_size_inches(width / (1.0 - _SIDE_SHARE), height)
+    axes.figure.set_size_inches(width / (1.0 - _RELATIVE_WIDTH), height)
     layout = train.layout()
-    phase, contact = instant_of_run(layout, None if run is None or int(run.status) else run)
-    when = "of the train" if contact is None else "at the first instant shown"
-    added = axes.figure.add_subplot(grid[1])
-    draw(added, layout, colours, phase, contact, title=[f"meshes {when}"])
+    phase, contact = phase_and_contact(layout, None if run is None or int(run.status) else run)
+    title = "meshes of the train" if contact is None else "meshes at the first instant shown"
+    draw(axes.figure.add_subplot(grid[1]), layout, colours, phase, contact, title=[title])
     return axes
 
 
 def with_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
     """Draw the train of a dataset on the right of a figure, or below; return the remaining area.
 
-    It is the whole figure if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh
-    names to colours.
+    Nothing is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names
+    to colours.
     """
     if "pitch_radius" not in data:
         return figure
     if below:
         width, height = figure.get_size_inches()
         figure.set_size_inches(width, height + _HEIGHT_BELOW)
-        remaining, added = figure.subfigures(2, 1, height_ratios=(height, _HEIGHT_BELOW))
+        remaining, train_area = figure.subfigures(2, 1, height_ratios=(height, _HEIGHT_BELOW))
     else:
-        remaining, added = figure.subfigures(1, 2, width_ratios=(1.0 - _SIDE_SHARE, _SIDE_SHARE))
-    draw(added.subplots(), data, colours, title=["meshes of the train"])
+        width_ratios = (1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH)
+        remaining, train_area = figure.subfigures(1, 2, width_ratios=width_ratios)
+    draw(train_area.subplots(), data, colours, title=["meshes of the train"])
     return remaining

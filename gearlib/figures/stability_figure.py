@@ -1,4 +1,4 @@
-"""Numerical stability: spectral radius of one mesh period by each method, and the true one."""
+"""Numerical stability: spectral radius of one mesh period by each method, and the exact one."""
 
 import numpy as np
 import xarray as xr
@@ -7,8 +7,8 @@ from matplotlib.patches import Patch
 from gearlib.figures import panels, style
 
 _HEIGHT = 2.3
-#: A spectral radius this close to the true one counts as right: 1 % per mesh period.
-CLOSE = 0.01
+#: A spectral radius counts as right if it differs from the exact one by at most this.
+RADIUS_TOLERANCE = 0.01
 #: Limit of explicit Runge-Kutta steps on the imaginary axis.
 _RK4_LIMIT = 2.0 * np.sqrt(2.0)
 
@@ -26,14 +26,15 @@ def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
 
     `true_radius`, shape (tunings,), is exact; above 1 the motion is unstable.
     """
-    stable, too_large = true_radius <= 1.0 + 1e-9, radius > true_radius + CLOSE
+    is_stable = true_radius <= 1.0 + 1e-9
+    is_too_large = radius > true_radius + RADIUS_TOLERANCE
     conditions = [
-        (radius <= 1.0) & ~stable & (true_radius > 1.0 + CLOSE),  # 4: hides the instability
-        radius < true_radius - CLOSE,  # 3: damps falsely
-        too_large & stable & (radius > 1.0 + CLOSE),  # 0: invents motion
-        too_large,  # 1: grows too fast
+        (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),  # 4: hides the instability
+        radius < true_radius - RADIUS_TOLERANCE,  # 3: damps falsely
+        is_too_large & is_stable & (radius > 1.0 + RADIUS_TOLERANCE),  # 0: invents motion
+        is_too_large,  # 1: grows too fast
     ]
-    # The first true condition decides; 2 means right.
+    # The first true condition counts; the default 2 means right.
     return np.select(conditions, [4, 3, 0, 1], 2)
 
 
@@ -41,18 +42,18 @@ def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
 def draw(chart: xr.Dataset):
     """Return a figure of a map of verdicts for each method, and the true spectral radius below.
 
-    `chart` is that of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is the
-    stability limit of explicit Runge-Kutta steps at the maximum stiffness.
+    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is
+    the stability limit of explicit Runge-Kutta steps at the maximum stiffness.
     """
     rows = -(-chart.sizes["method"] // 2)
-    figure = style.page(_HEIGHT * rows + 2.2)
+    figure = style.page_figure(_HEIGHT * rows + 2.2)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_HEIGHT] * rows + [1.4])
     tuning, steps = chart.tuning.values, chart.steps.values
-    true = np.interp(tuning, chart.fine_tuning, chart.true_radius)
+    true_radius = np.interp(tuning, chart.fine_tuning, chart.true_radius)
     for i, name in enumerate(chart.method.values):
         axes = figure.add_subplot(grid[i // 2, i % 2])
-        codes = verdicts(chart.radius.values[i], true)
-        style.map_of_codes(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
+        codes = verdicts(chart.radius.values[i], true_radius)
+        style.draw_code_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
         axes.set(yscale="log", title=name)
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
         if name.startswith("rk4"):

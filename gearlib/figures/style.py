@@ -1,7 +1,7 @@
-"""The look of all figures, and how they become files: the same bytes for the same data.
+"""Style of all figures, and their files: equal data give equal bytes.
 
-Colours are those of Okabe and Ito, which stay apart without red-green vision. Nothing rests on
-colour alone: every curve also has its marker and line style, for print in grey.
+The colours are those of Okabe and Ito, which readers with red-green blindness can distinguish.
+Curves also differ in marker and line style, for print in grey.
 """
 
 import re
@@ -25,20 +25,20 @@ from gearlib.data.files import replacing
 PAGE_WIDTH = 7.2
 
 #: Axis labels that several figures use.
-TUNING, OWN_TUNING = "tuning $\\nu_s$", "tuning $\\nu$"
-RATE = "$dy/d\\tau$ (static defl./rad)"
-SHORT_DISPLACEMENT = "$y$ (static defl.)"
+TUNING_LABEL, OWN_TUNING_LABEL = "tuning $\\nu_s$", "tuning $\\nu$"
+VELOCITY_LABEL = "$dy/d\\tau$ (static defl./rad)"
+DISPLACEMENT_LABEL = "$y$ (static defl.)"
 
-#: Dashes of limits and of unstable orbits, and of a curve beside a solid one.
+#: Dashes of limits and unstable orbits, and of the second of two curves.
 DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
-#: Greys of the areas; the normal mesh stays white.
+#: Shades of the areas without drive-side contact; the area of normal mesh stays white.
 AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
 
-#: Colours of curves, and of dampings that have none in a configuration.
+#: Colours of curves, and of dampings without a colour in the configuration.
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
 
-# Square, dot, cross and open circle are the paper's, in its order of the damping combinations.
+# The first four markers are those of the paper, in its order of the damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
 _LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
@@ -70,17 +70,17 @@ _METADATA = {
 #: Height of the line that names the gears, inches.
 _GEARS_LINE_HEIGHT = 0.14
 
-#: Digits of a place in shares of the figure: a thousandth of a pixel.
+#: Decimal places of positions relative to the figure size: a thousandth of a pixel.
 _POSITION_DIGITS = 6
 
-#: Smallest span of an axis, a share of its largest value: a smaller one shows only rounding.
-LEAST_SPAN = 0.01
+#: Smallest span of an axis over its largest magnitude: a smaller span would show only rounding.
+MIN_RELATIVE_SPAN = 0.01
 
 _LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
 
 
 @dataclass(frozen=True)
-class Look:
+class CurveStyle:
     """Colour, line style and marker of one curve."""
 
     colour: str
@@ -98,14 +98,14 @@ def styled():
     matplotlib.interactive(interactive)
 
 
-def looks(names, colours: dict | None = None) -> dict[Any, Look]:
-    """Return a dict of a `Look` (colour, line style, marker) for each curve name, in this order.
+def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
+    """Return a dict with a `CurveStyle` (colour, line style, marker) for each curve name.
 
-    `colours` maps names to colours; the other curves take the colours of the palette in turn.
+    `colours` maps some of the names to colours; other curves take the colours of the palette.
     """
     given_colours = colours or {}
     return {
-        name: Look(given_colours.get(name, colour), line, marker)
+        name: CurveStyle(given_colours.get(name, colour), line, marker)
         for name, colour, line, marker in zip(
             names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
         )
@@ -123,15 +123,15 @@ def length_unit(length: float) -> tuple[float, str]:
 
 
 def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
-    """Return (size, name) of the most readable unit: m to nm, or `unit` itself if not m."""
+    """Return (size, name) of the most readable unit for values: m to nm, or `unit` if not m."""
     if unit != "m":
         return 1.0, unit
     return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))
 
 
-def draw_rise_and_fall(axes: Axes, x: ArrayLike, y: ArrayLike, falls: np.ndarray, **options):
-    """Draw y over x, solid, and dotted where the mask `falls` is true; options of `Axes.plot`."""
-    for mask, dashes in ((~falls, "-"), (falls, ":")):
+def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **options):
+    """Draw y over x, dotted where the mask `is_dotted` is true; `options` are for `Axes.plot`."""
+    for mask, dashes in ((~is_dotted, "-"), (is_dotted, ":")):
         if mask.any():
             axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **options)
             options["label"] = None
@@ -140,23 +140,24 @@ def draw_rise_and_fall(axes: Axes, x: ArrayLike, y: ArrayLike, falls: np.ndarray
 def shade_areas(axes: Axes, backlash: float, direction: str) -> dict[str, tuple[float, float]]:
     """Shade backlash and inverse mesh; return the visible (lower, upper) range of each area.
 
-    `direction` is the axis of displacement, "x" or "y", with its limits set before; `backlash` is
-    in static deflections and may be infinite.
+    `direction` is the axis of displacement, "x" or "y", whose limits must be set; `backlash` is in
+    static deflections and may be infinite.
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     edges = np.clip([upper, 0.0, -backlash, lower], lower, upper)
     areas = zip(("normal mesh", "backlash", "inverse mesh"), edges[1:], edges, strict=False)
-    visible = {name: (start, end) for name, start, end in areas if start < end}
+    visible_areas = {name: (start, end) for name, start, end in areas if start < end}
     shade = axes.axhspan if direction == "y" else axes.axvspan
-    for name in [name for name in AREA_COLOURS if name in visible]:
-        shade(*visible[name], color=AREA_COLOURS[name], linewidth=0, zorder=0)
-    return visible
+    for name, colour in AREA_COLOURS.items():
+        if name in visible_areas:
+            shade(*visible_areas[name], color=colour, linewidth=0, zorder=0)
+    return visible_areas
 
 
 def second_scale(axes: Axes, factor: float, label: str, side="top", position: float | None = None):
-    """Add a labelled scale on the "top" or "right" side: the axis values times `factor`.
+    """Add a labelled scale on the "top" or "right" side, which shows axis values times `factor`.
 
-    `position` is its distance from the opposite side in axes sizes, 1 (on the frame) by default.
+    `position` is in axes coordinates, by default 1 (on the frame).
     """
     scaled = (lambda value: value * factor), (lambda value: value / factor)
     if side == "top":
@@ -166,94 +167,95 @@ def second_scale(axes: Axes, factor: float, label: str, side="top", position: fl
 
 
 def length_scale(axes: Axes, deflection: float, label: str, side="right"):
-    """Add a scale in m, mm, µm or nm to an axis in static deflections; `deflection` is one in m."""
+    """Add a scale in m, mm, µm or nm to an axis in static deflections of `deflection` m."""
     size, unit = length_unit(deflection)
     second_scale(axes, deflection / size, f"{label} ({unit})", side)
 
 
-def page(height: float, share=1.0) -> Figure:
-    """Return an empty figure, `height` inches high and `share` of the page width wide."""
-    return Figure((PAGE_WIDTH * share, height), layout="constrained")
+def page_figure(height: float, relative_width=1.0) -> Figure:
+    """Return an empty figure, `height` inches high and `relative_width` page widths wide."""
+    return Figure((PAGE_WIDTH * relative_width, height), layout="constrained")
 
 
-def panels(count: int, height: float, most=2) -> tuple[Figure, list[Axes]]:
-    """Return a figure and a list of its `count` axes, `height` inches high, `most` in a row."""
-    columns = min(count, most)
+def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list[Axes]]:
+    """Return a figure and the list of its `count` axes, each `height` inches high."""
+    columns = min(count, max_columns)
     rows = -(-count // columns)
-    figure = page(height * rows, columns / most)
+    figure = page_figure(height * rows, columns / max_columns)
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
 
-def entry(label: str, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
-    """Return a legend handle for a line style; with line="none" for a marker alone."""
+def legend_entry(label, colour="black", line="-", marker: str | None = None, **options) -> Line2D:
+    """Return a legend handle for a line style, or for a marker alone if `line` is "none"."""
     return Line2D([], [], color=colour, linestyle=line, marker=marker, label=label, **options)
 
 
 def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
-    """Add a legend outside all panels, on the "lower" or "upper" side of a figure.
+    """Add a legend with so many columns below all panels, or above them if `side` is "upper".
 
-    `handles` are lines and patches with labels, or the axes to take them from; `columns` is the
-    number of legend columns.
+    `handles` are lines and patches with labels, or the axes to take them from.
     """
     if isinstance(handles, Axes):
         handles = handles.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc=f"outside {side} center", ncols=columns, **options)
 
 
-def map_of_codes(axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]):
+def draw_code_map(axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]):
     """Draw integer codes 0, 1, ..., shape (y, x), as a coloured map; `colours` has one per code."""
     options = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
     norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
     axes.pcolormesh(x, y, codes, norm=norm, **options)
 
 
-def dots(axes: Axes, x: ArrayLike, y: ArrayLike, marker: str, colour: str, size: float, **options):
+def draw_markers(axes: Axes, x: ArrayLike, y: ArrayLike, marker, colour, size, **options):
     """Draw markers without a line; `size` is in points, `options` are those of `Axes.plot`."""
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
-def note(axes, text, at, away=None, side="left center", of="data", white=None, **options):
-    """Write a small text at the point `at`, or `away` from it by (x, y) in printer's points.
+def annotate(
+    axes, text, point, offset=None, anchor="left center", coords="data", box=None, **options
+):
+    """Write a small text at a point, or with an `offset` (x, y) from it in printer's points.
 
-    `side` is the text's anchor, "horizontal vertical"; `of` are the coordinates of `at` as in
-    `Axes.annotate`; `white` is the (padding, opacity) of a white box behind the text.
+    `anchor` is "horizontal vertical", the alignment; `coords` are the coordinates of the point, as
+    `xycoords` of `Axes.annotate`; `box` is (padding,) or (padding, opacity) of a white background.
     """
-    ha, va = side.split()
-    if white:
-        box = {"boxstyle": f"round,pad={white[0]}", "facecolor": "white", "lw": 0}
-        options["bbox"] = box | ({"alpha": white[1]} if len(white) > 1 else {})
-    if away:
-        options |= {"xytext": away, "textcoords": "offset points"}
-    axes.annotate(text, at, xycoords=of, ha=ha, va=va, **{"fontsize": 6} | options)
+    ha, va = anchor.split()
+    if box:
+        white_box = {"boxstyle": f"round,pad={box[0]}", "facecolor": "white", "lw": 0}
+        options["bbox"] = white_box | ({"alpha": box[1]} if len(box) > 1 else {})
+    if offset:
+        options |= {"xytext": offset, "textcoords": "offset points"}
+    axes.annotate(text, point, xycoords=coords, ha=ha, va=va, **{"fontsize": 6} | options)
 
 
 def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
     """Return axis limits (lower, upper) around the finite values of arrays.
 
-    `margin` is the room on either side, a share of the span. The span is at least `LEAST_SPAN` of
-    the largest magnitude; the limits are (-1, 1) if there are only zeros or no finite values.
+    `margin` is the space on either side, relative to the span, which is at least
+    `MIN_RELATIVE_SPAN` times the largest magnitude. Without nonzero finite values return (-1, 1).
     """
-    finite = np.concatenate([np.ravel(array) for array in values])
-    finite = finite[np.isfinite(finite)]
-    if not finite.any():
+    finite_values = np.concatenate([np.ravel(array) for array in values])
+    finite_values = finite_values[np.isfinite(finite_values)]
+    if not finite_values.any():
         return -1.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    half = max(high - low, LEAST_SPAN * max(abs(low), abs(high))) * (0.5 + margin)
-    return (low + high) / 2.0 - half, (low + high) / 2.0 + half
+    low, high = float(finite_values.min()), float(finite_values.max())
+    half_span = max(high - low, MIN_RELATIVE_SPAN * max(abs(low), abs(high))) * (0.5 + margin)
+    return (low + high) / 2.0 - half_span, (low + high) / 2.0 + half_span
 
 
-def _widen(axes: Axes):
-    """Widen automatic linear axis limits to at least `LEAST_SPAN` of their largest magnitude."""
+def _widen_limits(axes: Axes):
+    """Widen automatic limits of linear axes so that rounding errors do not fill the panel."""
     for name in "xy":
         low, high = getattr(axes, f"get_{name}lim")()
         automatic = getattr(axes, f"get_autoscale{name}_on")()
         linear = getattr(axes, f"get_{name}scale")() == "linear"
-        if automatic and linear and high - low < LEAST_SPAN * max(abs(low), abs(high)):
+        if automatic and linear and high - low < MIN_RELATIVE_SPAN * max(abs(low), abs(high)):
             getattr(axes, f"set_{name}lim")(*limits((low, high)))
 
 
 def note_absent(figure: Figure, methods: list[str]):
-    """Write above a figure the names of methods left out because their packages are missing."""
+    """Write above a figure which methods are missing because their packages are not installed."""
     if methods:
         text = f"not installed, left out: {', '.join(methods)} (make peers)"
         # Legends lie below the panels.
@@ -261,7 +263,7 @@ def note_absent(figure: Figure, methods: list[str]):
 
 
 def name_gears(figure: Figure, name: str):
-    """Write the name of the gears in a line below a figure; the figure becomes higher by it."""
+    """Write the name of the gears in a line below a figure, which becomes higher by this line."""
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + _GEARS_LINE_HEIGHT)
     bottom = _GEARS_LINE_HEIGHT / (height + _GEARS_LINE_HEIGHT)
@@ -273,16 +275,16 @@ def name_gears(figure: Figure, name: str):
 
 
 def _freeze(figure: Figure):
-    """Lay a figure out once, then fix all positions, rounded, so that its files are reproducible.
+    """Run the layout of a figure once and fix all positions, rounded to reproduce its files.
 
-    The constraint solver's last digit differs between processes and would change some pixels.
+    The last digits of the constraint solver differ between processes and would change some pixels.
     """
     for axes in figure.axes:
-        _widen(axes)
+        _widen_limits(axes)
     if figure.get_layout_engine() is None:
         return
     figure.draw_without_rendering()
-    # Below the layout's rectangle may lie a line of `name_gears`: legends must stay above it.
+    # Legends must stay above the line that `name_gears` writes below the layout rectangle.
     rectangle = figure.get_layout_engine().get()["rect"]
     for legend_box in figure.legends if rectangle[1] else ():
         legend_box.set_bbox_to_anchor(rectangle, transform=figure.transSubfigure)

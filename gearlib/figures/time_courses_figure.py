@@ -1,4 +1,4 @@
-"""Fig. 4, 6, 7, 8: phase plane and time courses of a few runs, a column each."""
+"""Fig. 4, 6, 7, 8: phase planes and time histories of a few runs, in columns."""
 
 import numpy as np
 import xarray as xr
@@ -7,7 +7,7 @@ from gearlib.data.motions import true_intervals
 from gearlib.figures import panels, style
 from gearlib.figures.phase_planes_figure import draw_plane
 
-_PLANE_HEIGHT, _ROW_HEIGHT, _HEAD = 2.2, 1.05, 0.6
+_PLANE_HEIGHT, _ROW_HEIGHT, _HEADER_HEIGHT = 2.2, 1.05, 0.6
 _MODELS = {
     "one_degree": "1 degree of freedom, rectangular stiffness",
     "six_degrees_plain": "6 degrees of freedom, rectangular stiffness",
@@ -26,7 +26,7 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))
     heights = [_PLANE_HEIGHT] + [_ROW_HEIGHT] * len(courses)
-    figure = style.page(_HEAD + sum(heights))
+    figure = style.page_figure(_HEADER_HEIGHT + sum(heights))
     grid = figure.subplots(
         len(heights), scene.sizes["case"], squeeze=False, sharey="row", height_ratios=heights
     )
@@ -35,20 +35,20 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
         tuning = f"{float(run.tuning):g}"
         column[0].set_title(title if tuning in title else f"{title}\n$\\nu_s$ = {tuning}")
-        column[0].set_xlabel(style.SHORT_DISPLACEMENT)
+        column[0].set_xlabel(style.DISPLACEMENT_LABEL)
         column[0].set_xlim(style.limits(shown.displacement, 0.0))
         for axes, name in zip(column[1:], courses, strict=True):
-            _draw_course(axes, panels.in_mesh_periods(run), name)
+            _draw_time_history(axes, panels.in_mesh_periods(run), name)
             axes.label_outer()
     grid[0, 0].set(ylabel=panels.axis_label(scene.velocity, 30), ylim=style.limits(shown.velocity))
     figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     return figure
 
 
-def _draw_course(axes, run: xr.Dataset, name: str):
+def _draw_time_history(axes, run: xr.Dataset, name: str):
     """Draw the variable `name` of a run over the mesh periods, with shades for contact loss.
 
-    A bar above the modified stiffness marks where the mesh has its lower stiffness.
+    For the modified stiffness a bar marks the times of contact at the lower stiffness.
     """
     steps = "steps-post" if name.endswith("stiffness") else "default"
     panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=steps)
@@ -58,21 +58,21 @@ def _draw_course(axes, run: xr.Dataset, name: str):
     axes.margins(y=0.12)
     shade_contact(axes, periods, contact)
     if name == "modified_stiffness":
-        low = (contact != 0) & (run.stiffness.values < 1.0)
-        _shade_times(axes, periods, low, _MIN_STIFFNESS_COLOUR, lowest=0.92)
-        share = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
-        options = {"side": "left baseline", "white": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
-        style.note(axes, share, (0.02, 0.45), of="axes fraction", **options)
+        is_soft_contact = (contact != 0) & (run.stiffness.values < 1.0)
+        _shade_times(axes, periods, is_soft_contact, _MIN_STIFFNESS_COLOUR, bottom=0.92)
+        text = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
+        options = {"anchor": "left baseline", "box": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
+        style.annotate(axes, text, (0.02, 0.45), coords="axes fraction", **options)
 
 
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
-    """Shade contact loss (code 0 in `contact`) and back-side contact (-1) over `periods`."""
+    """Shade the times of contact loss (code 0) and coast-side contact (-1); times are `periods`."""
     for code, area in ((0, "backlash"), (-1, "inverse mesh")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 
-def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, lowest=0.0):
-    """Shade the intervals of `periods` where the mask is true, from `lowest` (0 to 1) upwards."""
+def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, bottom=0.0):
+    """Shade the intervals of `periods` where the mask is true, from `bottom` (0 to 1) upwards."""
     step, options = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
     for first, last in true_intervals(mask):
-        axes.axvspan(periods[first], periods[last] + step, lowest, 1.0, **options)
+        axes.axvspan(periods[first], periods[last] + step, bottom, 1.0, **options)

@@ -1,8 +1,8 @@
 """Work and precision: errors of methods over evaluations or wall time, one panel per problem.
 
-Colour and line style tell the family of a method, the marker the method itself. Grey is where only
-luck leads: below half the last place of the reference (of a multiplier: over the width of the
-differences it is taken from), and left of the time of one evaluation of the closed form of contact.
+Colour and line style show the family of a method, the marker the method itself. Grey areas are out
+of reach: errors below the rounding error of the reference (for a multiplier, divided by the width
+of its finite differences), and times below that of one evaluation of the solution within contact.
 """
 
 from itertools import cycle
@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
 
-_ROW_HEIGHT, _FOOT = 2.15, 1.25
+_ROW_HEIGHT, _LEGEND_HEIGHT = 2.15, 1.25
 _GREY_AREA = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
 
 #: Problem -> title of its panel.
@@ -42,7 +42,7 @@ _LINE_OPTIONS["markeredgecolor"] = "white"
 
 
 def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
-    """Return a dict of both figures of errors over evaluations, by name."""
+    """Return both figures of errors over evaluations, in a dict by name."""
     return {
         "work_precision_evaluations": draw_evaluations(errors),
         "work_precision_measures": draw_measures(errors),
@@ -53,8 +53,8 @@ def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
 def draw_evaluations(errors: list[xr.Dataset]):
     """Return a figure of the error of the final state over evaluations of the right-hand side.
 
-    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each method.
-    Closed-form methods evaluate no right-hand side: they are at the left edge.
+    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
+    Methods without evaluations of the right-hand side are at the left edge.
     """
     data = _joined(errors)
     return _draw_panels(data, "period_evaluations", _panels(data, "state"), "rounding of the state")
@@ -64,11 +64,11 @@ def draw_evaluations(errors: list[xr.Dataset]):
 def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
     """Return a figure of the error of the final state over the wall time.
 
-    The datasets are those of `errors` and `times` of `gearlib.studies.trials.work_precision`, one
-    for each method.
+    `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
+    the same name, one for each method.
     """
     data = _joined(errors).assign(period_time=_joined(times).period_time)
-    # The shortest measured time is the least disturbed one.
+    # The shortest of the measured times is the least disturbed one.
     closed_form_time = min(float(method.closed_form_time) for method in times)
     label = "rounding; less than one closed form"
     figure = _draw_panels(data, "period_time", _panels(data, "state"), label)
@@ -82,7 +82,7 @@ def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
 def draw_measures(errors: list[xr.Dataset]):
     """Return a figure of errors of event phases and Floquet multipliers over evaluations.
 
-    `errors` are datasets of `gearlib.studies.trials.work_precision.errors`, one for each method.
+    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
     """
     data = _joined(errors)
     panel_errors = _panels(data, "event") + _panels(data, "multiplier")
@@ -90,23 +90,23 @@ def draw_measures(errors: list[xr.Dataset]):
 
 
 def _joined(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Return one dataset of all methods, along the dimension "rung" of their accuracy levels."""
+    """Return one dataset of all methods, concatenated along the dimension of accuracy levels."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
 def _panels(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
-    """Return (problem name, kind) of each problem with errors; `kind`: state, event, multiplier."""
-    known = data[f"{kind}_error"].notnull().any("rung")
-    return [(problem, kind) for problem in data.problem.values[known.values]]
+    """Return (problem, kind) for each problem with errors of a kind: state, event, multiplier."""
+    has_errors = data[f"{kind}_error"].notnull().any("rung")
+    return [(problem, kind) for problem in data.problem.values[has_errors.values]]
 
 
 def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
     """Return a figure of errors over the variable `cost`, a panel for each of `panel_errors`.
 
-    These are (problem, kind of error); `grey_label` is the legend label of the area of rounding.
+    These are (problem, kind of error); `grey_label` is the legend label of the grey areas.
     """
     rows = -(-len(panel_errors) // 2)
-    figure = style.page(_FOOT + _ROW_HEIGHT * rows)
+    figure = style.page_figure(_LEGEND_HEIGHT + _ROW_HEIGHT * rows)
     styles = _line_styles(data)
     edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
     for i, (problem, kind) in enumerate(panel_errors):
@@ -122,13 +122,13 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
     handles = [Line2D([], [], **options) for options in styles.values()]
-    handles += [style.entry(*family) for family in families]
+    handles += [style.legend_entry(*family) for family in families]
     style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], 4, fontsize=6.5)
     return figure
 
 
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
-    """Return a dict of `Axes.plot` options by name of a line (a method), sorted by family."""
+    """Return the options of `Axes.plot` for each line (method), in a dict sorted by family."""
     families = dict(zip(data.line.values, data.family.values, strict=True))
     lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
     styles = {}
@@ -154,6 +154,6 @@ def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str,
     costs, errors = data[cost], data[f"{kind}_error"]
     x, y = costs.where(costs != 0.0, 1.4 * left), errors.where(errors != 0.0, 1.5 * bottom)
     for line, options in styles.items():
-        rungs = data.line.values == line
-        axes.plot(x[rungs], y[rungs], clip_on=False, **options)
+        is_on_line = data.line.values == line
+        axes.plot(x[is_on_line], y[is_on_line], clip_on=False, **options)
     axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY_AREA)

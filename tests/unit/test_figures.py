@@ -154,10 +154,10 @@ def test_limits_have_a_span_that_means_something():
     assert low == pytest.approx(0.9945, rel=1e-9) and high == pytest.approx(1.0055, rel=1e-9)
     assert style.limits([0.0, 2.0, np.nan]) == pytest.approx((-0.1, 2.1))
     assert style.limits([np.inf]) == style.limits([0.0]) == (-1.0, 1.0)
-    figure = style.page(2.0)
+    figure = style.page_figure(2.0)
     equal, apart = figure.subplots(1, 2)
     equal.plot([0.0, 1.0], [1.0 - 2e-15, 1.0 + 2e-15])
     apart.plot([0.0, 1.0], [1.0, 3.0])
     before = apart.get_ylim()
     style._freeze(figure)
-    assert np.ptp(equal.get_ylim()) >= style.LEAST_SPAN and apart.get_ylim() == before
+    assert np.ptp(equal.get_ylim()) >= style.MIN_RELATIVE_SPAN and apart.get_ylim() == before

@@ -97,7 +97,7 @@ def test_gears_roll_on_each_other(name):
         # Against the line of centres both rims go equally far.
         own, other = (turned[names.index(body)] for body in (mesh.pinion, mesh.wheel))
         assert own * pinion == pytest.approx(-other * wheel, rel=1e-12)
-    before, after = (schematic.instant(layout, phase).marks for phase in (0.0, step))
+    before, after = (schematic.create_drawing(layout, phase).marks for phase in (0.0, step))
     ways = [line[:, 1] - line[:, 0] for line in (before, after)]
     angles = [np.arctan2(way[:, 1], way[:, 0]) for way in ways]
     there = [bool(radii) for radii in schematic.circles_of(layout).values()]
@@ -111,7 +111,7 @@ def test_the_carrier_turns_as_willis_has_it():
     carrier = speed["sun"] * 28 / 128
     assert speed["ring"] == 0.0 and speed["carrier"] == pytest.approx(carrier, rel=1e-12)
     assert speed["planet 1"] == pytest.approx(carrier * (1.0 - 100 / 36), rel=1e-12)
-    arms = [schematic.instant(layout, phase).arms for phase in (0.0, 1.0)]
+    arms = [schematic.create_drawing(layout, phase).arms for phase in (0.0, 1.0)]
     way = [np.arctan2(*(arm[:, 1] - arm[:, 0]).T[::-1]) for arm in arms]
     np.testing.assert_allclose((way[1] - way[0]) % math.tau, carrier)
     assert len(arms[0]) == 4

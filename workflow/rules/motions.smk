@@ -364,7 +364,7 @@ use rule _draw as draw_parametric_resonance with:
         job="draw_parametric_resonance",
     input:
         chart="results/parametric_resonance.nc",
-        facts="results/tongues.nc",
+        contact_loss="results/tongues.nc",
         sources=sources_of("draw", "figures.parametric_resonance_figure"),
     output:
         figure_files("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
