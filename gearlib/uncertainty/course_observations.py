@@ -17,18 +17,19 @@ from gearlib.analysis.order_maps import Turning
 from gearlib.runs.run_up import run_up, speeds_of
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.observation import (
-    JUMP_SHARE,
+    MIN_RELATIVE_JUMP,
     ORDER_AMPLITUDE,
-    SETTLING,
-    START_REFUSAL,
+    SETTLING_SWEEP,
+    START_ERROR,
     Channel,
     Curve,
     Observation,
     orbit_quantities,
 )
 
-#: Measured direction -> direction of the sweep, its first speed as a share, number of speeds.
-_SWEEPS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
+#: Measured direction -> direction of the sweep, ratio of its first speed to the measured speed,
+#: number of speeds.
+_SWEEP_SETTINGS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
 #: Number of mesh orders of a time history that are compared.
 ORDERS = 4
 _ORDER_NUMBERS = np.arange(1, ORDERS + 1)
@@ -42,7 +43,7 @@ _SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
 _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_state")
 
 
-def course_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
+def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
     """Return one observation for each condition of a measured set with time histories.
 
     `data` has the displacement over time in samples; `mesh` is the index of the measured mesh in
@@ -62,30 +63,30 @@ def course_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
         else:
             raise ValueError(
                 f"data has {len(histories)} conditions with time courses: each must have one "
-                "speed; give run-ups as sets of their own"
+                "speed; give each run-up as a separate set"
             )
     return observations
 
 
-def _rig_facts(data: Any) -> dict:
-    """Return the attribute `known` of a measured set, the facts about its rig, as a mapping."""
+def _known_facts(data: Any) -> dict:
+    """Return the facts about a test rig, the JSON attribute `known` of a measured set, as dict."""
     text = data.attrs.get("known", "{}")
     try:
         facts = json.loads(text)
     except (TypeError, ValueError):
         facts = None
-    checks.require(isinstance(facts, dict), "known", text, "a mapping as a text, of json.dumps")
+    checks.require(isinstance(facts, dict), "known", text, "a mapping as a text, from json.dumps")
     return facts
 
 
 def _speed_profile(facts: dict) -> tuple[list, dict]:
     """Return the speed profile of a run-up, rows of s and rpm, and further arguments of `run_up`.
 
-    They are the entries "course" and "options" of `facts`, the known facts about a rig.
+    They are the entries "course" and "options" of `facts`, the known facts about the test rig.
     """
     if "course" not in facts:
         raise ValueError(
-            "known.course is missing: a run-up needs its course of speed, rows of s and rpm"
+            "known.course is missing: a run-up needs its speed profile, rows of s and rpm"
         )
     options = facts.get("options", {})
     checks.require(isinstance(options, dict), "known.options", options, "a mapping")
@@ -100,36 +101,35 @@ def _speed_profile(facts: dict) -> tuple[list, dict]:
 def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
     """Return measured displacements, phase factors of mesh orders, and teeth per revolution.
 
-    The factors, (ORDERS,), turn the orders of a model by the mesh phase at which `data` begin.
+    The factors, (ORDERS,), shift the complex orders of a model to the mesh phase at which `data`
+    begin.
     """
-    phase = _rig_facts(data).get("phase", 0.0)
+    phase = _known_facts(data).get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
     displacements = np.asarray(data.displacement.values, float)
-    checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "rising")
-    first = float(displacements[0])
-    checks.require(np.ptp(displacements) > 0.0, "displacement", first, "no constant")
+    checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
+    constant = float(displacements[0])
+    checks.require(np.ptp(displacements) > 0.0, "displacement", constant, "a signal that varies")
     teeth = checks.number(
         "mesh periods of a revolution",
         round(model.periods_per_revolution, 9),
-        "a whole number, as of a train whose carrier stands",
+        "a whole number, as in a train with a fixed carrier",
         float.is_integer,
     )
     return displacements, np.exp(1j * phase * _ORDER_NUMBERS), teeth
 
 
-def _order_channel(
-    kind: str, displacement: Any, orders: np.ndarray, variance_shares: np.ndarray
-) -> Channel:
-    """Return the channel of complex mesh orders, (blocks, ORDERS), with their deviations.
+def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
+    """Return the channel of complex mesh orders, (blocks, ORDERS), with their standard deviations.
 
-    `kind` names the channel, `displacement` is the measured variable, and `variance_shares`,
-    (blocks,), are the variances of the orders over that of a sample.
+    `displacement` is the measured variable, and `variance_ratios`, (blocks,), are ratios of the
+    variance of an order to that of a sample.
     """
     noise = float(displacement.attrs.get("noise_std", 0.0))
-    deviations = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * variance_shares)
+    deviations = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * variance_ratios)
     values = _real_and_imaginary(orders)
     return Channel(
-        kind,
+        name,
         values,
         np.repeat(deviations, 2 * ORDERS),
         bool(noise),
@@ -151,50 +151,52 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     displacements, phase_factors, teeth = _displacement_signal(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
-    sign = int(data.direction.values[0]) if "direction" in data.coords else 0
-    direction, first_share, count = _SWEEPS[sign]
-    # The known phase is the mesh phase at the time 0.
+    measured_direction = int(data.direction.values[0]) if "direction" in data.coords else 0
+    direction, first_ratio, count = _SWEEP_SETTINGS[measured_direction]
     revolutions = data.time.values * speed / 60.0
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
     measured_orders = regress_mesh_orders(revolutions, displacements, edges, teeth)
     channel = _order_channel("time course", data.displacement, *measured_orders)
 
     def predict(model: Any) -> tuple:
+        """Return the predicted mesh orders, and the largest depth in the backlash, m."""
         tuning = speed / float(model.speed(1.0))
-        tunings = np.sort(np.linspace(first_share * tuning, tuning, count))
-        curve = sweep(model, tunings, direction=direction, **SETTLING)
+        tunings = np.sort(np.linspace(first_ratio * tuning, tuning, count))
+        curve = sweep(model, tunings, direction=direction, **SETTLING_SWEEP)
         state = curve.final_state.values[0 if direction == "down" else -1]
         quantities = orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
         orders = quantities[ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
         backlash_depth = max(0.0, -quantities["displacement_min"].min())
         return [_real_and_imaginary(orders * phase_factors)], backlash_depth
 
-    def draw(sensed: list) -> list:
+    def draw(signals: list) -> list:
+        """Return the curve of the displacement over one mesh period, measured and predicted."""
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
-        orders = channel.values.view(complex), sensed[0].view(complex)
+        orders = channel.values.view(complex), signals[0].view(complex)
         heights = [2.0 * (waves @ amplitudes).real for amplitudes in orders]
         name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
-        return [Curve(name, units, "phase", phase, (*heights,), np.zeros(phase.size, bool))]
+        return [Curve(name, units, "phase", phase, tuple(heights), np.zeros(phase.size, bool))]
 
     return Observation("time course", [channel], predict, draw)
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: mesh orders of its revolutions, speeds of its jumps.
+    """Return the observation of a run-up: mesh orders of its revolutions and speeds of its jumps.
 
     `data` has the displacement over time in samples and the speed profile among its known facts;
     `mesh` is the index of the measured mesh in the model.
     """
     displacements, phase_factors, teeth = _displacement_signal(model, data)
-    profile, options = _speed_profile(_rig_facts(data))
+    profile, options = _speed_profile(_known_facts(data))
     turning = Turning(profile)
     revolutions = turning.revolutions(data.time.values)
     count = _count_revolutions(turning, profile, data.time.values, revolutions)
-    orders, shares, warning = _orders_of_revolutions(revolutions, displacements, teeth, count)
-    compared, amplitudes, jumps = _compared_revolutions(orders, shares)
+    orders, variance_ratios, warning = _revolution_orders(revolutions, displacements, teeth, count)
+    compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
     speeds = turning.at(np.arange(count) + 0.5)[1]
-    channels = [_order_channel("run-up", data.displacement, orders[compared], shares[compared])]
+    measured_orders = orders[compared], variance_ratios[compared]
+    channels = [_order_channel("run-up", data.displacement, *measured_orders)]
     if jumps:
         jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
         widths = [_SKIPPED_AFTER_JUMP * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
@@ -202,12 +204,13 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         channels.append(Channel("jumps", jump_speeds, np.array(widths), noise_known, joined=True))
 
     def predict(model: Any) -> tuple:
+        """Return predicted orders and speeds of jumps, and the depth in the backlash, m."""
         settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
         run = run_up(model, speed=profile, **settings)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
-        orders = _integrate_orders(run.phase.values, displacement, count, math.tau * teeth)
+        orders = _fourier_orders(run.phase.values, displacement, count, math.tau * teeth)
         values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
             gain = channels[0].sensed(values[0])[1] or 1.0
@@ -217,9 +220,10 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         backlash_depth = max(0.0, -float(minima[compared[: minima.shape[0]]].min()))
         return values, backlash_depth
 
-    def draw(sensed: list) -> list:
+    def draw(signals: list) -> list:
+        """Return the curves of measured and predicted amplitudes of the mesh orders over speed."""
         fitted = np.full(orders.shape, complex(np.nan))
-        fitted[compared] = sensed[0].view(complex).reshape(-1, ORDERS)
+        fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
         units, falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
         heights = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
@@ -231,50 +235,46 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     try:
         predict(model)
     except NoOrbit:
-        raise ValueError(START_REFUSAL) from None
+        raise ValueError(START_ERROR) from None
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _orders_of_revolutions(
-    revolutions: np.ndarray, displacements: np.ndarray, teeth: float, count: int
-) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return mesh orders and variance shares of `count` revolutions, and a warning about gaps.
+def _revolution_orders(revolutions, displacements, teeth, count):
+    """Return mesh orders and variance ratios of `count` revolutions, and a warning about gaps.
 
-    `revolutions` are the angles of the samples of displacement in revolutions; a revolution has as
-    many mesh periods as `teeth`.
+    `revolutions` are the shaft angles of the samples of displacement, in revolutions; `teeth` is
+    the number of mesh periods in a revolution.
     """
     edges, compared_count = np.arange(count + 1), count - _SKIPPED_AT_START
     complete = complete_blocks(revolutions, edges, teeth)
-    allowed = f"of one without a gap behind the first {_SKIPPED_AT_START}"
+    allowed = f"of a revolution without gap after the first {_SKIPPED_AT_START}"
     gaps = f"of {compared_count} revolutions with gaps"
     checks.require(complete[_SKIPPED_AT_START:].any(), "time", gaps, allowed)
-    orders, shares = regress_mesh_orders(revolutions, displacements, edges, teeth, complete)
-    missing, warning = int(np.isnan(shares[_SKIPPED_AT_START:]).sum()), ""
+    regression = regress_mesh_orders(revolutions, displacements, edges, teeth, complete)
+    missing, warning = int(np.isnan(regression[1][_SKIPPED_AT_START:]).sum()), ""
     if missing:
         warning = (
             f"{missing} of {compared_count} revolutions are left out of the run-up: they have gaps "
             "or too few samples"
         )
-    return orders, shares, warning
+    return *regression, warning
 
 
-def _compared_revolutions(
-    orders: np.ndarray, variance_shares: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list]:
-    """Return a mask of compared revolutions, amplitudes of the first order, and jump revolutions.
+def _compared_revolutions(orders, variance_ratios):
+    """Return a mask of compared revolutions, amplitudes of the first order, and indices of jumps.
 
-    `orders`, (revolutions, ORDERS), are complex mesh orders; `variance_shares`, (revolutions,),
-    are NaN for revolutions without enough samples. Deviations of a motion grow around a jump, so
-    only the speed of the jump is compared there.
+    `orders`, (revolutions, ORDERS), are complex mesh orders; `variance_ratios`, (revolutions,),
+    are NaN for revolutions without enough samples. Small differences between motions grow around a
+    jump, so only the speed of the jump is compared there.
     """
-    measured, numbers = np.isfinite(variance_shares), np.arange(variance_shares.size)
+    measured, numbers = np.isfinite(variance_ratios), np.arange(variance_ratios.size)
     compared = measured & (numbers >= _SKIPPED_AT_START)
-    # A revolution without samples takes the amplitude of the revolution before it.
+    # A revolution without enough samples has the amplitude of the revolution before it.
     source = np.maximum.accumulate(np.where(measured, numbers, measured.argmax()))
     amplitudes = np.abs(orders[source, 0])
     steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
     for i in np.argsort(-steps):
-        if steps[i] < JUMP_SHARE or i < _SKIPPED_AT_START:
+        if steps[i] < MIN_RELATIVE_JUMP or i < _SKIPPED_AT_START:
             break
         if all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps):
             jumps.append(int(i + 1))
@@ -283,59 +283,52 @@ def _compared_revolutions(
     return compared, amplitudes, sorted(jumps)
 
 
-def _count_revolutions(
-    turning: Turning, profile: list, times: np.ndarray, revolutions: np.ndarray
-) -> int:
-    """Return the number of whole revolutions of a run-up, or refuse samples outside its profile.
+def _count_revolutions(turning, profile, times, revolutions) -> int:
+    """Return the number of whole revolutions of a run-up, or raise ValueError.
 
-    `turning` gives the revolutions at times of the speed profile, rows of s and rpm; `revolutions`
-    are the angles at the `times` of the samples.
+    `turning` has the revolutions of the speed profile, rows of s and rpm; `revolutions` are the
+    shaft angles at the `times` of the samples, which must lie within the profile.
     """
     end, count = profile[-1][0], int(revolutions[-1])
     interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
     profile_revolutions = float(turning.revolutions(np.array([end]))[0])
-    within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
+    is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
-    checks.require(within, "time", interval, allowed)
+    checks.require(is_within, "time", interval, allowed)
     minimum = 2 * _SKIPPED_AT_START
     allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
     checks.require(count > minimum, "time", interval, allowed)
     return count
 
 
-def _jump_speed(
-    predicted: np.ndarray, jump: int, measured: np.ndarray, speeds: np.ndarray
-) -> float:
+def _jump_speed(predicted, jump, measured, speeds) -> float:
     """Return the speed at which a model jumps next to a measured jump, NaN if it does not jump.
 
-    The jump of the model is where its predicted amplitude of the first mesh order crosses the
-    middle of the measured amplitudes before and after the revolution with the index `jump`. Both
-    amplitudes and the speeds, in rpm, are arrays over revolutions.
+    The model jumps where its amplitude of the first mesh order, `predicted`, crosses the mean of
+    the amplitudes `measured` before and after the revolution with the index `jump`. Amplitudes and
+    speeds, in rpm, are arrays over revolutions.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
-    middle, rises = 0.5 * (before + after), after > before
+    threshold, increases = 0.5 * (before + after), after > before
     # The speed must change in the same direction as at the measured jump.
     directions = np.sign(np.gradient(speeds))
-    beyond = (predicted > middle) == rises
-    crosses = beyond[1:] & ~beyond[:-1] & (directions[1:] == directions[jump])
+    has_jumped = (predicted > threshold) == increases
+    crosses = has_jumped[1:] & ~has_jumped[:-1] & (directions[1:] == directions[jump])
     crossings = np.flatnonzero(crosses) + 1
     if not crossings.size:
         return math.nan
     i = crossings[np.abs(crossings - jump).argmin()]
-    share = (middle - predicted[i - 1]) / (predicted[i] - predicted[i - 1])
-    return float(speeds[i - 1] + share * (speeds[i] - speeds[i - 1]))
+    fraction = (threshold - predicted[i - 1]) / (predicted[i] - predicted[i - 1])
+    return float(speeds[i - 1] + fraction * (speeds[i] - speeds[i - 1]))
 
 
-def _integrate_orders(
-    phase: np.ndarray, displacements: np.ndarray, blocks: int, block_length: float
-) -> np.ndarray:
+def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarray:
     """Return the complex mesh orders, (blocks, ORDERS), of displacements sampled over mesh phases.
 
-    Fourier integrals by the trapezoidal rule are taken over successive blocks of the same length in
-    rad.
+    They are Fourier integrals by the trapezoidal rule over successive blocks of equal length, rad.
     """
-    edges = block_length * np.arange(blocks + 1)
+    edges = block_length * np.arange(block_count + 1)
     # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))
     displacements = np.append(displacements, displacements[-1])
@@ -348,8 +341,8 @@ def _integrate_orders(
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, teeth: float) -> np.ndarray:
     """Return a mask of the blocks between successive edges whose samples have no gap.
 
-    `revolutions` are the angles of the samples; edges are in revolutions, too. A gap is longer than
-    one mesh period, 1 / teeth, and longer than three median sampling steps.
+    `revolutions` are the shaft angles of the samples; edges are in revolutions, too. A gap exceeds
+    both one mesh period, 1 / teeth, and three median sampling steps.
     """
     steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / teeth, 3.0 * np.median(steps))):
@@ -358,47 +351,43 @@ def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, teeth: float) ->
     return complete
 
 
-def regress_mesh_orders(
-    revolutions: np.ndarray,
-    displacements: np.ndarray,
-    edges: np.ndarray,
-    teeth: float,
-    complete: np.ndarray | bool = True,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance shares.
+def regress_mesh_orders(revolutions, displacements, edges, teeth, complete=True):
+    """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance ratios.
 
-    The samples may lie at any angles `revolutions`; a block reaches from one of the `edges`, in
-    revolutions, to the next. A weighted regression on an offset, the first shaft orders and the
-    mesh orders is made for each block. The variance of the real and of the imaginary part of an
-    order is half of the share, (blocks,), times the variance of the samples. Blocks that are not
-    `complete`, a mask, or have too few samples have NaN.
+    The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`,
+    in revolutions, to the next, and `teeth` is the number of mesh periods in a revolution. A
+    weighted regression on an offset, the first shaft orders and the mesh orders is made for each
+    block. The ratio, (blocks,), times the variance of the samples is the sum of the variances of
+    the real and the imaginary part of an order. Blocks with too few samples, or that are not
+    `complete`, a mask, have NaN.
     """
     blocks, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
-    # Samples in a mesh period.
+    # Number of samples in a mesh period.
     density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / teeth
     dense = complete & (density >= minimum)
     lowest = f"{density.min():.3g} samples in a mesh period"
     checks.require(dense.any(), "displacement", lowest, f"of {minimum:g} or more")
     count = min(2 * ORDERS, int(density[dense].min() / _MIN_SAMPLES_PER_ORDER))
-    # Shaft orders cannot be told from the offset in less than one revolution.
+    # Shaft orders cannot be separated from the offset in less than one revolution.
     shaft_orders = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
     frequencies = np.array([*range(1, shaft_orders + 1), *(teeth * np.arange(1, count + 1))])
     # The weight of a sample is the length of the block that is nearest to it. This approaches the
     # Fourier integral if amplitudes change within the block.
-    cells = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
-    orders, shares = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
-    real = np.arange(ORDERS) + 1 + shaft_orders
-    imaginary = real + frequencies.size
+    cell_edges = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
+    orders, variance_ratios = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
+    cosine_columns = np.arange(ORDERS) + 1 + shaft_orders
+    sine_columns = cosine_columns + frequencies.size
     for k in np.flatnonzero(dense):
         start, end = edges[k : k + 2]
-        inside = slice(np.searchsorted(cells, start, "right") - 1, np.searchsorted(cells, end))
-        weights = np.diff(np.clip(cells[inside.start : inside.stop + 1], start, end))[:, None]
-        waves = np.exp(2j * np.pi * np.outer(revolutions[inside], frequencies))
+        first = np.searchsorted(cell_edges, start, "right") - 1
+        last = np.searchsorted(cell_edges, end)
+        weights = np.diff(np.clip(cell_edges[first : last + 1], start, end))[:, None]
+        waves = np.exp(2j * np.pi * np.outer(revolutions[first:last], frequencies))
         columns = np.hstack([np.ones((len(waves), 1)), waves.real, waves.imag])
         weighted = weights * columns
         inverse = np.linalg.inv(columns.T @ weighted)
-        coefficients = inverse @ (weighted.T @ displacements[inside])
-        orders[k] = 0.5 * (coefficients[real] - 1j * coefficients[imaginary])
+        coefficients = inverse @ (weighted.T @ displacements[first:last])
+        orders[k] = 0.5 * (coefficients[cosine_columns] - 1j * coefficients[sine_columns])
         variances = np.diag(inverse @ (weighted.T @ weighted) @ inverse)
-        shares[k] = 0.5 * variances[[*real, *imaginary]].mean()
-    return orders, shares
+        variance_ratios[k] = 0.5 * variances[[*cosine_columns, *sine_columns]].mean()
+    return orders, variance_ratios

@@ -13,11 +13,11 @@ from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
 
-#: Meanings of the status codes 0, 1, 2, and the code of a design that cannot be built.
-CODES = ("found", "there_is_none", "not_followed")
-FOUND, NONE, LOST = range(len(CODES))
+#: Meanings of the status codes 0, 1, 2 of a quantity; -1 is that of a design that cannot be built.
+STATUS_MEANINGS = ("found", "there_is_none", "not_followed")
+FOUND, ABSENT, LOST = range(len(STATUS_MEANINGS))
 NO_DESIGN = -1
-#: Names of speeds of the main resonance in `MainResonance`.
+#: Speed of the main resonance -> its attribute of `MainResonance`.
 RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 _PEAK_QUANTITIES = {"peak", "peak_dynamic_factor"}
 _SHARING_QUANTITIES = {"load_sharing", "least_load_sharing"}
@@ -35,42 +35,35 @@ _DUTY_QUANTITIES = {
 class DesignQuantities:
     """Compute quantities of designs that differ little from a nominal design.
 
-    `nominal` holds the values of the nominal design, (q,). Quantities of the duty point of a train
-    are those of the worst mesh, except for the transmission error of the reference mesh. `speed`
-    is the speed of the duty point, rpm; `at_duty` returns the nominal model of the duty point if it
-    differs from `model`. Values that do not exist are NaN.
+    `nominal` holds the values of the nominal design, (q,). At the duty point of a train, quantities
+    are those of the worst mesh, but the transmission error is that of the reference mesh. `speed`
+    is the speed of the duty point, rpm; `at_duty` is a function that returns the nominal model at
+    the duty point if it differs from `model`. Values that do not exist are NaN.
     """
 
-    def __init__(
-        self,
-        model: Any,
-        quantities: Any,
-        *,
-        speed: float | None = None,
-        at_duty: Callable | None = None,
-    ):
-        self.quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-        duty = _DUTY_QUANTITIES & set(self.quantities)
-        _check_resonance_quantities(model, set(self.quantities) - duty)
+    def __init__(self, model, quantities, *, speed: float | None = None, at_duty=None):
+        self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
+        duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
+        _check_resonance_quantities(model, set(self.quantities) - duty_quantities)
         self.speed = speed
         self._orbit: Any = None
-        if duty:
+        if duty_quantities:
             duty_model = at_duty() if at_duty else model
-            _check_duty_quantities(duty_model, duty, speed)
+            _check_duty_quantities(duty_model, duty_quantities, speed)
             tuning = check_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
-        self._resonance_names = [
-            RESONANCE_NAMES.get(name, name) for name in self.quantities if name not in duty
-        ]
+        resonance_quantities = (name for name in self.quantities if name not in duty_quantities)
+        self._resonance_names = [RESONANCE_NAMES.get(name, name) for name in resonance_quantities]
         self.nominal = self(model, at_duty)[0]
 
     def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
         """Return the values of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        `model` is the design; `at_duty` returns its model at the duty point, if that differs.
+        `model` is the design; `at_duty` is a function that returns its model at the duty point, if
+        that differs.
         """
         values = np.full(len(self.quantities), np.nan)
-        codes = np.full(len(self.quantities), NONE, np.int8)
+        codes = np.full(len(self.quantities), ABSENT, np.int8)
         resonance: Any = None
         if self._resonance_names:
             resonance = main_resonance(model, self._resonance_names)
@@ -88,9 +81,9 @@ class DesignQuantities:
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the summary of the orbit at the duty point, None if no orbit is found.
+        """Return the extrema over the orbit at the duty point, None if no orbit is found.
 
-        The orbit next to that of the nominal design is preferred.
+        The search starts from the state of the nominal design.
         """
         tuning, nominal = float(model.tuning_at(self.speed)), self._orbit
         for guess in (nominal.state, None):
@@ -105,16 +98,18 @@ class DesignQuantities:
 
 
 def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> None:
-    """Raise ValueError if a model lacks one of these quantities, or the duty point has no speed."""
+    """Raise ValueError if a quantity of the duty point needs a speed or another kind of model."""
     if speed is None:
-        raise ValueError(f"speed = None is not allowed: {min(quantities)} is one of the duty point")
+        raise ValueError(
+            f"speed = None is not allowed: {min(quantities)} is a quantity of the duty point"
+        )
     if quantities & _SHARING_QUANTITIES and not model.mesh_names:
         name = min(quantities & _SHARING_QUANTITIES)
-        raise ValueError(f"quantities = {name!r} is not allowed: it is one of trains")
+        raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
     if "transmission_error" in quantities and model.equation and len(model.equation.deviation):
         raise ValueError(
-            "quantities = 'transmission_error' is not allowed for a model with deviations of "
-            "the flanks: its displacement is that of the flanks"
+            "quantities = 'transmission_error' is not allowed for a model with flank "
+            "deviations: its displacement does not include them"
         )
 
 
@@ -127,12 +122,12 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
     if quantities and not one_degree and model.equation is not None:
         raise ValueError(
             f"quantities = {min(quantities)!r} is not allowed for this {kind}: "
-            "the main resonance is searched of models whose excitation repeats every mesh period"
+            "the main resonance is searched only if the excitation repeats every mesh period"
         )
     if _PEAK_QUANTITIES & quantities and not one_degree:
         raise ValueError(
             f"quantities = {min(_PEAK_QUANTITIES & quantities)!r} is not allowed for this {kind}: "
-            "peaks are searched of models with one degree of freedom"
+            "peaks are searched only for models with one degree of freedom"
         )
 
 
@@ -151,8 +146,8 @@ def _resonance_value(name: str, model: Any, resonance: Any) -> float:
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
     """Return the quantity `name` of the duty point for the worst mesh, in SI units.
 
-    `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods; None
-    gives NaN.
+    `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods. Return
+    NaN if it is None.
     """
     if summary is None:
         return math.nan
@@ -176,18 +171,17 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
     return float(worst.reduce(values))
 
 
-def search_of(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return a search for quantities of designs that starts from their nominal design.
+def quantity_search(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
+    """Return a function object that computes quantities of `designs`, a `Designs`.
 
-    `designs` are `gearlib.uncertainty.designs.Designs`, `quantities` are names, and `speed` is that
-    of the duty point in rpm, if a quantity needs it.
+    `quantities` are names, and `speed` is that of the duty point in rpm, if a quantity needs it.
     """
     at_duty = designs.at_duty(designs.tolerances.centres)
     return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=at_duty)
 
 
-def names_of(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return `names`, different ones of the `allowed` names, as a tuple, or raise ValueError.
+def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
+    """Return names as a tuple, or raise ValueError unless they are allowed and all different.
 
     `key` is the name of the argument in error messages.
     """
@@ -196,5 +190,5 @@ def names_of(key: str, names: Any, allowed: tuple) -> tuple:
     checked = tuple(names)
     for name in checked:
         checks.one_of(key, name, allowed)
-    checks.require(len(set(checked)) == len(checked), key, names, "names, each once")
+    checks.require(len(set(checked)) == len(checked), key, names, "without repeated names")
     return checked

@@ -37,9 +37,9 @@ from gearlib.uncertainty import distributions
 #: Bits of the coordinates of Sobol' points; they limit the number of different points.
 _SOBOL_BITS = 30
 MAX_SAMPLES = 2**_SOBOL_BITS
-#: Dimensions of a point that follow the parameters: displacement and velocity of a start.
-START_DIMENSIONS = 2
-#: Parameters of which a pair has exactly one.
+#: Last coordinates of a point: displacement and velocity of a random initial state.
+_START_DIMENSIONS = 2
+#: Parameters that set the damping; a pair has exactly one of them.
 _DAMPING_NAMES = {"damping_ratio", "material_damping", "logarithmic_decrement"}
 _DEVIATION_TABLE_POINTS = 129
 _NUMBER_PATTERN = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
@@ -53,8 +53,10 @@ class ModelSource:
         declared = numeric_parameters(type(model)) if dataclasses.is_dataclass(model) else {}
         declared = (numeric_parameters(PairParameters) if model.mesh else {}) | declared
         names = [*model.settable, *({} if model.train is model else declared)]
-        self.known = {name: declared.get(name) for name in names}
-        self.described = parameters.units_and_names(type(model)) | model.settable
+        #: Parameters that may scatter: name -> declaration of its type and range, or None.
+        self.parameters = {name: declared.get(name) for name in names}
+        #: Name of a parameter -> (CF unit, description).
+        self.descriptions = parameters.units_and_names(type(model)) | model.settable
 
     def __call__(self, changes: dict) -> Any:
         """Return the model with changed parameters, a mapping of names to values."""
@@ -66,7 +68,7 @@ class DrawnPair:
 
     Parameters are ``centre_distance`` and ``backlash`` of the mesh, fields of a `SpurGear` such as
     ``pinion.thickness_allowance``, the load and the damping. Unless the backlash itself scatters,
-    it is the backlash of the mesh ("drawing") or follows from profile shifts, centre distance and
+    it is the backlash of the mesh ("drawing"), or follows from profile shifts, centre distance and
     allowances of each sample (None). Options are those of `GearPair.from_geometry`, such as torque
     and damping_ratio.
     """
@@ -75,10 +77,10 @@ class DrawnPair:
         self.mesh = checks.drawn_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
-        self.known = drawing_parameters()
-        self.described = {
+        self.parameters = drawing_parameters()
+        self.descriptions = {
             name: (parameters.cf_units(parameter.kind.unit), _parameter_text(name, parameter))
-            for name, parameter in self.known.items()
+            for name, parameter in self.parameters.items()
         }
 
     def value(self, name: str) -> Any:
@@ -114,7 +116,7 @@ class DrawnPair:
         """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
 
         `changes` maps names such as "pinion.shift" to values. The deviations are the cosine and
-        sine of the first mesh order, m.
+        sine coefficients of the first mesh order, m.
         """
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
@@ -138,7 +140,7 @@ class DrawnPair:
 def _changed_gear(gear: Any, changes: dict) -> Any:
     """Return a gear with changed fields, name -> value.
 
-    A tip diameter that is the default one follows the changes, such as those of the profile shift.
+    A default tip diameter is computed again, because it depends on the profile shift and others.
     """
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
@@ -174,12 +176,12 @@ class FunctionSource:
         declared: dict = {}
         with suppress(AttributeError, TypeError):
             declared = parameters.declared_parameters(function)
-        self.known = {argument.name: declared.get(argument.name) for argument in arguments}
-        self.described = {name: ("1", name) for name in self.known}
-        for name, parameter in self.known.items():
+        self.parameters = {argument.name: declared.get(argument.name) for argument in arguments}
+        self.descriptions = {name: ("1", name) for name in self.parameters}
+        for name, parameter in self.parameters.items():
             if parameter:
                 text = _parameter_text(name, parameter)
-                self.described[name] = parameters.cf_units(parameter.unit), text
+                self.descriptions[name] = parameters.cf_units(parameter.unit), text
 
     def value(self, name: str) -> None:
         """Return None, because a function has no nominal values."""
@@ -189,7 +191,7 @@ class FunctionSource:
         missing = [name for name in self.required if name not in changes]
         if missing:
             raise ValueError(
-                f"tolerances.{missing[0]} is missing: the function has no value of its own"
+                f"tolerances.{missing[0]} is missing: the function has no default value"
             )
         try:
             return self.function(**changes)
@@ -206,31 +208,31 @@ class Designs:
         self.source: Any = model
         if not isinstance(model, DrawnPair):
             self.source = ModelSource(model) if is_model(model) else FunctionSource(model)
-        self.tolerances = distributions.read(tolerances, self.source.known, self.source.value)
+        self.tolerances = distributions.read(tolerances, self.source.parameters, self.source.value)
         self.names = self.tolerances.names
         self.seed = checks.integer("seed", seed, 0)
         for name, field in RATIOS.items() if is_model(model) else ():
             if {name, field} <= {*self.names}:
                 raise ValueError(
                     f"tolerances.{field} is not allowed beside tolerances.{name}: both set the "
-                    "same; give one of them"
+                    "same quantity; give one of them"
                 )
         self.nominal = self.model(self.tolerances.centres)
 
     def points(self, first: int, last: int) -> np.ndarray:
-        """Return points first ... last - 1 of the unit cube, shape (n, k + 2).
+        """Return the points `first` to `last` - 1 in the unit cube, (n, k + 2).
 
-        The first k coordinates are those of the parameters, the last two those of a start.
+        The first k coordinates determine the parameters, the last two a random initial state.
         """
-        # Starts are part of the same sequence so that parameters do not depend on their use.
-        engine = qmc.Sobol(len(self.names) + START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
+        # Initial states are always included, so that the parameters do not depend on their use.
+        engine = qmc.Sobol(len(self.names) + _START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
         if first:
             engine.fast_forward(first)
         with warnings.catch_warnings():
-            # The sequence warns of numbers of points that are no powers of 2.
+            # The sequence warns if the number of points is not a power of 2.
             warnings.simplefilter("ignore", UserWarning)
             points = engine.random(last - first)
-        # Half a cell is added because coordinates must not be 0.
+        # Half the grid spacing is added because coordinates must not be 0.
         return points + 0.5**_SOBOL_BITS / 2.0
 
     def values(self, points: np.ndarray) -> np.ndarray:
@@ -240,7 +242,7 @@ class Designs:
     def model(self, values: np.ndarray) -> Any:
         """Return the model with parameters, (k,), or raise ValueError if it cannot be built."""
         model = self.source(dict(zip(self.names, map(float, values), strict=True)))
-        allowed = "a model such as GearPair, of each sample"
+        allowed = "a model such as GearPair"
         checks.require(is_model(model), "the value of the function", model, allowed)
         return model
 
@@ -253,13 +255,13 @@ class Designs:
 
     def units(self, name: str) -> tuple[str, str]:
         """Return CF units and description of a parameter."""
-        return self.source.described.get(name, ("1", name))
+        return self.source.descriptions.get(name, ("1", name))
 
 
-def counted(refusals: Iterable[str]) -> list[tuple[int, str]]:
-    """Return the count and an example of each kind of refusal, the most frequent kind first.
+def count_refusals(refusals: Iterable[str]) -> list[tuple[int, str]]:
+    """Return the count and an example of each kind of error message, the most frequent first.
 
-    Refusals of one kind differ only in their numbers.
+    Messages of one kind differ only in their numbers.
     """
     kinds: dict = {}
     for text in filter(None, refusals):

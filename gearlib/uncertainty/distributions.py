@@ -5,7 +5,7 @@ lower}`` are uniform distributions.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +14,14 @@ from scipy import special, stats
 from gearlib import checks
 from gearlib.models import tolerated
 
-#: The key of the correlations among the tolerances.
+#: Key of the correlations in the mapping of tolerances.
 CORRELATIONS = "correlations"
 
 
 class Marginal(NamedTuple):
     """The distribution of one parameter."""
 
-    law: Any  #: a frozen distribution of `scipy.stats`
+    distribution: Any  #: a frozen distribution of `scipy.stats`
     centre: float  #: value of the nominal design: mean, middle of limits, nominal value, median
     limits: tuple = (-math.inf, math.inf)  #: least and largest possible value
 
@@ -44,25 +44,20 @@ class Tolerances:
         """Return the parameters, (n, k), at points of the open unit cube, (n, k)."""
         points = np.asarray(points, float)
         if self.correlations:
-            # Sums of BLAS depend on the number of rows, which differs between shards.
+            # The rounding of a matrix product would depend on the number of rows of a shard.
             scores = special.ndtri(points)
             points = special.ndtr(np.stack([(scores * row).sum(axis=1) for row in self._factor], 1))
-        laws = [marginal.law for marginal in self.marginals.values()]
-        return np.stack([law.ppf(u) for law, u in zip(laws, points.T, strict=True)], axis=1)
+        pairs = zip(self.marginals.values(), points.T, strict=True)
+        return np.stack([marginal.distribution.ppf(u) for marginal, u in pairs], axis=1)
 
 
-def read(
-    tolerances: Any,
-    known: Mapping,
-    value_of: Callable = lambda name: None,
-    keys: Mapping | None = None,
-) -> Tolerances:
+def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) -> Tolerances:
     """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
-    `tolerances` is a mapping as `gearlib.scatter` takes it. `known` maps the allowed names to their
-    `gearlib.parameters.Parameter` or None; `value_of` returns the value of a parameter of the
-    model, or None; `keys` maps names to their names in error messages, by default
-    ``tolerances.<name>``.
+    `tolerances` is a mapping as `gearlib.scatter` takes it. `allowed_parameters` maps names
+    to a `gearlib.parameters.Parameter` or None; `value_of` returns the value of a parameter of the
+    model by its name, or None; `keys` maps names of parameters to those in error messages, by
+    default ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         raise checks.refusal(
@@ -71,14 +66,15 @@ def read(
     marginals = {}
     for name, tolerance in tolerances.items():
         if name != CORRELATIONS:
-            checks.one_of("tolerances", name, tuple(known))
+            checks.one_of("tolerances", name, tuple(allowed_parameters))
             key = (keys or {}).get(name, f"tolerances.{name}")
             if hasattr(tolerance, "items") and "distribution" in tolerance:
                 marginal = _named_distribution(key, tolerance)
             else:
                 tolerance = tolerated.complete_scatter(key, tolerance, value_of(name))
                 marginal = _normal_or_uniform(tolerance)
-            tolerated.check_range(key, tolerance, known[name], (marginal.centre, *marginal.limits))
+            extent = marginal.centre, *marginal.limits
+            tolerated.check_range(key, tolerance, allowed_parameters[name], extent)
             marginals[name] = marginal
     return Tolerances(marginals, _correlations(marginals, tolerances.get(CORRELATIONS, ())))
 
@@ -102,28 +98,29 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
     allowed = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
     checks.require(isinstance(family, stats.rv_continuous), f"{key}.distribution", name, allowed)
     shapes = [shape.strip() for shape in (family.shapes or "").split(",") if shape]
-    known, numbers = [*shapes, "loc", "scale"], {}
+    allowed_names, numbers = [*shapes, "loc", "scale"], {}
     for parameter, value in tolerance.items():
         if parameter == "distribution":
             continue
-        if parameter not in known:
+        if parameter not in allowed_names:
             raise ValueError(
                 f"{key}.{parameter} is not allowed: the parameters of {name!r} are "
-                f"{', '.join(known)}"
+                f"{', '.join(allowed_names)}"
             )
         parameter_key = f"{key}.{parameter}"
         numbers[parameter] = checks.number(parameter_key, value, "a finite number", math.isfinite)
     for shape in shapes:
         if shape not in numbers:
             raise ValueError(f"{key}.{shape} is missing: {name!r} needs {', '.join(shapes)}")
-    law = family(**numbers)
+    distribution = family(**numbers)
     with np.errstate(all="ignore"):
-        median, mean, std = (float(x) for x in (law.median(), law.mean(), law.std()))
+        median, mean = float(distribution.median()), float(distribution.mean())
+        std = float(distribution.std())
     fits = all(map(math.isfinite, (median, mean, std))) and std > 0.0
     allowed = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
     checks.require(fits, key, tolerance, allowed)
     # An end of the support, such as 0 of a lognormal distribution, need not be an allowed value.
-    return Marginal(law, median)
+    return Marginal(distribution, median)
 
 
 def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
@@ -137,9 +134,9 @@ def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
         first, second, coefficient = checks.many(key, row, 3)
         for name in (first, second):
             checks.one_of(key, name, tuple(marginals))
-        checks.require(first != second, key, row, "of two different parameters")
+        checks.require(first != second, key, row, "two different parameters")
         names = frozenset((first, second))
-        checks.require(names not in correlations, key, row, "given once")
+        checks.require(names not in correlations, key, row, "a pair that occurs once")
         coefficient = checks.number(
             key, coefficient, "a number > -1 and < 1", lambda rho: -1.0 < rho < 1.0
         )
@@ -156,10 +153,10 @@ def _correlation_factor(names: tuple, correlations: tuple) -> np.ndarray:
     for first, second, coefficient in correlations:
         i, j = names.index(first), names.index(second)
         matrix[i, j] = matrix[j, i] = coefficient
-    lowest = float(np.linalg.eigvalsh(matrix)[0])
-    if lowest <= 1e-12:
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if smallest <= 1e-12:
         raise ValueError(
             f"tolerances.{CORRELATIONS} = {[list(row) for row in correlations]!r} is not allowed: "
-            f"it must be positive definite, and the least eigenvalue is {lowest:.3g}"
+            f"it must be positive definite, but the smallest eigenvalue is {smallest:.3g}"
         )
     return np.linalg.cholesky(matrix)

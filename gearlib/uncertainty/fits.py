@@ -17,31 +17,32 @@ from gearlib import checks
 from gearlib.analysis.sensitivities import richardson
 from gearlib.data.result import result
 from gearlib.models.model import is_model
-from gearlib.uncertainty.observation import START_REFUSAL
+from gearlib.uncertainty.observation import START_ERROR
 from gearlib.uncertainty.observations import observations_of
 
-#: Step of the differences during the iterations, as a share of the range of a parameter.
+#: Step of the difference quotients during the iterations, relative to the range of a parameter.
 _DIFFERENCE_STEP = 1e-5
-#: Columns of the Jacobian below this share of the largest column are set to zero.
-_MIN_COLUMN_SHARE = 1e-7
-#: Largest and least step of the differences at the optimum, as shares of the range.
+#: Columns of the Jacobian with a smaller norm, relative to the largest norm, are set to zero.
+_MIN_RELATIVE_COLUMN_NORM = 1e-7
+#: Largest and smallest step of the difference quotients at the optimum, relative to the range.
 _MAX_OPTIMUM_STEP, _MIN_OPTIMUM_STEP = 0.1, 1e-5
 #: Residual of a run that failed, and sum of squares beyond which a start is refused.
 _FAILED_RESIDUAL, _MAX_START_COST = 1e6, 1e30
-#: A channel of unknown noise is weighted by its residuals if it has this many for each parameter.
+#: A channel of unknown noise is weighted by its residuals if it has more than this many residuals
+#: for each parameter.
 _MIN_RESIDUALS_PER_PARAMETER = 3
 _MIN_NOISE, _MAX_WEIGHTINGS = 1e-6, 3
 
-#: Singular values of the Jacobian below this share of the largest count as zero.
-_MIN_SINGULAR_SHARE = 1e-9
+#: Singular values of the Jacobian that are smaller, relative to the largest one, count as zero.
+_MIN_RELATIVE_SINGULAR_VALUE = 1e-9
 #: A parameter is not identifiable if its component in an undetermined direction is larger.
 _MAX_UNDETERMINED_COMPONENT = 0.01
-#: Share of the variance of the data that a model may leave unexplained.
-_MAX_UNEXPLAINED = 0.5
+#: Fraction of the variance of the data that a model may leave unexplained.
+_MAX_UNEXPLAINED_FRACTION = 0.5
 #: Reduced chi-square up to which a model describes the data.
 _MAX_REDUCED_CHI_SQUARE = 2.0
-#: Probability of a false alarm of the test for correlated residuals, and the least residual, as a
-#: share of its deviation, whose sign is counted.
+#: Probability of a false alarm of the test for correlated residuals. Signs of residuals
+#: below the minimum, relative to their standard deviation, are ignored.
 _FALSE_ALARM_PROBABILITY, _MIN_SIGNED_RESIDUAL = 1e-3, 1e-6
 
 
@@ -52,7 +53,7 @@ class Parameter:
     name: str
     value: float
     stderr: float  #: standard error, NaN if the parameter is not identifiable
-    half_width: float  #: of the interval of 95 %
+    half_width: float  #: half the width of the 95 % confidence interval
     min: float
     max: float
     init: float
@@ -60,7 +61,7 @@ class Parameter:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return both ends of the interval of 95 %."""
+        """Return both ends of the 95 % confidence interval."""
         return self.value - self.half_width, self.value + self.half_width
 
 
@@ -71,12 +72,12 @@ class Fit:
     model: Any  #: the fitted model
     params: dict  #: name -> `Parameter`
     correlations: np.ndarray  #: shape (k, k), in the order of `params`
-    redchi: float  #: sum of squares over their variances, per degree of freedom
+    redchi: float  #: sum of squares over their variances, per degree of degrees_of_freedom
     aicc: float  #: Akaike's criterion, corrected for the number of data
     bic: float
     ndata: int
     nfev: int
-    unknown: tuple  #: sentences on what the data do not determine
+    unknown: tuple  #: sentences on parameters that the data do not determine
     noise: bool  #: whether the noise of all data is known
     _observations: list
 
@@ -109,10 +110,10 @@ class Fit:
         return "\n".join(lines)
 
     def curves(self):
-        """Return the measured and fitted data for a drawing, a list of `Curve` or `MeasuredSpeed`.
+        """Return the measured and fitted data for a figure, a list of `Curve` or `MeasuredSpeed`.
 
-        Both are classes of `gearlib.uncertainty.observation`: values over speed or phase, and
-        speeds of jumps and of the onset of contact loss.
+        A `Curve` has values over speed or phase; a `MeasuredSpeed` is the speed of a jump or of the
+        onset of contact loss. Both are classes of `gearlib.uncertainty.observation`.
         """
         return [
             curve
@@ -148,15 +149,15 @@ class Fit:
 class Problem(NamedTuple):
     """A least-squares problem: residuals of observations as functions of free parameters.
 
-    Free parameters are given as shares of their ranges, from 0 to 1.
+    Free parameters are scaled to their ranges: 0 is the lower limit, 1 the upper limit.
     """
 
     model: Any
-    names: tuple
-    low: np.ndarray
-    high: np.ndarray
+    names: tuple  #: names of the free parameters
+    low: np.ndarray  #: their lower limits, SI units
+    high: np.ndarray  #: their upper limits
     observations: list
-    weights: Any = 1.0  #: factors of the residuals if the noise of several channels is unknown
+    weights: Any = 1.0  #: factors of the residuals, or one factor of all
 
     @property
     def channels(self) -> list:
@@ -173,14 +174,14 @@ class Problem(NamedTuple):
         """Return whether the noise of all data is known."""
         return all(channel.noise_known for channel in self.channels)
 
-    def model_at(self, shares: np.ndarray) -> Any:
-        """Return the model with its free parameters at shares of their ranges."""
-        values = self.low + np.asarray(shares) * (self.high - self.low)
+    def model_at(self, scaled_values: np.ndarray) -> Any:
+        """Return the model with these free parameters, scaled to their ranges."""
+        values = self.low + np.asarray(scaled_values) * (self.high - self.low)
         return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
 
-    def residuals(self, shares: np.ndarray) -> np.ndarray | None:
-        """Return the weighted residuals, None if a run of the model fails."""
-        model, blocks = self.model_at(shares), []
+    def residuals(self, scaled_values: np.ndarray) -> np.ndarray | None:
+        """Return the weighted residuals for scaled parameters, None if a run of the model fails."""
+        model, blocks = self.model_at(scaled_values), []
         for observation in self.observations:
             residuals = observation.residuals(model)
             if residuals is None:
@@ -209,8 +210,9 @@ def fit(model, data, free):
     Returns
     -------
     Fit
-        Parameters with value, stderr and interval of 95 %; correlations, redchi, aicc, bic; and
-        `unknown`, sentences on what the data do not determine. `str` returns a report.
+        Parameters with value, stderr and 95 % confidence interval; correlations, redchi, aicc,
+        bic; and `unknown`, sentences on parameters that the data do not determine. `str` returns a
+        report.
 
     Raises
     ------
@@ -223,7 +225,7 @@ def fit(model, data, free):
         If revolutions of a run-up are left out because they have gaps or too few samples.
     """
     model = _checked_model(model)
-    names, lower, upper = _ranges(model, free)
+    names, lower, upper = _parameter_ranges(model, free)
     problem = Problem(model, names, lower, upper, observations_of(model, data))
     for observation in problem.observations:
         if observation.warning:
@@ -231,20 +233,20 @@ def fit(model, data, free):
     if problem.size < len(names):
         raise ValueError(
             f"data is not allowed: {problem.size} observations for {len(names)} "
-            "parameters; they must be as many at least"
+            "parameters; there must be at least as many observations"
         )
     start = (np.array([model.value(name) for name in names]) - lower) / (upper - lower)
     residuals = problem.residuals(start)
     if residuals is None or not residuals @ residuals < _MAX_START_COST:
-        raise ValueError(START_REFUSAL)
+        raise ValueError(START_ERROR)
     problem, optimum = _solve(problem, start)
-    return _fit_at(problem, optimum, *_precise_jacobian(problem, optimum))
+    return _fit_result(problem, optimum, *_extrapolated_jacobian(problem, optimum))
 
 
 def _checked_model(model: Any) -> Any:
     """Return a model that can be fitted, with a reference frequency that no parameter changes."""
     if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
         raise ValueError(
             f"model of type {type(model).__name__} is not allowed: nothing turns in it"
@@ -255,7 +257,7 @@ def _checked_model(model: Any) -> Any:
     return model
 
 
-def _ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
+def _parameter_ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
     """Return names, lower and upper limits of the free parameters, or raise ValueError.
 
     `free` maps names of parameters of the model to (lowest, highest) in SI units.
@@ -269,11 +271,10 @@ def _ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
         lower, upper = checks.numbers(argument, limits, 2)
         value = model.value(name)
         finite = math.isfinite(lower) and math.isfinite(upper)
-        checks.require(lower < upper and finite, argument, limits, "rising")
+        checks.require(lower < upper and finite, argument, limits, "finite and increasing")
         allowed = f"a range that holds {name} = {value:g} of the model"
         checks.require(lower <= value <= upper, argument, limits, allowed)
-        # The model refuses limits that are not allowed.
-        for limit in (lower, upper):
+        for limit in (lower, upper):  # the model raises ValueError if it does not allow a limit
             model.with_values({name: limit})
         ranges[name] = lower, upper
     lower_limits, upper_limits = np.array(list(ranges.values())).T
@@ -283,11 +284,11 @@ def _ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
 def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
     """Return the problem with its final weights, and scipy's result of least squares.
 
-    `start` holds the parameters as shares of their ranges, shape (parameters,).
+    `start` holds the scaled parameters, (parameters,).
     """
     optimum = _least_squares(problem, start)
     if not optimum.status:
-        # The limit of evaluations was reached, usually close to the optimum.
+        # The maximum number of evaluations was reached, usually close to the optimum.
         optimum = _least_squares(problem, optimum.x)
     for _ in range(_MAX_WEIGHTINGS):
         weights = _weights(problem, optimum.fun)
@@ -302,11 +303,11 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
 def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     """Return weights that scale each channel of unknown noise by its root mean square residual.
 
-    With one common scale the worst channel would hide all others, and jumps with a known noise
-    would have no weight beside it. None is returned for only one channel, or if all noise is known.
+    A common scale would be dominated by the channel with the largest residuals, and jump speeds of
+    known noise would have no influence. Return None if there is only one channel or all noise is
+    known.
     """
-    sizes: list = []  # numbers of residuals with a common weight
-    noise_known: list = []
+    sizes, noise_known = [], []  # for each group of residuals with a common weight
     for channel in problem.channels:
         if channel.joined:
             sizes[-1] += channel.values.size
@@ -327,20 +328,17 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
 
 
 def _least_squares(problem: Problem, start: np.ndarray) -> Any:
-    """Return scipy's result of least squares from a start.
+    """Return scipy's result of least squares from a start, scaled parameters (parameters,)."""
 
-    The variables are the parameters as shares of their ranges, shape (parameters,).
-    """
-
-    def residuals(shares):
-        values = problem.residuals(shares)
+    def residuals(scaled_values):
+        values = problem.residuals(scaled_values)
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
     def solve(start, **settings):
         return least_squares(
             residuals,
             np.clip(start, 1e-6, 1.0 - 1e-6),
-            jac=lambda shares: _jacobian(problem, shares, residuals(shares)),
+            jac=lambda scaled_values: _jacobian(problem, scaled_values, residuals(scaled_values)),
             bounds=(0.0, 1.0),
             x_scale=0.1,
             **settings,
@@ -348,8 +346,8 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
 
     evaluations = 0
     if any(observation.kind == "branches" for observation in problem.observations):
-        # Points beyond the folds of a model have large residuals without a useful derivative, so a
-        # robust loss comes first.
+        # Speeds beyond a fold of the model have large residuals without a useful derivative, so a
+        # robust loss function is minimised first.
         scale = 1.0 if problem.noise_known else float(np.median(np.abs(residuals(start)))) or 1.0
         rough = solve(start, loss="soft_l1", f_scale=scale, ftol=1e-4, max_nfev=30)
         start, evaluations = rough.x, rough.nfev
@@ -358,47 +356,47 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
     return optimum
 
 
-def _jacobian(problem: Problem, shares: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+def _jacobian(problem: Problem, scaled_values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     """Return one-sided difference quotients of the residuals, shape (residuals, parameters).
 
-    `residuals` are those at the parameters `shares`, given as shares of their ranges.
+    `residuals` are those at the scaled parameters `scaled_values`.
     """
-    jacobian = np.zeros((problem.size, shares.size))
-    for i in range(shares.size):
-        step = _DIFFERENCE_STEP if shares[i] < 0.5 else -_DIFFERENCE_STEP
-        changed = problem.residuals(_with_share(shares, i, shares[i] + step))
+    jacobian = np.zeros((problem.size, scaled_values.size))
+    for i in range(scaled_values.size):
+        step = _DIFFERENCE_STEP if scaled_values[i] < 0.5 else -_DIFFERENCE_STEP
+        changed = problem.residuals(_with_value(scaled_values, i, scaled_values[i] + step))
         if changed is not None:
             jacobian[:, i] = (changed - residuals) / step
     norms = np.linalg.norm(jacobian, axis=0)
-    jacobian[:, norms < _MIN_COLUMN_SHARE * max(norms.max(), 1.0)] = 0.0
+    jacobian[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
     return jacobian
 
 
-def _with_share(shares: np.ndarray, i: int, share: float) -> np.ndarray:
-    """Return a copy of the parameters, shares of their ranges, with a new share of parameter i."""
-    return np.where(np.arange(shares.size) == i, share, shares)
+def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
+    """Return a copy of the scaled parameters with a new value of parameter i."""
+    return np.where(np.arange(scaled_values.size) == i, value, scaled_values)
 
 
-def _precise_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
+def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return derivatives at the optimum and their errors, shapes (residuals, parameters).
 
-    Richardson's extrapolation replaces the differences in scipy's result `optimum` where it works.
+    Where Richardson's extrapolation fails, the Jacobian of scipy's result `optimum` is kept.
     """
     jacobian, errors = np.array(optimum.jac), np.zeros(optimum.jac.shape)
-    for i, best_share in enumerate(optimum.x):
+    for i, best_value in enumerate(optimum.x):
 
-        def residuals(share, i=i, best_share=best_share):
-            if share != best_share and abs(share - best_share) < _MIN_OPTIMUM_STEP:
+        def residuals(value, i=i, best_value=best_value):
+            if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
-            return problem.residuals(_with_share(optimum.x, i, share))
+            return problem.residuals(_with_value(optimum.x, i, value))
 
-        derivative, error = richardson(residuals, best_share, _MAX_OPTIMUM_STEP)
+        derivative, error = richardson(residuals, best_value, _MAX_OPTIMUM_STEP)
         if np.isfinite(derivative).all():
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
 
 
-def _fit_at(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
+def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
     """Return the `Fit` at an optimum, scipy's result of least squares.
 
     `jacobian`, (residuals, parameters), has errors up to `errors` in each element.
@@ -406,33 +404,34 @@ def _fit_at(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.nda
     residuals = optimum.fun
     model, directions = problem.model_at(optimum.x), _undetermined_directions(jacobian, errors)
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
-    squares, n, k = float(residuals @ residuals), residuals.size, int(identifiable.sum())
-    eliminated = sum(channel.eliminated for channel in problem.channels)
-    freedom = max(n - eliminated - k, 1)
-    redchi = squares / freedom
+    n, k = residuals.size, int(identifiable.sum())
+    eliminated_count = sum(channel.eliminated for channel in problem.channels)
+    degrees_of_freedom = max(n - eliminated_count - k, 1)
+    sum_of_squares = float(residuals @ residuals)
+    redchi = sum_of_squares / degrees_of_freedom
     covariance = np.full((identifiable.size,) * 2, np.nan)
     if identifiable.any():
         columns = jacobian[:, identifiable]
         covariance[np.ix_(identifiable, identifiable)] = np.linalg.pinv(columns.T @ columns)
     covariance *= 1.0 if problem.noise_known else redchi
-    deviations = np.sqrt(np.diag(covariance))
-    stderr = deviations * (problem.high - problem.low)
-    half_widths = stderr * float(student.ppf(0.975, freedom))
+    scaled_errors = np.sqrt(np.diag(covariance))
+    stderr = scaled_errors * (problem.high - problem.low)
+    half_widths = stderr * float(student.ppf(0.975, degrees_of_freedom))
     values = [float(model.value(name)) for name in problem.names]
-    starts = [float(problem.model.value(name)) for name in problem.names]
+    initial_values = [float(problem.model.value(name)) for name in problem.names]
     limits = problem.low, problem.high
-    columns = problem.names, values, stderr, half_widths, *limits, starts, identifiable
+    columns = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
     params = {row[0]: Parameter(*row) for row in zip(*columns, strict=True)}
     unknown = _parameter_sentences(problem, model, params, directions)
     unknown += _residual_sentences(problem, model, residuals, redchi)
-    # The information criteria count the noise as a parameter.
+    # The information criteria count the variance of the noise as a parameter.
     k += 1
-    deviance = n * math.log(max(squares / n, 1e-300))
+    deviance = n * math.log(max(sum_of_squares / n, 1e-300))
     deviance -= 2.0 * float(np.broadcast_to(np.log(problem.weights), n).sum())
     return Fit(
         model=model,
         params=params,
-        correlations=covariance / np.outer(deviations, deviations),
+        correlations=covariance / np.outer(scaled_errors, scaled_errors),
         redchi=redchi,
         aicc=deviance + 2.0 * k + 2.0 * k * (k + 1) / max(n - k - 1, 1),
         bic=deviance + k * math.log(n),
@@ -447,17 +446,16 @@ def _fit_at(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.nda
 def _undetermined_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Return unit vectors of parameters, as rows, along which the residuals do not change.
 
-    Singular values of the Jacobian, (residuals, parameters), that its `errors` explain are zero.
+    Singular values of the Jacobian, (residuals, parameters), count as zero if its `errors` can
+    explain them.
     """
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
     noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
-    smallest = _MIN_SINGULAR_SHARE * max(singular_values.max(), 1.0)
+    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
     return directions[singular_values <= np.maximum(noise, smallest)]
 
 
-def _parameter_sentences(
-    problem: Problem, model: Any, params: dict, directions: np.ndarray
-) -> list[str]:
+def _parameter_sentences(problem, model, params, directions) -> list[str]:
     """Return sentences on the parameters of a fitted model that the data do not determine.
 
     `params` maps names to `Parameter`; `directions`, (directions, parameters), are unit vectors
@@ -468,19 +466,19 @@ def _parameter_sentences(
         if parameter.identifiable:
             if parameter.half_width > 0.5 * (parameter.max - parameter.min):
                 sentences.append(
-                    f"{name} is hardly known: its interval of 95 % is as wide as its range, "
+                    f"{name} is hardly known: its 95 % interval is as wide as its range, "
                     f"{parameter.min:g} to {parameter.max:g}"
                 )
             continue
         if name == "backlash":
             sentences.append(_backlash_sentence(problem, model, i))
             continue
-        large = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
-        coupled = large[large[:, i]].any(axis=0)
+        contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
+        coupled = contained[contained[:, i]].any(axis=0)
         others = [other for j, other in enumerate(problem.names) if coupled[j] and j != i]
         reason = "nothing in the data depends on it"
         if others:
-            reason = f"the data tell only a combination of it and {' and '.join(others)}"
+            reason = f"the data determine only a combination of it and {' and '.join(others)}"
         sentences.append(f"{name} is not identifiable: {reason}")
     return sentences
 
@@ -496,8 +494,8 @@ def _backlash_sentence(problem: Problem, model: Any, i: int) -> str:
     bound = "nothing tells how large it is"
     if depth > problem.low[i]:
         bound = (
-            f"it is at least {depth:.4g} m, the largest way into the backlash there, and nothing "
-            "tells how much more"
+            f"it is at least {depth:.4g} m, the largest displacement into the backlash "
+            "there, and nothing tells how much larger"
         )
     return f"backlash is not identifiable: {reason} in what is compared; {bound}"
 
@@ -513,36 +511,37 @@ def _residual_sentences(
         if redchi <= _MAX_REDUCED_CHI_SQUARE:
             return []
         return [
-            f"the model does not describe the data: they are {math.sqrt(redchi):.3g} times as far "
-            "from it as their noise explains, and no interval holds"
+            f"the model does not describe the data: their distance from it is "
+            f"{math.sqrt(redchi):.3g} times what the noise explains, and no interval holds"
         ]
     sentences = []
     for observation in problem.observations:
-        share = _unexplained_share(observation, model)
-        if share > _MAX_UNEXPLAINED:
+        fraction = _unexplained_fraction(observation, model)
+        if fraction > _MAX_UNEXPLAINED_FRACTION:
             sentences.append(
-                f"the model does not describe the data: it leaves {100.0 * share:.0f} % of what "
-                f"varies in the {observation.kind}, whose noise is not known, and no interval holds"
+                f"the model does not describe the data: {100.0 * fraction:.0f} % of the variance "
+                f"of the {observation.kind}, whose noise is not known, is left unexplained, and no "
+                "interval holds"
             )
     return sentences + correlation_sentences(problem.channels, residuals / problem.weights)
 
 
-def _unexplained_share(observation: Any, model: Any) -> float:
-    """Return the largest share of the variance of a channel that a model does not explain."""
-    shares = [
+def _unexplained_fraction(observation: Any, model: Any) -> float:
+    """Return the largest fraction of the variance of a channel that a model does not explain."""
+    fractions = [
         np.mean((fitted - channel.values) ** 2) / np.var(channel.values)
         for channel, fitted in zip(observation.channels, observation.sensed(model), strict=True)
         if channel.sequences is not None and np.ptp(channel.values) > 0.0
     ]
-    return float(max(shares, default=0.0))
+    return float(max(fractions, default=0.0))
 
 
 def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
-    """Return sentences on channels of unknown noise with correlated residuals.
+    """Return sentences on channels of unknown noise whose residuals are correlated.
 
-    `residuals`, (n,), are those of all channels in turn. The sign of independent residuals changes
-    from one to the next with a probability of one half, whatever their deviations are (Geary,
-    Biometrika 57 (1970) 123-127).
+    `residuals`, (n,), are those of all channels in turn. Successive independent residuals differ in
+    sign with a probability of one half, whatever their standard deviations are (Geary, Biometrika
+    57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}

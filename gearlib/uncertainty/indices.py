@@ -1,8 +1,8 @@
-"""`sobol_indices`: shares of the variance of a quantity that each tolerance causes.
+"""`sobol_indices`: fractions of the variance of a quantity that each tolerance causes.
 
-The first index of a parameter is the share of the variance that vanishes on average if only this
-parameter has no tolerance; the total index is the share that remains on average if only this
-parameter has one (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals
+The first index of a parameter is the fraction of the variance that vanishes on average if this
+parameter is fixed; the total index is the fraction that remains on average if all others are fixed
+(Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals
 cover the sampling error only.
 """
 
@@ -13,7 +13,7 @@ from scipy.stats import bootstrap, qmc
 
 from gearlib import checks, notebook
 from gearlib.data.result import result
-from gearlib.uncertainty.design_quantities import QUANTITIES, names_of, search_of
+from gearlib.uncertainty.design_quantities import QUANTITIES, checked_names, quantity_search
 from gearlib.uncertainty.designs import Designs
 
 _BOOTSTRAP_RESAMPLES = 200
@@ -64,11 +64,10 @@ def sobol_indices(
     designs = Designs(model, tolerances, seed)
     if designs.tolerances.correlations:
         raise ValueError(
-            "tolerances.correlations is not allowed: shares of the variance are those of "
-            "independent parameters"
+            "tolerances.correlations is not allowed: Sobol' indices need independent parameters"
         )
-    quantities = names_of("quantities", quantities, tuple(QUANTITIES))
-    search = search_of(designs, quantities, speed)
+    quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
+    search = quantity_search(designs, quantities, speed)
     tables = _design_tables(designs, search, n, progress)
     indices = [
         _indices_with_intervals(table, level, designs.seed, name)
@@ -90,10 +89,11 @@ def sobol_indices(
 
 
 def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
-    """Return a table, (k + 2, n), for each quantity: its values for the designs of Saltelli's rule.
+    """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
 
-    `search` returns the quantities of a design. The rows belong to two independent samples A and B
-    of the k parameters, with n designs each, and to copies of A with one parameter of B each.
+    `search` is a function that returns the q quantities of a design. The k + 2 rows belong to two
+    independent samples A and B of the k parameters, with n designs each, and to k copies of A with
+    one parameter of B each.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -123,10 +123,10 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     count = complete.size
     if count < 2:
         raise ValueError(
-            f"quantities = {name!r} is not allowed with these tolerances: of {n} samples {count} "
-            "have it in all designs that are compared"
+            f"quantities = {name!r} is not allowed with these tolerances: only {count} of {n} "
+            "samples have it in all designs that are compared"
         )
-    # The points are balanced for n samples, so complete samples replace the incomplete ones.
+    # Incomplete samples are replaced by complete ones, because Sobol' points need all n samples.
     samples, missing = np.arange(n), np.isnan(table).any(axis=0)
     samples[missing] = complete[np.arange(n - count) * count // max(n - count, 1) % count]
     table = table[:, samples]

@@ -23,7 +23,7 @@ _DIRECTIONS = {"up": 1, "down": -1, "rest": 0}
 def read_measured(path):
     """Read a measured set, a YAML file and its table, and return it as a dataset in SI units.
 
-    Nothing is guessed or dropped: faulty data are refused with an error, or repaired and reported
+    Nothing is guessed or dropped silently: faulty data raise an error, or are repaired and reported
     in the attribute ``repairs``.
 
     Parameters
@@ -55,23 +55,25 @@ def read_measured(path):
     path = Path(path)
     if not path.is_file():
         raise checks.refusal("path", str(path), "a YAML file")
-    rig = measured_description.read(path)
+    description = measured_description.read(path)
     try:
-        data = _dataset(rig, path.parent)
-        known = {name: _json_value(name, value) for name, value in rig.known.items()}
+        data = _dataset(description, path.parent)
+        known = {name: _json_value(name, value) for name, value in description.known.items()}
     except ValueError as error:
         if isinstance(error, ImportError):
             raise
         raise ValueError(f"{path}: {error}") from None
-    conditions = {name: condition.model_dump() for name, condition in rig.conditions.items()}
+    conditions = {
+        name: condition.model_dump() for name, condition in description.conditions.items()
+    }
     data.attrs |= {
-        "title": rig.title or path.stem,
-        "source": rig.source,
-        "licence": rig.licence,
-        "synthetic": int(bool(rig.synthetic)),
+        "title": description.title or path.stem,
+        "source": description.source,
+        "licence": description.licence,
+        "synthetic": int(bool(description.synthetic)),
         "known": canonical_json(known),
         "conditions": canonical_json(conditions),
-        "not_said": ", ".join(rig.not_said()),
+        "not_said": ", ".join(description.not_said()),
     }
     return data
 
@@ -88,9 +90,10 @@ def refused(paths):
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Return the fact `name` about a rig as a JSON value; parameters of a pair become SI numbers.
+    """Return a fact about a test rig as a JSON value; parameters of a gear pair become SI numbers.
 
-    `value` is what YAML gives: a mapping, a list, a number or a text, with a unit such as "80 um".
+    `name` is that of the fact or parameter; `value` is a mapping, a list, a number or a text from
+    YAML, which may have a unit, such as "80 um".
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -109,78 +112,91 @@ def _json_value(name: str, value: Any) -> Any:
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
-def _dataset(rig: Any, folder: Path) -> xr.Dataset:
-    """Return the table and the scalar speeds of a description `rig` as a dataset.
-
-    The table is a file in `folder`.
-    """
+def _dataset(description: Any, folder: Path) -> xr.Dataset:
+    """Return the table in `folder` and the scalar speeds of a measured set as one dataset."""
     data = xr.Dataset(attrs={"repairs": ""})
-    if rig.data is not None:
-        data = _table_dataset(rig, folder / rig.data)
-    for name, speed in (rig.speeds.model_dump() if rig.speeds else {}).items():
+    if description.data is not None:
+        data = _table_dataset(description, folder / description.data)
+    for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
         units, text = measured_names.SPEEDS[name]
         attrs = {"units": units, "long_name": text, "noise_std": speed.get("noise", 0.0)}
         data[name] = (), speed["value"], attrs
     return data
 
 
-def _table_dataset(rig: Any, path: Path) -> xr.Dataset:
-    """Read the table of a description `rig` from a file and return it as a dataset in SI units."""
-    checks.require(path.is_file(), "data", rig.data, "a file beside its YAML")
-    checks.require(path.stat().st_size, "data", rig.data, "a file with rows: it is empty")
-    if rig.sha256 is not None:
+def _table_dataset(description, path: Path) -> xr.Dataset:
+    """Read the table of a measured set from a file and return it as a dataset in SI units."""
+    checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
+    checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
+    if description.sha256 is not None:
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        checks.require(digest == rig.sha256, "sha256", rig.sha256, f"{digest}, that of {rig.data}")
-    texts = {LONG_COLUMNS[0], CONDITION_COLUMN}
-    for key, channel in rig.channels.items():
+        checks.require(
+            digest == description.sha256,
+            "sha256",
+            description.sha256,
+            f"{digest}, that of {description.data}",
+        )
+    text_columns = {LONG_COLUMNS[0], CONDITION_COLUMN}
+    for key, channel in description.channels.items():
         is_text = (channel.observableId or key) in ("direction", "condition")
         if is_text or channel.unit == measured_description.DATES:
-            texts.add(key)
-    columns = measured_tables.read(path, rig, texts)
-    lengths = {name: len(values) for name, values in columns.items()}
-    empty = not lengths or min(lengths.values()) == 0
-    checks.require(not empty, "data", rig.data, "a file with samples: it has none")
-    allowed = f"of columns of one length, not {lengths}"
-    checks.require(len(set(lengths.values())) == 1, "data", rig.data, allowed)
+            text_columns.add(key)
     is_csv = path.suffix.lower() == ".csv"
+    if is_csv:
+        columns = measured_tables.read_csv(path, description, text_columns)
+    else:
+        columns = measured_tables.read_uff(path, description)
+    lengths = {name: len(values) for name, values in columns.items()}
+    is_empty = not lengths or min(lengths.values()) == 0
+    checks.require(not is_empty, "data", description.data, "a file with samples: it has none")
+    allowed = f"a file with columns of equal length, not {lengths}"
+    checks.require(len(set(lengths.values())) == 1, "data", description.data, allowed)
     if is_csv and set(LONG_COLUMNS) <= columns.keys():
-        data = _columns_dataset(rig, *measured_tables.long_samples(rig, columns))
+        data = _columns_dataset(description, *measured_tables.long_samples(description, columns))
         names = [str(name) for name in columns[LONG_COLUMNS[0]].categories]
     else:
-        data = _columns_dataset(rig, columns, {}, xr.Dataset())
-        names = measured_tables.header(path, rig)[0] if is_csv else []
-    data.attrs["not_read"] = ", ".join(name for name in names if name not in rig.channels)
+        data = _columns_dataset(description, columns, {}, xr.Dataset())
+        names = measured_tables.header(path, description)[0] if is_csv else []
+    data.attrs["not_read"] = ", ".join(name for name in names if name not in description.channels)
     return data
 
 
-def _columns_dataset(rig: Any, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with the columns as variables and coordinates beside those of `data`.
+def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
+    """Return the dataset `data` with columns of a table added as variables and coordinates.
 
-    `columns` and `noises`, the deviations of the samples, are mappings of column names to arrays;
-    `rig` is the description of the channels.
+    `columns` maps names to arrays over samples, `noises` to standard deviations of the samples;
+    `description` has the channels.
     """
-    keys = {rig.channels[key].observableId or key: key for key in rig.channels if key in columns}
+    keys = {
+        description.channels[key].observableId or key: key
+        for key in description.channels
+        if key in columns
+    }
     # Time and condition need no channel if their columns have the names of PEtab.
     for name, key in (("time", "time"), ("condition", CONDITION_COLUMN)):
         if key in columns:
             keys.setdefault(name, key)
-    coords, start = _coordinates(rig, columns, keys)
-    order, repairs = _time_order(rig, keys, coords)
+    coords, start = _coordinates(description, columns, keys)
+    order, repairs = _time_order(description, keys, coords)
     for name, key in keys.items():
         if name in measured_names.COORDINATES:
             continue
-        where, values = f"{rig.data}, column {key!r}", columns[key]
+        where, values = f"{description.data}, column {key!r}", columns[key]
         is_speed = name in measured_names.SPEEDS
-        checks.require(not is_speed, where, name, "none of a wide table: speeds has it")
-        gaps = bool(rig.channels[key].gaps)
+        checks.require(
+            not is_speed, where, name, "no column of a wide table: it belongs to the section speeds"
+        )
+        gaps = bool(description.channels[key].gaps)
         if gaps and (empty_cells := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty_cells} empty cells are not measured")
         noise = noises[key][order] if key in noises else None
         measured_tables.check_finite(where, values[order], gaps=gaps or noise is not None)
-        data = data.assign(_variables(rig.channels[key], name, key, values[order], noise))
+        data = data.assign(_variables(description.channels[key], name, key, values[order], noise))
     if not data.data_vars:
-        raise checks.refusal("channels", list(rig.channels), "at least one that was measured")
+        raise checks.refusal(
+            "channels", list(description.channels), "at least one measured quantity"
+        )
     for name, values in coords.items():
         units, text = measured_names.COORDINATES[name]
         data.coords[name] = "sample", values[order], {"units": units, "long_name": text}
@@ -190,11 +206,10 @@ def _columns_dataset(rig: Any, columns: dict, noises: dict, data: xr.Dataset) ->
     return data
 
 
-def _time_order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
+def _time_order(description: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return an index that sorts samples by time in each condition, and notes on this repair.
 
-    `rig` is the description, `keys` maps names of coordinates to columns, and `coords` names to
-    values.
+    `keys` maps names of coordinates to columns, and `coords` maps them to values.
     """
     if "time" not in coords:
         return slice(None), []
@@ -202,18 +217,18 @@ def _time_order(rig: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     groups = np.zeros(len(coords["time"]), int)
     for values in groupings:
         groups = 3 * groups + np.unique(values, return_inverse=True)[1]
-    where = f"{rig.data}, column {keys['time']!r}"
-    order = measured_tables.in_order(where, coords["time"], groups)
+    time_column = f"{description.data}, column {keys['time']!r}"
+    order = measured_tables.in_order(time_column, coords["time"], groups)
     if order is None:
         return slice(None), []
     return order, ["samples sorted by time" + ", each condition apart" * bool(groupings)]
 
 
 def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
-    """Return the variable `name` of a channel and, if its noise differs between samples, of that.
+    """Return the variable `name` of a channel and, if it varies between samples, that of its noise.
 
-    `key` is the column of the values, and `noise` holds their deviations or is None; both have the
-    unit of the channel.
+    `key` is the column of the values; `noise` has their standard deviations or is None. Both arrays
+    have the unit of the channel and are converted to SI.
     """
     factor, units = channel.scale(key)
     attrs = {
@@ -236,33 +251,36 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
     return variables | {name: ("sample", values * factor, attrs)}
 
 
-def _coordinates(rig: Any, columns: dict, keys: dict) -> tuple[dict, str]:
+def _coordinates(description: Any, columns: dict, keys: dict) -> tuple[dict, str]:
     """Return the values of the coordinates by name, and the date of the first sample or "".
 
-    `rig` is the description of a measured set with its channels and conditions, `columns` maps
-    names of columns to arrays, and `keys` names of coordinates and observables to columns.
+    `description` has the channels and conditions of a measured set, `columns` maps names of columns
+    to arrays, and `keys` maps names of coordinates and observables to columns.
     """
     coords, start = {}, ""
-    places = {name: f"{rig.data}, column {key!r}" for name, key in keys.items()}
+    locations = {name: f"{description.data}, column {key!r}" for name, key in keys.items()}
     for name in [name for name in ("time", "speed") if name in keys]:
-        channel, values = rig.channels.get(keys[name]), columns[keys[name]]
+        channel, values = description.channels.get(keys[name]), columns[keys[name]]
         if channel is not None and channel.unit == measured_description.DATES:
-            values, start = measured_tables.dates(places[name], values)
-        measured_tables.check_finite(places[name], values, steady=name == "time")
+            values, start = measured_tables.dates(locations[name], values)
+        measured_tables.check_finite(locations[name], values, steady=name == "time")
         coords[name] = values * (1.0 if channel is None else channel.scale(keys[name])[0])
     if "direction" in keys:
         column = columns[keys["direction"]]
-        coords["direction"] = measured_tables.directions(places["direction"], column)
-    conditions, codes = list(rig.conditions.values()), np.zeros(len(next(iter(columns.values()))))
+        coords["direction"] = measured_tables.directions(locations["direction"], column)
+    conditions, codes = (
+        list(description.conditions.values()),
+        np.zeros(len(next(iter(columns.values())))),
+    )
     if "condition" in keys:
         column = columns[keys["condition"]]
-        codes = measured_tables.complete(places["condition"], column)
+        codes = measured_tables.complete(locations["condition"], column)
         names = [str(name) for name in column.categories]
-        for name in names if rig.conditions else ():
-            allowed = f"one of {', '.join(rig.conditions)}"
-            checks.require(name in rig.conditions, CONDITION_COLUMN, name, allowed)
+        for name in names if description.conditions else ():
+            allowed = f"one of {', '.join(description.conditions)}"
+            checks.require(name in description.conditions, CONDITION_COLUMN, name, allowed)
         coords["condition"] = np.array(names)[codes]
-        conditions = [rig.conditions.get(name) for name in names]
+        conditions = [description.conditions.get(name) for name in names]
     elif len(conditions) != 1:
         return coords, start
     for name, dtype in (("speed", float), ("direction", np.int8)):

@@ -19,15 +19,15 @@ from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 
-#: Residual of a measured speed that the model does not have.
+#: Residual of a measured jump or onset that the model does not have.
 MISSING_SPEED_RESIDUAL = 100.0
-#: Smallest step between successive measured values that counts as a jump, as a share of the value.
-JUMP_SHARE = 0.15
-START_REFUSAL = (
-    "model is not allowed: a motion with its values, where the fit starts, could not be run to the "
-    "end"
+#: Smallest relative change between successive measured values that counts as a jump.
+MIN_RELATIVE_JUMP = 0.15
+START_ERROR = (
+    "model is not allowed: the fit starts from its values, and its motion could not be computed to "
+    "the end"
 )
-#: Statistics of an orbit that can be compared with measured ones.
+#: Statistics of an orbit that can be compared with measured values.
 STATISTICS = (
     "displacement_max",
     "displacement_min",
@@ -37,16 +37,16 @@ STATISTICS = (
     "fraction_backlash",
     "fraction_inverse",
 )
-#: Names of further quantities: the share of a mesh in the load, the amplitude of a mesh order.
+#: Names of further quantities: load sharing of a mesh, amplitude of a mesh order.
 LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"
 #: Samples of a mesh period from which mesh orders are computed.
 SAMPLES_PER_PERIOD = 64
-#: Ends of the branch on which jumps are searched, as shares of the highest and the lowest jump.
-_BRANCH_START_SHARE, _BRANCH_END_SHARE = 1.5, 0.7
-#: Speeds at which the onset of contact loss is searched, as shares of the measured onset.
-_ONSET_SHARES = np.linspace(0.7, 1.3, 61)
-#: Settings of sweeps that settle on an orbit at each speed.
-SETTLING = {"periods": 200, "record_periods": 1}
+#: Ends of the branch on which jumps are searched, relative to the highest and lowest jump speed.
+_BRANCH_START_RATIO, _BRANCH_END_RATIO = 1.5, 0.7
+#: Speeds at which the onset of contact loss is searched, relative to the measured onset.
+_ONSET_SPEED_RATIOS = np.linspace(0.7, 1.3, 61)
+#: Arguments of `sweep` with which the motion settles on an orbit at each speed.
+SETTLING_SWEEP = {"periods": 200, "record_periods": 1}
 
 
 class Channel(NamedTuple):
@@ -60,20 +60,20 @@ class Channel(NamedTuple):
     unknown_offset: bool = False
     #: Indices of the values in the order of measurement, shape (sequences, steps).
     sequences: Any = None
-    joined: bool = False  #: whether the channel shares the weight of the channel before it
+    joined: bool = False  #: whether it has the same weight as the channel before it
 
     @property
     def eliminated(self) -> int:
-        """Return the number of sensor constants, gain and offset, that the data determine."""
+        """Return the number of sensor constants, gain and offset, that are fitted to the data."""
         return self.unknown_gain + self.unknown_offset
 
     def sensed(self, predicted: np.ndarray) -> tuple:
-        """Return predicted values, (n,), as the sensor shows them, and the gain of the sensor.
+        """Return the sensor signal for predicted values, (n,), and the gain of the sensor.
 
-        An unknown gain and offset enter linearly, so linear least squares eliminate them
+        An unknown gain and offset enter linearly, so they are eliminated by linear least squares
         (variable projection, Golub and Pereyra 1973).
         """
-        columns = []  # of the factors gain and offset
+        columns = []  # factors of gain and offset
         if self.unknown_gain:
             columns.append(predicted)
         if self.unknown_offset:
@@ -93,14 +93,14 @@ class Channel(NamedTuple):
 class Observation(NamedTuple):
     """A part of a measured set and the function that predicts it."""
 
-    kind: str
-    channels: list
+    kind: str  #: name in messages, such as "run-up"
+    channels: list  #: of `Channel`
     predict: Callable  #: model -> (values of each channel, largest depth in the backlash, m)
-    draw: Callable  #: predicted values as the sensors show them -> list of curves
+    draw: Callable  #: predicted sensor signals -> list of `Curve` or `MeasuredSpeed`
     warning: str = ""
 
     def sensed(self, model: Any) -> list | None:
-        """Return predicted values as the sensors show them, None if a run of the model fails."""
+        """Return the predicted sensor signal of each channel, None if a run of the model fails."""
         try:
             predicted = self.predict(model)[0]
         except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
@@ -110,14 +110,14 @@ class Observation(NamedTuple):
 
     def residuals(self, model: Any) -> np.ndarray | None:
         """Return (predicted - measured) / deviation, None if a run of the model fails."""
-        sensed = self.sensed(model)
-        if sensed is None:
+        signals = self.sensed(model)
+        if signals is None:
             return None
         residuals = [
             (values - channel.values) / channel.deviations
-            for channel, values in zip(self.channels, sensed, strict=True)
+            for channel, values in zip(self.channels, signals, strict=True)
         ]
-        # A speed of a jump that the model does not have is NaN.
+        # The speed of a jump that the model does not have is NaN.
         return np.nan_to_num(np.concatenate(residuals), nan=MISSING_SPEED_RESIDUAL)
 
 
@@ -126,10 +126,10 @@ class Curve(NamedTuple):
 
     name: str
     units: str
-    over: str  #: speed (rpm) or phase (mesh periods)
-    at: np.ndarray
-    heights: tuple  #: (measured, fitted) as the sensor shows them; NaN: not compared
-    falls: np.ndarray  #: whether the speed falls
+    over: str  #: "speed" in rpm or "phase" in mesh periods
+    at: np.ndarray  #: abscissae, (n,)
+    heights: tuple  #: measured and fitted sensor signals, each (n,); NaN: not compared
+    falls: np.ndarray  #: whether the speed falls, (n,)
 
 
 class MeasuredSpeed(NamedTuple):
@@ -144,16 +144,16 @@ class MeasuredSpeed(NamedTuple):
 def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
     """Return the quantities of the periodic orbit at a speed in rpm, in SI units.
 
-    The dict maps names to values of each mesh. The orbit next to the state `guess`, (2 N,), is
-    taken, with `samples` in each mesh period. "order_amplitude" has complex amplitudes, shape
-    (orders, meshes); twice the real part of their sum is the displacement.
+    The dict maps names to values of each mesh. The search starts from the state `guess`, (2 N,).
+    "order_amplitude" has complex amplitudes, (orders, meshes), from `samples` in each mesh period;
+    the amplitude of the real displacement is twice their absolute value.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
-    n = orbit.period  # in mesh periods
+    n = orbit.period  # mesh periods
     settings = {"periods": n, "record_periods": n, "initial_state": tuple(orbit.state)}
     recorded = run(model, orbit.tuning, samples, **settings)
     if recorded.status:
-        raise NoOrbit(f"the motion at {speed:g} rpm could not go on")
+        raise NoOrbit(f"the run at {speed:g} rpm failed")
     counts = np.array([n, OK])
     table = summary.variables(model, (), recorded.summary, recorded.final, counts, n)
     # Displacements are in static deflections, dynamic forces in loads.
@@ -169,9 +169,9 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> 
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return one quantity of an orbit, such as "order_amplitude_2", for the mesh with an index.
+    """Return the quantity `name`, such as "order_amplitude_2", of an orbit for one mesh.
 
-    `quantities` maps names to values of each mesh; an amplitude is that of the real displacement.
+    `quantities` maps names to the values of all meshes, and `mesh` is an index.
     """
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
@@ -182,9 +182,9 @@ def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
 def resonance_speeds(model: Any, measured: dict) -> dict:
     """Return the speeds of jumps and of the onset of contact loss of a model, rpm.
 
-    `measured` maps their names to measured speeds; the nearest speeds of the model are returned.
-    Jumps are folds of the branch of orbits, the onset is a grazing. They are those of the main
-    resonance of a model with one degree of freedom; otherwise the branch is followed.
+    `measured` maps their names to measured speeds. Jumps are folds of the branch of orbits, the
+    onset is a grazing orbit. A model with one degree of freedom has them at its main resonance; the
+    branch of other models is searched near the measured speeds.
     """
     resonance_speed = float(model.speed(1.0))
     if model.size == 2 and model.repeats == 1:
@@ -209,10 +209,10 @@ def fold_speeds(model: Any, measured: dict) -> dict:
     `measured` maps "jump_up" or "jump_down" to the measured speed in rpm.
     """
     resonance_speed, speeds = float(model.speed(1.0)), {}
-    orbit = periodic_orbit(model, _BRANCH_START_SHARE * max(measured.values()) / resonance_speed)
-    branch = continue_orbit(orbit, to=_BRANCH_END_SHARE * min(measured.values()) / resonance_speed)
+    orbit = periodic_orbit(model, _BRANCH_START_RATIO * max(measured.values()) / resonance_speed)
+    branch = continue_orbit(orbit, to=_BRANCH_END_RATIO * min(measured.values()) / resonance_speed)
     folds = branch.tuning.values[branch.label.values == FOLD] * resonance_speed
-    # The branch comes from higher speeds, so the first fold of each pair is the jump down.
+    # The branch starts at higher speeds, so the first fold of each pair is the jump down.
     pair_count = folds.size // 2
     fold_pairs = folds[: 2 * pair_count].reshape(pair_count, 2)
     for name, speed in measured.items():
@@ -223,17 +223,17 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to the measured one, rpm, or NaN.
+    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN.
 
-    The onset is where the smallest displacement of a mesh passes 0 in a sweep up.
+    At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
     """
-    speeds = measured * _ONSET_SHARES
-    curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING)
+    speeds = measured * _ONSET_SPEED_RATIOS
+    curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
     minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
-    changes = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
-    if not changes.size:
+    crossings = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
+    if not crossings.size:
         return math.nan
-    i = changes[np.abs(speeds[changes] - measured).argmin()]
+    i = crossings[np.abs(speeds[crossings] - measured).argmin()]
     state = curve.final_state.values[i]
 
     def lowest_displacement(speed: float) -> float:

@@ -1,7 +1,7 @@
 """Observations of measured sets that a fit compares: slow sweeps, speeds of jumps, time courses.
 
 Slow sweeps are compared point by point, each side of a jump with its own branch of orbits; a point
-beyond the fold of the model takes the value next to it. Jumps are compared as speeds.
+beyond the fold of the model is compared with the last orbit before it. Jumps are compared by speed.
 """
 
 import math
@@ -13,14 +13,14 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty.course_observations import course_observations
+from gearlib.uncertainty.course_observations import time_history_observations
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
 from gearlib.uncertainty.observation import (
-    JUMP_SHARE,
     LOAD_SHARING,
+    MIN_RELATIVE_JUMP,
     ORDER_AMPLITUDE,
     SAMPLES_PER_PERIOD,
-    SETTLING,
+    SETTLING_SWEEP,
     STATISTICS,
     Channel,
     Curve,
@@ -34,7 +34,7 @@ from gearlib.uncertainty.observation import (
 #: Smallest ratio of a jump to the median step from one point to the next.
 _MIN_JUMP_RATIO = 3.0
 _SWEEP_QUANTITIES = (*STATISTICS, LOAD_SHARING, ORDER_AMPLITUDE)
-#: Quantities that fall at a jump up, and endings of the names of those that rise.
+#: Quantities that decrease at a jump up, and endings of the names of those that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
 _RISING_ENDINGS = ("_max", *(f"{ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
 
@@ -62,7 +62,7 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
     if has_time:
         for name, (quantity, mesh) in quantities.items():
             history = data.isel(sample=data[name].notnull().values).rename({name: quantity})
-            observations += course_observations(model, history, mesh)
+            observations += time_history_observations(model, history, mesh)
     elif quantities:
         sweeps, jumps = _sweep_observation(data, quantities)
         observations, speeds = [sweeps], jumps | speeds
@@ -80,13 +80,13 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
 def quantities_of(model: Any, names: Any, known: tuple = _SWEEP_QUANTITIES) -> dict:
     """Return the quantities that variables hold: name of a variable -> (quantity, mesh index).
 
-    `names` are the names of the variables. Those of trains end with the name of the mesh, such as
-    ``load_sharing_sun_1``. Variables with other quantities than the `known` ones are left out.
+    `names` are those of the variables; for trains they end with the name of the mesh, such as
+    ``load_sharing_sun_1``. Only quantities whose names are in `known` are returned.
     """
     mesh_names = [name.replace(" ", "_") for name in model.mesh_names]
     quantities = {}
     for name in map(str, names):
-        # A model without mesh names has one mesh, which shares its load with no other one.
+        # A model without mesh names has only one mesh, so it has no load sharing.
         for mesh, mesh_name in enumerate(mesh_names or [""]):
             if mesh_name and not name.endswith(f"_{mesh_name}"):
                 continue
@@ -103,7 +103,7 @@ def quantities_of(model: Any, names: Any, known: tuple = _SWEEP_QUANTITIES) -> d
 
 
 def _check_set(data: Any, quantities: dict, speeds: dict) -> None:
-    """Refuse a measured set unless compared variables have finite values, SI units, valid noise.
+    """Raise ValueError unless compared variables have finite values, SI units and valid noise.
 
     `quantities` maps names of variables to (quantity, mesh index), `speeds` names of speeds of the
     main resonance to variables.
@@ -111,12 +111,12 @@ def _check_set(data: Any, quantities: dict, speeds: dict) -> None:
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:
-                _check_numbers(name, data[name])
+                _check_finite_samples(name, data[name])
         if "direction" in data.coords:
             for sign in np.unique(data.direction.values).tolist():
                 checks.one_of("direction", sign, (1, -1, 0))
     for name, (quantity, _) in quantities.items():
-        _check_numbers(name, data[name], gaps="time" in data.coords)
+        _check_finite_samples(name, data[name], gaps="time" in data.coords)
         _check_sensor(name, quantity, data[name].attrs)
     for name, speed in speeds.items():
         checks.require(speed.ndim == 0, name, f"of shape {speed.shape}", "one number, in rpm")
@@ -124,30 +124,30 @@ def _check_set(data: Any, quantities: dict, speeds: dict) -> None:
         _check_sensor(name, name, speed.attrs)
 
 
-def _check_numbers(name: str, variable: Any, gaps: bool = False) -> None:
-    """Refuse a variable without one finite number for each sample; NaN is allowed with `gaps`."""
+def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
+    """Raise ValueError unless a variable is finite at all samples; NaN is allowed with `gaps`."""
     values = variable.values
     checks.require(values.dtype.kind in "iuf", name, str(values.dtype), "of real numbers")
-    checks.require(variable.ndim == 1, name, f"of shape {values.shape}", "over samples alone")
-    checks.require(values.size > 0, name, "empty", "of one sample or more")
+    checks.require(variable.ndim == 1, name, f"of shape {values.shape}", "over samples only")
+    checks.require(values.size > 0, name, "empty", "of at least one sample")
     finite = np.isfinite(values)
-    valid = finite | np.isnan(values) if gaps else finite
-    checks.require(finite.any() and valid.all(), name, "NaN", "finite in each sample")
+    is_valid = finite | np.isnan(values) if gaps else finite
+    checks.require(finite.any() and is_valid.all(), name, "NaN", "finite in each sample")
 
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
-    """Refuse a sensor with a wrong noise, with wrong flags, or with other units than expected.
+    """Raise ValueError if a sensor has wrong noise, wrong flags, or other units than expected.
 
-    `attrs` are the attributes of the variable `name`, which holds a quantity of the model.
+    `attrs` are the attributes of the variable `name`, which holds the `quantity` of a model.
     """
     checks.finite_nonnegative(f"noise_std of {name}", attrs.get("noise_std", 0.0))
     for flag in ("unknown_gain", "unknown_offset"):
         checks.integer(f"{flag} of {name}", int(attrs.get(flag, 0)), 0, 1)
-    # Mesh orders, which have no units of their own, are amplitudes of a displacement.
+    # Mesh orders have the units of the displacement.
     expected_units = measured_names.of(quantity)[0] or "m"
     units = attrs.get("units", expected_units)
-    fits = units == expected_units or attrs.get("unknown_gain", 0)
-    checks.require(fits, f"units of {name}", units, f"{expected_units}, or of unknown gain")
+    is_allowed = units == expected_units or attrs.get("unknown_gain", 0)
+    checks.require(is_allowed, f"units of {name}", units, f"{expected_units}, or of unknown gain")
 
 
 def _speed_observation(speeds: dict) -> Observation:
@@ -164,16 +164,16 @@ def _speed_observation(speeds: dict) -> Observation:
         predicted = resonance_speeds(model, measured)
         return [np.array([predicted.get(name, math.nan) for name in measured])], 0.0
 
-    def draw(sensed: list) -> list:
+    def draw(signals: list) -> list:
         names = [name.replace("_", " ") for name in measured]
-        return list(map(MeasuredSpeed, names, values, deviations, sensed[0]))
+        return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
     channel = Channel("speeds", values, deviations, bool((noise > 0.0).all()))
     return Observation("speeds", [channel], predict, draw)
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
-    """Return the observation of quantities over speed, and the measured speeds of its jumps.
+    """Return the observation of quantities over speed, and the measured speeds of jumps.
 
     `quantities` maps names of variables of `data` to (quantity, mesh index).
     """
@@ -187,6 +187,7 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     samples = SAMPLES_PER_PERIOD if has_orders else 1
 
     def predict(model: Any) -> tuple:
+        """Return predicted values of each quantity, and the largest depth in the backlash, m."""
         orbits = np.empty(len(speeds), object)
         for branch in branches:
             orbits[branch] = _branch_orbits(model, speeds[branch], samples)
@@ -196,13 +197,13 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         ]
         return values, max(0.0, *(-orbit["displacement_min"].min() for orbit in orbits))
 
-    def draw(sensed: list) -> list:
+    def draw(signals: list) -> list:
+        """Return the curves of measured values and predicted sensor signals over speed."""
         curves = []
-        for channel, fitted in zip(channels, sensed, strict=True):
+        for channel, fitted in zip(channels, signals, strict=True):
             name, units = channel.name, data[channel.name].attrs.get("units", "")
             heights = channel.values, fitted
-            curve = Curve(name.replace("_", " "), units, "speed", speeds, heights, signs < 0)
-            curves.append(curve)
+            curves.append(Curve(name.replace("_", " "), units, "speed", speeds, heights, signs < 0))
         return curves
 
     return Observation("branches", channels, predict, draw), jumps
@@ -215,7 +216,7 @@ def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
     """
     values, attrs = np.asarray(data[name].values, float), data[name].attrs
     noise = float(attrs.get("noise_std", 0.0))
-    allowed = "more than one value, or each with a known noise"
+    allowed = "more than one value, or values with known noise"
     checks.require(np.ptp(values) > 0.0 or noise, name, values[0], allowed)
     deviations = np.full(values.size, noise or np.ptp(values))
     sample_noise = data.get(f"{name}_noise_std")
@@ -230,11 +231,12 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
     """Return the indices of the samples on each branch of orbits, and the speeds of the jumps.
 
     `quantities` maps names of variables to (quantity, mesh index); `speeds` in rpm and `signs`, 1
-    for rising, -1 for falling and 0 for single speeds, are those of the samples. A sweep with a
-    jump has two branches: from its first speed to the jump, and from its last speed back to it.
+    for sweeps up, -1 for sweeps down and 0 for single speeds, are those of the samples. A sweep
+    with a jump has two branches: from its first speed to the jump, and from its last speed back.
     """
     variables = {name: quantity for name, (quantity, _) in quantities.items()}
-    # Quantities that rise or fall at a jump up tell its direction; others are used without them.
+    # Quantities that always increase or decrease at a jump up show its direction; others are only
+    # used if there are none.
     monotonic = {
         name: quantity
         for name, quantity in variables.items()
@@ -250,7 +252,7 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
     for sign in np.unique(signs):
         samples = np.flatnonzero(signs == sign)
         if not sign:
-            branches += [samples[i : i + 1] for i in range(len(samples))]
+            branches += list(samples[:, None])
             continue
         samples = samples[np.argsort(sign * speeds[samples], kind="stable")]
         i = _jump_index(table[:, samples], min_steps, sign if monotonic else 0)
@@ -269,8 +271,8 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
     """Return the index of the first column after the largest jump of a table, None without jump.
 
-    Rows are quantities, columns are samples; `min_steps` limits the jumps of each row from below.
-    `sign` selects jumps up (1), jumps down (-1) or both (0).
+    Rows are quantities, columns are samples; `min_steps` has the smallest jump of each row. `sign`
+    selects increases (1), decreases (-1) or both (0).
     """
     if table.shape[1] < 2:
         return None
@@ -278,7 +280,7 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
     steps = np.abs(changes)
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     median_steps = np.median(steps, axis=1)[:, None]
-    jumps = (steps > JUMP_SHARE * sizes) & (steps > _MIN_JUMP_RATIO * median_steps)
+    jumps = (steps > MIN_RELATIVE_JUMP * sizes) & (steps > _MIN_JUMP_RATIO * median_steps)
     jumps &= (steps > np.reshape(min_steps, (-1, 1))) & ((changes * sign > 0.0) | (sign == 0))
     if not jumps.any():
         return None
@@ -289,14 +291,14 @@ def _branch_orbits(model: Any, speeds: np.ndarray, samples: int) -> list[dict]:
     """Return the quantities of the orbits of one branch, followed from its first speed.
 
     `speeds` in rpm are sorted in the order of the sweep; `samples` is the number of samples in each
-    mesh period. The branch ends at a jump up of a rising sweep or at a jump down of a falling
-    sweep; speeds beyond take the last orbit. A jump in the other sense, such as the first impact on
-    the far flank, does not end it.
+    mesh period. The branch ends where the displacement jumps up in a sweep up, or down in a sweep
+    down; the last orbit is repeated at the speeds beyond. A jump in the other direction, such as
+    the first impact on the coast side, does not end it.
     """
     rises = len(speeds) < 2 or speeds[-1] > speeds[0]
-    # The motion is the same at repeated speeds.
+    # Repeated speeds are computed once.
     tunings, order = np.unique(speeds / float(model.speed(1.0)), return_inverse=True)
-    curve = sweep(model, tunings, direction="up" if rises else "down", **SETTLING)
+    curve = sweep(model, tunings, direction="up" if rises else "down", **SETTLING_SWEEP)
     states = curve.final_state.values[order]
     maxima = curve.displacement_max.values[order].reshape(len(speeds), -1).T
     end = _jump_index(maxima, 0.0, 1 if rises else -1)

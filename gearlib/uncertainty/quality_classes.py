@@ -29,7 +29,7 @@ _ALLOWANCES = (
 #: T_sn in um, DIN 3967, table 2: the tolerances of all rows are parts of two series.
 _SERIES_1 = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _SERIES_2 = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
-#: For each row of diameters the series and the position in it of tolerance number 21.
+#: For each row of diameters: the series of tolerances, and the position of number 21 in it.
 _TOLERANCE_ROWS = tuple(
     zip(
         (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1),
@@ -37,7 +37,7 @@ _TOLERANCE_ROWS = tuple(
         strict=True,
     )
 )
-_FIRST_NUMBER, _LAST_NUMBER = 21, 30
+_FIRST_NUMBER, _LAST_NUMBER = 21, 30  # of the tolerances of DIN 3967
 #: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
 _IT_DEGREES = {
     0.018: (8, 11, 18, 27, 43, 70, 110),
@@ -72,7 +72,7 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
         "such as '27cd'"
     )
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
-    row = next(i for i, end in enumerate(_MAX_DIAMETERS) if diameter <= end)
+    row = next(i for i, limit in enumerate(_MAX_DIAMETERS) if diameter <= limit)
     upper = -_ALLOWANCES[row][_SERIES.index(letters)]
     series, position = _TOLERANCE_ROWS[row]
     tolerance = series[position + number - _FIRST_NUMBER]
@@ -90,9 +90,9 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     distance = checks.number("centre_distance", distance, allowed, lambda a: lower <= a <= upper)
     degrees = [f"js{_FIRST_DEGREE + i}" for i in range(len(_IT_DEGREES[upper]))]
     checks.one_of("centre_distance", designation, degrees)
-    row = _IT_DEGREES[next(end for end in max_distances if distance <= end)]
-    half = _MICROMETRE * row[degrees.index(designation)] / 2.0
-    return -half, half
+    row = _IT_DEGREES[next(limit for limit in max_distances if distance <= limit)]
+    half_width = _MICROMETRE * row[degrees.index(designation)] / 2.0
+    return -half_width, half_width
 
 
 def by_class(
@@ -100,11 +100,11 @@ def by_class(
 ) -> dict:
     """Return tolerances by the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.
 
-    `thickness` is a class of DIN 3967 such as "27cd", or one for the pinion and one for the wheel;
+    `thickness` is a class of DIN 3967 such as "27cd", or a pair of classes for pinion and wheel;
     the backlash follows from it if the `DrawnPair` has ``backlash=None``. `centre_distance` is a
-    class of DIN 3964 such as "js7". With `form` the flanks deviate by the tolerance of profile form
-    for the `quality` of the gears. The tolerance does not limit the shape of the deviation; here it
-    is a first mesh harmonic, with cosine and sine within half of the larger tolerance.
+    class of DIN 3964 such as "js7". With `form`, flanks deviate by the tolerance of profile form
+    for the `quality` of the gears. The standard does not prescribe the shape of the deviation; here
+    it is a first mesh harmonic whose cosine and sine are at most half of the larger tolerance.
     """
     mesh = checks.drawn_mesh(mesh)
     tolerances: dict = {}
@@ -119,7 +119,7 @@ def by_class(
         limits = {"nominal": mesh.centre_distance, "upper": upper, "lower": lower}
         tolerances["centre_distance"] = limits
     if form:
-        half = max(gear.form_deviation for gear in (mesh.pinion, mesh.wheel)) / 2.0
+        max_deviation = max(gear.form_deviation for gear in (mesh.pinion, mesh.wheel)) / 2.0
         for name in ("deviation_cosine", "deviation_sine"):
-            tolerances[name] = {"min": -half, "max": half}
+            tolerances[name] = {"min": -max_deviation, "max": max_deviation}
     return tolerances

@@ -1,15 +1,14 @@
 """`scatter`: motions of a model whose parameters scatter, computed at once or in shards.
 
-Each sample is computed on its own by public functions, so all divisions into shards give the same
-bytes. Statistics never mix two motions: rising sweeps, falling sweeps and runs from other starts
-are kept apart.
+Each sample is computed independently by public functions, so the division into shards does not
+change the result. Statistics never mix two motions: sweeps up, sweeps down and runs from other
+starts are kept apart.
 """
 
 import functools
 import json
 import os
 import warnings
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -23,29 +22,28 @@ from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import check_either, check_memory, check_speed, check_tuning
 from gearlib.runs.sweeping import check_tunings, sweep
 from gearlib.uncertainty.design_quantities import (
-    CODES,
     NO_DESIGN,
     QUANTITIES,
-    DesignQuantities,
-    names_of,
-    search_of,
+    STATUS_MEANINGS,
+    checked_names,
+    quantity_search,
 )
-from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, counted
+from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, count_refusals
 
 #: Directions of sweeps; "cold" starts each speed from rest, "seeded" from a random state.
 DIRECTIONS = ("up", "down", "cold", "seeded")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)
-#: Motion on which a seeded run settles: on the only motion of the sweeps up and down, on the lower
-#: or on the higher of two motions, or on another one.
+#: Motion on which a seeded run settles: the only motion of the sweeps up and down, the lower or the
+#: higher of two motions, or another motion.
 MOTIONS = ("only", "lower", "higher", "another")
 #: Default limits of seeded starts: displacement and dx/dtau, static deflections.
-BOX = ((-6.0, 6.0), (-6.0, 6.0))
-#: Motions with peak-to-peak displacements within this share of the larger one count as equal.
-_SAME_HEIGHT_TOLERANCE = 0.02
+DEFAULT_BOX = ((-6.0, 6.0), (-6.0, 6.0))
+#: Motions count as equal if their peak-to-peak displacements differ relatively by less.
+_EQUAL_HEIGHT_TOLERANCE = 0.02
 _FLAGS = {
-    "flag_values": np.arange(NO_DESIGN, len(CODES), dtype=np.int8),
-    "flag_meanings": " ".join(("no_design", *CODES)),
+    "flag_values": np.arange(NO_DESIGN, len(STATUS_MEANINGS), dtype=np.int8),
+    "flag_meanings": " ".join(("no_design", *STATUS_MEANINGS)),
 }
 #: Variables over (sample, direction, speed) -> their values if the design cannot be built.
 _POINT_VARIABLES = {
@@ -61,10 +59,10 @@ class SweepSettings(NamedTuple):
     """Settings of the sweeps over speed that are made for each design."""
 
     key: str  #: argument of `sweep`: "speeds", or "tunings" if nothing turns
-    rates: np.ndarray  #: speeds or tunings, rising
+    grid: np.ndarray  #: speeds or tunings, increasing
     directions: tuple  #: some of `DIRECTIONS`
-    periods: int
-    record_periods: int
+    periods: int  #: mesh periods of each run
+    record_periods: int  #: number of last periods that are evaluated
     box: tuple  #: limits of displacement and of dx/dtau of seeded starts
 
 
@@ -80,7 +78,7 @@ def scatter(
     directions=("up", "down"),
     periods=120,
     record_periods=20,
-    box=BOX,
+    box=DEFAULT_BOX,
     seed=0,
     threads=None,
     progress=None,
@@ -144,18 +142,18 @@ def scatter(
 
 
 def shard(
-    model: Any,
-    tolerances: Any,
-    n: int,
-    first: int,
-    last: int,
+    model,
+    tolerances,
+    n,
+    first,
+    last,
     *,
-    quantities: Any = ("jump_up", "jump_down"),
-    speed: float | None = None,
-    seed: int = 0,
-    **settings: Any,
+    quantities=("jump_up", "jump_down"),
+    speed=None,
+    seed=0,
+    **settings,
 ) -> xr.Dataset:
-    """Return the dataset of the samples first ... last - 1 of n designs, a shard of `scatter`.
+    """Return the dataset of the samples `first` to `last` - 1 of n designs, a shard of `scatter`.
 
     The other arguments, with `settings` of sweeps, threads and progress, are those of `scatter`.
     """
@@ -163,19 +161,19 @@ def shard(
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
-    quantities = names_of("quantities", quantities, tuple(QUANTITIES))
+    quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     designs = Designs(model, tolerances, seed)
     sweeps = _sweep_settings(designs.nominal, **settings)
     if sweeps is None and not quantities:
-        raise checks.refusal("quantities", quantities, "one at least where no speeds are given")
-    search = search_of(designs, quantities, speed) if quantities else None
+        raise checks.refusal("quantities", quantities, "at least one if no speeds are given")
+    search = quantity_search(designs, quantities, speed) if quantities else None
     variables = _sample_variables(designs, sweeps, search, range(first, last), threads, progress)
     coords: dict = {"sample": np.arange(first, last)}
     attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     attributes |= {"samples": n, "seed": designs.seed}
     if sweeps:
-        coords |= {"direction": list(sweeps.directions), sweeps.key.removesuffix("s"): sweeps.rates}
+        coords |= {"direction": list(sweeps.directions), sweeps.key.removesuffix("s"): sweeps.grid}
         attributes |= {name: getattr(sweeps, name) for name in ("periods", "record_periods", "box")}
     if search:
         attributes |= {"quantities": list(quantities)}
@@ -184,22 +182,16 @@ def shard(
     return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
 
 
-def _sample_variables(
-    designs: Designs,
-    sweeps: SweepSettings | None,
-    search: DesignQuantities | None,
-    samples: range,
-    threads: int | None,
-    progress: Callable | None,
-) -> dict:
+def _sample_variables(designs, sweeps, search, samples, threads, progress) -> dict:
     """Return the variables of samples: parameters, results of sweeps, quantities, refusals.
 
-    `sweeps` and `search` are None without sweeps or quantities; `samples` is a range of numbers of
-    designs, which run in `threads` threads.
+    `designs` are `Designs`, `samples` is the range of their numbers. `sweeps` are `SweepSettings`,
+    and `search` is `DesignQuantities`; they are None without sweeps or quantities. `progress` is
+    called with the number of finished samples.
     """
     count, tables = len(samples), {}
     if sweeps:
-        shape = count, len(sweeps.directions), sweeps.rates.size
+        shape = count, len(sweeps.directions), sweeps.grid.size
         check_memory(f"{count:,} samples", count, 2 * shape[1] * shape[2], "samples")
         tables = {name: np.full(shape, fill) for name, fill in _POINT_VARIABLES.items()}
     results = np.full((count, len(search.quantities) if search else 0), np.nan)
@@ -215,13 +207,13 @@ def _sample_variables(
         else:
             if sweeps:
                 rows = {name: table[i] for name, table in tables.items()}
-                _fill_sweeps(design, sweeps, points[i, -2:], rows)
+                _sweep_design(design, sweeps, points[i, -2:], rows)
             if search:
                 results[i], codes[i] = search(design, designs.at_duty(values[i]))
         report(1)
 
-    telling = notebook.telling("samples", count, progress)
-    with telling as report, ThreadPoolExecutor(threads) as pool:
+    progress_bar = notebook.telling("samples", count, progress)
+    with progress_bar as report, ThreadPoolExecutor(threads) as pool:
         list(pool.map(compute_sample, range(count)))
     data: dict = {
         variable_name(name): _variable(("sample",), column.copy(), *designs.units(name))
@@ -235,69 +227,70 @@ def _sample_variables(
         data[name] = _variable(("sample",), results[:, i], units, text)
         status = _variable(("sample",), codes[:, i], "1", f"whether there is: {text}", **_FLAGS)
         data[f"{name}_status"] = status
-        nominal = float(search.nominal[i]) if search else np.nan
+        nominal = float(search.nominal[i])
         data[f"{name}_nominal"] = _variable((), nominal, units, f"of the nominal design: {text}")
     return data | {"refusal": (("sample",), refusals)}
 
 
 def _sweep_settings(
-    model: Any,
-    speeds: Any = None,
-    tunings: Any = None,
-    directions: Any = ("up", "down"),
-    periods: int = 120,
-    record_periods: int = 20,
-    box: Any = BOX,
+    model,
+    speeds=None,
+    tunings=None,
+    directions=("up", "down"),
+    periods=120,
+    record_periods=20,
+    box=DEFAULT_BOX,
 ) -> SweepSettings | None:
-    """Return the checked settings of sweeps, None without speeds and tunings."""
+    """Return the checked settings of sweeps, arguments of `scatter`; None without sweeps."""
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
-        rates = check_tunings("tunings", tunings, check_tuning)
-        rates = rates if model.speed is None else np.asarray(model.speed(rates))
+        grid = check_tunings("tunings", tunings, check_tuning)
+        grid = grid if model.speed is None else np.asarray(model.speed(grid))
     else:
         check = functools.partial(check_speed, model)
-        rates = check_tunings("speeds", speeds, check, model.tuning_at)
-    directions = names_of("directions", directions, DIRECTIONS)
-    checks.require(directions, "directions", directions, "one at least")
+        grid = check_tunings("speeds", speeds, check, model.tuning_at)
+    directions = checked_names("directions", directions, DIRECTIONS)
+    checks.require(directions, "directions", directions, "at least one")
     if "seeded" in directions and model.size > 2:
-        raise checks.refusal("directions", directions, "without 'seeded' for more coordinates")
+        raise checks.refusal("directions", directions, "without 'seeded' for several coordinates")
     periods = checks.integer("periods", periods, 1)
     record_periods = checks.integer("record_periods", record_periods, 1, periods)
     limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.many("box", box, 2))
     for low, high in limits:
-        checks.require(-np.inf < low < high < np.inf, "box", box, "finite ends, rising")
+        checks.require(-np.inf < low < high < np.inf, "box", box, "finite increasing limits")
     key = "tunings" if model.speed is None else "speeds"
-    return SweepSettings(key, np.sort(rates), directions, periods, record_periods, limits)
+    return SweepSettings(key, np.sort(grid), directions, periods, record_periods, limits)
 
 
-def _fill_sweeps(model: Any, sweeps: SweepSettings, start: np.ndarray, rows: dict) -> None:
-    """Sweep one design in all directions and fill its rows of the variables over speed.
+def _sweep_design(model: Any, sweeps: SweepSettings, start: np.ndarray, rows: dict) -> None:
+    """Sweep one design in all directions and store the results in `rows`.
 
-    `start` is the seeded start as a point of the unit square; `rows` maps names of variables to
-    arrays, (directions, speeds), that are filled.
+    `start` is a point of the unit square that is scaled to the limits of seeded starts; `rows` maps
+    names of variables to arrays, (directions, speeds).
     """
     lower, upper = np.transpose(sweeps.box)
     seeded_state = tuple((lower + (upper - lower) * start).tolist())
     for k, direction in enumerate(sweeps.directions):
-        seeded = direction == "seeded"
+        is_seeded = direction == "seeded"
         curve = sweep(
             model,
-            **{sweeps.key: sweeps.rates},
+            **{sweeps.key: sweeps.grid},
             periods=sweeps.periods,
             record_periods=sweeps.record_periods,
-            direction="cold" if seeded else direction,
-            initial_state=seeded_state if seeded else (0.0, 0.0),
+            direction="cold" if is_seeded else direction,
+            initial_state=seeded_state if is_seeded else (0.0, 0.0),
             threads=1,
         )
         height = curve.displacement_max - curve.displacement_min
         factor = curve.dynamic_factor if "dynamic_factor" in curve else curve.dynamic_force_max
-        lost = curve.fraction_backlash + curve.fraction_inverse > 0.0
+        loses_contact = curve.fraction_backlash + curve.fraction_inverse > 0.0
         if model.mesh_names:
-            height, factor, lost = (x.max("mesh") for x in (height, factor, lost))
+            height, factor = height.max("mesh"), factor.max("mesh")
+            loses_contact = loses_contact.max("mesh")
         rows["height"][k] = height * (model.static_deflection or 1.0)
-        rows["factor"][k], rows["lost"][k] = factor, lost
+        rows["factor"][k], rows["lost"][k] = factor, loses_contact
         rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
 
 
@@ -314,16 +307,16 @@ def _variable(
 
 
 def gather(shards: Any) -> xr.Dataset:
-    """Return the dataset of `scatter` from all its shards, in any order, or raise ValueError."""
+    """Join all shards, in any order, to the dataset of `scatter`, or raise ValueError."""
     shards = sorted(shards, key=lambda dataset: int(dataset.sample[0]))
     attributes = shards[0].attrs
     if any(dataset.attrs["parameters"] != attributes["parameters"] for dataset in shards):
-        raise ValueError("shards are not allowed: they must be of one scatter")
+        raise ValueError("shards are not allowed: they must be parts of one scatter")
     n = json.loads(attributes["parameters"])["samples"]
     samples = np.concatenate([dataset.sample.values for dataset in shards])
     if not np.array_equal(samples, np.arange(n)):
         raise ValueError(
-            f"shards are not allowed: they must have the samples 0 to {n - 1}, each once"
+            f"shards are not allowed: they must have each of the samples 0 to {n - 1} once"
         )
     options: dict = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
     data = xr.concat(shards, "sample", join="override", combine_attrs="override", **options)
@@ -336,50 +329,51 @@ def gather(shards: Any) -> xr.Dataset:
         deviation = float(values.std(ddof=1)) if values.size > 1 else np.nan
         data[f"{name}_mean"] = _variable((), mean, units, f"mean: {text}")
         data[f"{name}_deviation"] = _variable((), deviation, units, f"standard deviation: {text}")
-    # The hash of the sources, which only files have, comes last.
+    # Shards read from files have a hash of the sources, which must be the last attribute.
     source_hash = {name: x for name, x in attributes.items() if name == "source_hash"}
-    attributes = {n: x for n, x in attributes.items() if n not in ("source_hash", "history")}
-    attributes["refused"] = canonical_json(counted(data.refusal.values))
+    attributes = {k: x for k, x in attributes.items() if k not in ("source_hash", "history")}
+    attributes["refused"] = canonical_json(count_refusals(data.refusal.values))
     # Shards read from files have encodings, which must not reach the result.
     data = data.drop_encoding().drop_attrs(deep=False)
     return describe(data).assign_attrs(attributes | source_hash)
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Return a dataset of `scatter` with statistics of all samples in place of their results."""
-    rate = "tuning" if "tuning" in data.dims else "speed"
+    """Replace the results of single samples in a dataset of `scatter` by their statistics."""
+    grid_dim = "tuning" if "tuning" in data.dims else "speed"
     points = {name: data[name].values for name in _POINT_VARIABLES}
     data = data.drop_vars([*_POINT_VARIABLES]).assign_coords(quantile=list(QUANTILES))
-    data = data.assign(_statistics(points, data.direction.values.tolist(), rate))
+    data = data.assign(_statistics(points, data.direction.values.tolist(), grid_dim))
     if "motion_probability" in data:
         data = data.assign_coords(motion=list(MOTIONS))
-    if rate == "tuning":
+    if grid_dim == "tuning":
         text = "quantiles of the peak-to-peak displacement, in the length unit of the model"
         data.height_band.attrs |= {"units": "1", "long_name": text}
     return data
 
 
-def _share(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the share of the samples that are in the subset, NaN without samples.
+def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return the fraction of the samples that are in the subset, NaN without samples.
 
-    Both are masks over (samples, ...); shares are those along the first axis.
+    Both are boolean masks, (n, ...); samples are counted along the first axis.
     """
     count = samples.sum(axis=0)
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
 
 
-def _statistics(points: dict, directions: list, rate: str) -> dict:
+def _statistics(points: dict, directions: list, grid_dim: str) -> dict:
     """Return statistics over all designs: name of a variable -> (dims, values).
 
-    `points` has arrays (sample, direction, rate); `rate` is "speed" or "tuning".
+    `points` maps names to arrays (sample, direction, speed or tuning); `grid_dim` names the last
+    dimension.
     """
-    status, dims = points["run_status"], ("direction", rate)
+    status, dims = points["run_status"], ("direction", grid_dim)
     finished = status == 0
     data: dict = {
         "run_count": (dims, finished.sum(axis=0).astype(np.int32)),
         "failed_runs": (dims, (status > 0).sum(axis=0).astype(np.int32)),
-        "contact_loss_probability": (dims, _share(points["lost"] > 0, finished)),
-        "unsettled_share": (dims, _share(points["settled"] == 0, finished)),
+        "contact_loss_probability": (dims, _fraction(points["lost"] > 0, finished)),
+        "unsettled_share": (dims, _fraction(points["settled"] == 0, finished)),
     }
     with warnings.catch_warnings():
         # Quantiles are NaN if all runs at a speed failed.
@@ -392,41 +386,42 @@ def _statistics(points: dict, directions: list, rate: str) -> dict:
     heights = {direction: points["height"][:, k] for k, direction in enumerate(directions)}
     up, down = heights["up"], heights["down"]
     both_finished = finished[:, directions.index("up")] & finished[:, directions.index("down")]
-    two = both_finished & ~_same_height(up, down)
-    data["two_motions_probability"] = (rate,), _share(two, both_finished)
+    has_two_motions = both_finished & ~_equal_heights(up, down)
+    data["two_motions_probability"] = (grid_dim,), _fraction(has_two_motions, both_finished)
     if "seeded" in heights:
-        motions = _motions(heights["seeded"], np.minimum(up, down), np.maximum(up, down), two)
+        low, high = np.minimum(up, down), np.maximum(up, down)
+        masks = _classify_motions(heights["seeded"], low, high, has_two_motions)
         all_finished = both_finished & finished[:, directions.index("seeded")]
-        shares = np.array([_share(motion, all_finished) for motion in motions])
-        data["motion_probability"] = ("motion", rate), shares
+        probabilities = np.array([_fraction(mask, all_finished) for mask in masks])
+        data["motion_probability"] = ("motion", grid_dim), probabilities
     return data
 
 
-def _motions(height: np.ndarray, low: np.ndarray, high: np.ndarray, two: np.ndarray) -> tuple:
+def _classify_motions(height, low, high, has_two_motions) -> tuple:
     """Return masks of the runs that settled on the only, lower, higher or another motion.
 
-    `height` is the peak-to-peak displacement of each run, `low` and `high` are those of the motions
-    of both sweeps, and the mask `two` tells where they differ.
+    `height` is the peak-to-peak displacement of each run; `low` and `high` are the smaller and the
+    larger one of both sweeps; the mask `has_two_motions` is true where these differ.
     """
-    on_low, on_high = _same_height(height, low), _same_height(height, high)
+    on_low, on_high = _equal_heights(height, low), _equal_heights(height, high)
     # A run within the tolerance of both motions counts for the nearer one.
     nearer_low = np.abs(height - low) <= np.abs(height - high)
     return (
-        ~two & (on_low | on_high),
-        two & on_low & (nearer_low | ~on_high),
-        two & on_high & (~nearer_low | ~on_low),
+        ~has_two_motions & (on_low | on_high),
+        has_two_motions & on_low & (nearer_low | ~on_high),
+        has_two_motions & on_high & (~nearer_low | ~on_low),
         ~(on_low | on_high),
     )
 
 
-def _same_height(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask of peak-to-peak displacements a and b that are equal within 2 %."""
+def _equal_heights(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a mask that is true where peak-to-peak displacements a and b are equal within 2 %."""
     with np.errstate(invalid="ignore"):
-        return np.abs(a - b) <= _SAME_HEIGHT_TOLERANCE * np.maximum(a, b)
+        return np.abs(a - b) <= _EQUAL_HEIGHT_TOLERANCE * np.maximum(a, b)
 
 
 def refused(dataset: xr.Dataset) -> list[str]:
-    """Return a sentence on the number of samples that cannot be built for each kind of refusal."""
+    """Return a sentence for each kind of refusal on the number of samples that cannot be built."""
     rows = json.loads(dataset.attrs["refused"])
     total = dataset.sizes["sample"]
     return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]

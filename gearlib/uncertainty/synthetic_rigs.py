@@ -1,8 +1,6 @@
 """Synthetic measured sets: simulated sensor signals of a known model, for trials of fits."""
 
 import json
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,28 +9,21 @@ from gearlib.runs.run_up import run_up
 
 
 def synthetic_rig(
-    model: Any,
-    course: Sequence,
-    seed: int,
-    *,
-    noise: float = 0.05,
-    bits: int = 12,
-    samples_per_period: int = 32,
-    gain: float = 1.0,
+    model, course, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
-    """Return a synthetic measured set of a run-up along a course, rows of s and rpm.
+    """Return a synthetic measured set of a run-up with a speed profile `course`, rows of s and rpm.
 
-    The signal is the displacement of the first mesh, read by an encoder with `bits` over three
-    times the range of the signal. Random noise, an offset and an eccentricity, a wave once per
-    revolution as large as the signal, are added. `noise` is the ratio of the standard deviations of
-    noise and signal. A `gain` other than 1 is marked as unknown in the attributes.
+    The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
+    times the range of the signal. Random noise, an offset, and a wave once per revolution, which an
+    eccentricity causes, are added. `noise` is the ratio of the standard deviations of noise and
+    signal. A `gain` other than 1 is marked as unknown in the attributes.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=course, samples_per_period=samples_per_period)
     signal = run.displacement.values.reshape(run.sizes["time"], -1)[:, 0]
     deviation, span = noise * signal.std(), np.ptp(signal)
-    turn = run.phase.values / float(model.periods_per_revolution)
-    wave = span * rng.uniform(0.2, 1.0) * np.cos(turn + rng.uniform(0.0, 2.0 * np.pi))
+    shaft_angle = run.phase.values / float(model.periods_per_revolution)
+    wave = span * rng.uniform(0.2, 1.0) * np.cos(shaft_angle + rng.uniform(0.0, 2.0 * np.pi))
     values = gain * (signal + rng.normal(0.0, deviation, signal.size) + wave)
     values += gain * span * rng.uniform(-0.3, 0.3)
     step = 3.0 * gain * span / 2**bits

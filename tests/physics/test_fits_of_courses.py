@@ -208,7 +208,7 @@ def test_revolutions_with_gaps_are_left_out_of_a_run_up():
         (lambda data: data.displacement.values.__setitem__(7, np.inf), "displacement = 'NaN'"),
         (lambda data: data.time.values.__setitem__(7, 0.0), "time = 'unsorted' is not allowed"),
         (lambda data: data.displacement.attrs.update(units="1"), "displacement = '1' is not allo"),
-        (lambda data: data.displacement.values.fill(1.0), "it must be no constant"),
+        (lambda data: data.displacement.values.fill(1.0), "it must be a signal that varies"),
         (lambda data: data.attrs.update(known="{}"), "known.course is missing"),
         (
             lambda data: data.attrs.update(known='{"course": [[0, 9]], "phase": "unknown"}'),

@@ -126,7 +126,7 @@ def test_onset_of_contact_loss_is_a_grazing():
 
 def test_more_parameters_than_data_are_refused():
     onset = xr.Dataset({"onset_of_contact_loss": ((), TRUTH.speed(0.8), {"noise_std": 1.0})})
-    with pytest.raises(ValueError, match="1 observations for 2 parameters; they must be as many"):
+    with pytest.raises(ValueError, match="1 observations for 2 parameters; there must be at least"):
         gearlib.fit(
             TRUTH.replace(material_damping=7e3, backlash_damping=7e3),
             onset,

@@ -9,7 +9,7 @@ import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import FRACTION_TOLERANCE
-from gearlib.uncertainty.design_quantities import FOUND, LOST, NONE, QUANTITIES, DesignQuantities
+from gearlib.uncertainty.design_quantities import ABSENT, FOUND, LOST, QUANTITIES, DesignQuantities
 from gearlib.uncertainty.indices import sobol_indices
 from tests.paper import PAPER
 from tests.properties.known_models import gears
@@ -121,7 +121,7 @@ def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(se
     model = DAMPED.replace(material_damping=1.1e4)
     results = dict(zip(NAMES, zip(*search(model), strict=True), strict=True))
     for name in (*JUMPS, "onset_of_contact_loss"):
-        assert np.isnan(results[name][0]) and results[name][1] == NONE
+        assert np.isnan(results[name][0]) and results[name][1] == ABSENT
     peak, code = results["peak"]
     run = gearlib.sweep(model, np.linspace(0.85, 1.05, 81), periods=300, record_periods=1)
     top = float(run.displacement_max.max()) * model.static_deflection

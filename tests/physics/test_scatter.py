@@ -66,9 +66,9 @@ def test_any_shards_give_the_same_bytes(whole, tmp_path):
     storage.write(gather(parts), tmp_path / "parts.nc")
     storage.write(whole, tmp_path / "whole.nc")
     assert (tmp_path / "parts.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
-    with pytest.raises(ValueError, match="samples 0 to 199, each once"):
+    with pytest.raises(ValueError, match="each of the samples 0 to 199 once"):
         gather(parts[:2])
-    with pytest.raises(ValueError, match="of one scatter"):
+    with pytest.raises(ValueError, match="parts of one scatter"):
         gather([shard(PAIR, MANY, 200, 0, 3, seed=1, **RUNS), *parts[::2]])
 
 

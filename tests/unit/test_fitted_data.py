@@ -42,7 +42,7 @@ REFUSED = {
     "displacement = 'of shape (2, 2000)' ... over samples": xr.concat([course()] * 2, "run"),
     "time = 'empty'": course().isel(sample=slice(0)),
     "time = 'NaN' ... finite": course(time=np.where(TIME == 0.0, np.nan, TIME)),
-    "time = 'unsorted' ... rising": course(time=TIME[::-1]),
+    "time = 'unsorted' ... increasing": course(time=TIME[::-1]),
     "noise_std of displacement = -1.0": course(noise_std=-1.0),
     "unknown_offset of displacement = 2": course(unknown_offset=2),
     "units of displacement = 'mm' ... m, or of unknown gain": course(units="mm"),

@@ -174,13 +174,13 @@ REFUSED = {
     "data = 'rig.csv' ... utf-8 text": (b"t,x,F\n0,1,1\n\xff\xfe\xb5,1,2\n", {}),
     "the column 'F' of rig.csv is missing: it must be one of 't', 'x'": ("t,x\n0,1\n", {}),
     "the column 'F' ... separator must be ';'": ("t;x;F\n0;1;2\n", {}),
-    "the column 'x' of rig.csv is there twice": ("t,x,F,x\n0,1,2,3\n", {}),
+    "the column 'x' of rig.csv occurs twice": ("t,x,F,x\n0,1,2,3\n", {}),
     "rig.csv, column 'x', row 2 = '2.6mm' ... a number": (TABLE.replace(",2.5,", ",2.6mm,"), {}),
     "rig.csv, column 'x', row 2, is empty or NaN": (TABLE.replace("1,2.5", "1,nan"), {}),
     "rig.csv, column 'F', row 3 = inf ... finite": (TABLE.replace("2.75", "inf"), {}),
     "rig.csv, row 2: it must have 3 cells": ("t,x,F\n0,1,1\n1,1,5,3\n", {}),
     "rig.csv, row 1: it must have 3 cells ... comma": ("t,x,F\n0,0,1,5,2,0\n", {}),
-    "rig.csv, column 't' = 0.001 is there twice, in rows 2 and 4": (TABLE + "1,3,3,c\n", {}),
+    "rig.csv, column 't' = 0.001 occurs twice, in rows 2 and 4": (TABLE + "1,3,3,c\n", {}),
     "rig.csv, column 'other' = 'a' ... up, down or rest": (TABLE, DIRECTION),
     "channels.x.unit = 'furlong/N' ... dimension of m or 1, for": (
         TABLE, channels(x={"unit": "furlong/N"})
@@ -201,10 +201,10 @@ REFUSED = {
     "the observableId 'F' of rig.csv is missing ... 'x'": (
         "observableId,measurement\nx,1\n", {"channels": {"x": CHANNELS["x"], "F": CHANNELS["F"]}}
     ),
-    "rig.csv, column 'time' = 1 is there twice for the observableId 'x'": (
+    "rig.csv, column 'time' = 1 occurs twice for the observableId 'x'": (
         LONG + "x,up,9,1,\n", {"channels": {"x": CHANNELS["x"]}}
     ),
-    "the observableId 'jump_up' of rig.csv is there 2 times: it must be once": (
+    "the observableId 'jump_up' of rig.csv occurs 2 times: it must occur once": (
         "observableId,measurement,time\njump_up,47,0\njump_up,48,1\nx,1,0\n",
         {"channels": {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"]}},
     ),

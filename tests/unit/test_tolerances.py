@@ -11,7 +11,7 @@ from scipy import stats
 import gearlib
 from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
-from gearlib.uncertainty.designs import Designs, DrawnPair, counted
+from gearlib.uncertainty.designs import Designs, DrawnPair, count_refusals
 from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
@@ -45,7 +45,7 @@ def test_a_marginal_is_that_of_scipy(tolerance, law):
     read, values = drawn({"free": tolerance})
     (marginal,) = read.marginals.values()
     u = np.linspace(0.01, 0.99, 99)
-    assert np.allclose(marginal.law.ppf(u), law.ppf(u), rtol=1e-12)
+    assert np.allclose(marginal.distribution.ppf(u), law.ppf(u), rtol=1e-12)
     # A permutation of strata but for the scrambling: the discrepancy of 4096 points.
     assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
     # The nominal value is that of the drawing, not the middle of its limits.
@@ -55,7 +55,7 @@ def test_a_marginal_is_that_of_scipy(tolerance, law):
 def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares_of_it():
     tolerances = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
     load, gap = Designs(PAIR, tolerances).tolerances.marginals.values()
-    assert load.centre == PAIR.load and math.isclose(load.law.std(), 0.05 * PAIR.load)
+    assert load.centre == PAIR.load and math.isclose(load.distribution.std(), 0.05 * PAIR.load)
     assert gap.centre == 40e-6 and np.allclose(gap.limits, (36e-6, 50e-6))
 
 
@@ -92,7 +92,7 @@ REFUSED = """
 {load: {distribution: norm, mu: 1.0}} | load.mu is not allowed: the param
 {load: {distribution: cauchy, loc: 9.0}} | {'distribution': 'cauchy', 'loc': 9.0} .* finite mean
 {load: {distribution: uniform, loc: -9.0}} | middle of tolerances.load = -8.5 .* must be .* > 0
-{load: {min: 1, max: 2}, correlations: [[load, load, 0.5]]} | of two different
+{load: {min: 1, max: 2}, correlations: [[load, load, 0.5]]} | two different parameters
 {load: {min: 1, max: 2}, correlations: [[load, free, 0.5]]} | correlations\\[0\\] = 'free'
 """
 
@@ -185,7 +185,7 @@ def test_refusals_are_counted_by_what_they_have_in_common():
             designs.model(row)
         except ValueError as error:
             refusals.append(str(error))
-    ((count, example),) = counted(refusals)
+    ((count, example),) = count_refusals(refusals)
     assert count == (values > 2.0).sum() and 60 < count < 100
     assert example.startswith("contact_ratio = 2.") and "must be" in example
 
