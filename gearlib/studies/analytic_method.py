@@ -29,7 +29,7 @@ from gearlib.runs.sweeping import CARRIED, sweep
 
 #: Samples per mesh period of the displayed time histories, and of those that start a search.
 _SAMPLES, _GUESS_SAMPLES = 128, 1024
-#: Correction at which an iteration has converged, and limit on applications of the kernel.
+#: Correction at which an iteration has converged, and limit on applications of the integral kernel.
 _TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
 #: Number of harmonics of the exact orbit that start a search near it.
 _START_HARMONICS = 3
@@ -59,18 +59,19 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
         "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
         "direction": list(CARRIED),
     }
-    iterations = [_iterations(model, tuning, settings) for tuning in settings["shown"]]
-    dataset = xr.Dataset(data, coords).merge(xr.concat(iterations, "shown"))
+    histories = [_iteration_history(model, tuning, settings) for tuning in settings["shown"]]
+    dataset = xr.Dataset(data, coords).merge(xr.concat(histories, "shown"))
     dataset["backlash_ratio"] = model.backlash_ratio
     title = "The analytic method and harmonic balance against exact orbits"
     methods, harmonics = "schmidt, harmonic balance", settings["harmonics"]
     return result(title, model, dataset, method=methods, harmonics=harmonics)
 
 
-def _iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
+def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
 
-    The exact displacement at the tuning, over one mesh period, is included.
+    algebraic_step marks the iterates after a Newton step of the degenerate harmonics. The exact
+    displacement over one mesh period is included.
     """
     count = settings["iterations"] + 1
     iterates, algebraic_steps = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
@@ -80,13 +81,13 @@ def _iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     degenerate = np.array(solution.degenerate, int)
     coefficients = first_coefficients(equation, None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
-    last_algebraic = np.inf if degenerate.size else 0.0
+    last_newton_step = np.inf if degenerate.size else 0.0
     for j in range(count):
         iterates[j] = equation.on_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
-        algebraic_steps[j] = step.algebraic != last_algebraic
-        last_algebraic, coefficients = step.algebraic, step.coefficients
-        if max(step.correction, last_algebraic) < _TOLERANCE:
+        algebraic_steps[j] = step.algebraic != last_newton_step
+        last_newton_step, coefficients = step.algebraic, step.coefficients
+        if max(step.correction, last_newton_step) < _TOLERANCE:
             break
     return xr.Dataset(
         {
@@ -100,13 +101,14 @@ def _iterations(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
 
 
 def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> dict:
-    """Return the contraction factors at exact orbits, and whether a search near them converges.
+    """Return the contraction factors at exact orbits, and whether iterations near them converge.
 
-    Both are over contact loss (without, with), number of degenerate harmonics and tuning.
+    Both are arrays over contact loss (without, with), number of degenerate harmonics, and tuning.
     """
     counts = range(settings["most_degenerate"] + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
+        """Return contraction, convergence and the number of automatic degenerate harmonics."""
         factors, converged = np.full(len(counts), np.nan), np.zeros(len(counts), np.int8)
         try:
             orbit = periodic_orbit(model, tuning)
@@ -115,17 +117,14 @@ def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> di
         equation = MeshEquation(model, tuning, settings["harmonics"])
         exact = first_coefficients(equation, exact_motion(orbit, _GUESS_SAMPLES)[0])
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
-        limits = _TOLERANCE, _MAX_APPLICATIONS
+        limits = _TOLERANCE, _MAX_APPLICATIONS  # of the iteration
         for i in counts:
             degenerate = degenerate_harmonics(equation, i)
             factors[i] = contraction(equation, exact, degenerate)
             _, _, converged[i], _ = search(equation, start, degenerate, False, *limits)
         _, automatic, _, _ = search(equation, start, np.empty(0, int), True, *limits)
-        return {
-            "contraction": factors,
-            "converged": converged,
-            "automatic": np.int32(automatic.size),
-        }
+        count = np.int32(automatic.size)
+        return {"contraction": factors, "converged": converged, "automatic": count}
 
     axes = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
     data = xr.Dataset(stacked(axes, convergence_at, "degenerate_count"))
@@ -153,12 +152,10 @@ def _method_errors(pair: GearPair, settings: dict) -> dict:
     return data
 
 
-def _resonance_curve(
-    pair: GearPair, direction: str, tunings: Sequence[float], settings: dict, run: dict
-) -> dict[str, np.ndarray]:
-    """Return extrema of harmonic balance and of an exact sweep, both swept "up" or "down".
+def _resonance_curve(pair, direction, tunings, settings, run) -> dict[str, np.ndarray]:
+    """Return extrema of harmonic balance, whether it is stable, and extrema of an exact sweep.
 
-    stable says whether the solution of harmonic balance is stable.
+    Both are computed in the `direction` "up" or "down"; `run` has arguments of `gearlib.sweep`.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
@@ -173,12 +170,12 @@ def _resonance_curve(
     return {"balance_max": largest, "balance_min": smallest, "stable": stable} | exact
 
 
-def _next_solution(pair: GearPair, tuning: float, harmonics: int, last: Any) -> Any:
-    """Return the solution of harmonic balance close to the last one, else any solution, else None.
+def _next_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
+    """Return a solution of harmonic balance, None if none is found.
 
-    `last` is the solution at the neighbouring tuning, or None.
+    The first guess is `neighbour`, the solution at the neighbouring tuning, unless it is None.
     """
-    for guess in (last, None) if last is not None else (None,):
+    for guess in (neighbour, None) if neighbour is not None else (None,):
         try:
             return harmonic_balance(pair, tuning, harmonics=harmonics, guess=guess)
         except NoOrbit:

@@ -1,4 +1,4 @@
-"""Prove statements about the paper's orbits, as certificates that a second program can check.
+"""Prove statements about the paper's orbits by certificates that another program can check.
 
 For each damping: orbits on the branches behind Fig. 3 at the tunings of the paper's statements, and
 ranges of tunings with an orbit that never loses contact. For the reducer made of the first damped
@@ -52,8 +52,8 @@ def compute(
 
     `pairs` maps dampings to arguments of `GearPair`, `branches` maps them to their branches from
     `gearlib.studies.resonance`. Orbits are certified at `tunings` and at those of the paper's
-    statements. A count says how many points of the branches could be certified; the certificates of
-    the points are included if `all_points` is true.
+    statements. A count of outcomes tells how many points of the branches were certified; their
+    certificates are included if `all_points` is true.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_BOUNCES})
     models = {damping: GearPair(**parameters) for damping, parameters in pairs.items()}
@@ -64,14 +64,14 @@ def compute(
         branch = branch.assign(
             {name: branch[name].copy(data=_rounded(branch[name])) for name in ("state", "tuning")}
         )
-        proven = _range_certificates(pair, branch)
-        for tuning in tunings:
-            proven += _orbit_certificates(pair, branch, tuning)
         points = _point_certificates(pair, branch)
         outcomes = [point.get("stability") or f"refused: {point['status']}" for point in points]
         count = {"claim": "count", "orbits": dict(sorted(Counter(outcomes).items()))}
-        proven = [count, *proven, *(points if all_points else [])]
-        certificates += [{"damping": damping} | certificate for certificate in proven]
+        pair_certificates = [count, *_range_certificates(pair, branch)]
+        for tuning in tunings:
+            pair_certificates += _orbit_certificates(pair, branch, tuning)
+        pair_certificates += points if all_points else []
+        certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in models.items():
         if pair.damped():
             labels = {"damping": damping, "model": "reducer"}
@@ -87,20 +87,20 @@ def _rounded(values: Any) -> np.ndarray:
 
 
 def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
-    """Return the certificate of an orbit at a tuning, or the refusal that replaces it, as a dict.
+    """Return the certificate of an orbit at a tuning, or the reason why there is none, as a dict.
 
-    With `last_tuning` the certificate is valid for all tunings up to it.
+    With `last_tuning`, the certificate is valid for all tunings from `tuning` to it.
     """
     orbit = replace(orbit, state=_rounded(orbit.state))
-    proven = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
-    if proven:
-        return proven.as_dict()
-    refusal = {"claim": "refusal", "status": proven.status, "message": proven.message}
+    outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
+    if outcome:
+        return outcome.as_dict()
+    refusal = {"claim": "refusal", "status": outcome.status, "message": outcome.message}
     return refusal | {"tuning": float(tuning).hex()}
 
 
 def _reducer_certificates(pair: GearPair) -> list[dict]:
-    """Return the certificates of the symmetric motion of a reducer made of a gear pair."""
+    """Return the certificates of the symmetric motion of a reducer with this pair in its meshes."""
     reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
     start, period = reducer.start_state("static"), reducer.repeats
     certificates = []
@@ -116,17 +116,18 @@ def _reducer_certificates(pair: GearPair) -> list[dict]:
 def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Return the certificates of ranges of tunings with an orbit that never loses contact.
 
-    `branch` has the branches of the pair; ranges lie between their special points.
+    `branch` has the branches of the pair; a range lies between two successive special points.
     """
-    tuning, label, number = (branch[name].values for name in ("tuning", "label", "branch"))
+    tuning, label = branch.tuning.values, branch.label.values
+    branch_number = branch.branch.values
     in_contact = branch.contacts.values == "N"
-    usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
-    ends = np.flatnonzero((label != REGULAR) | (np.diff(number, append=-1) != 0))
+    is_usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
+    ends = np.flatnonzero((label != REGULAR) | (np.diff(branch_number, append=-1) != 0))
     certificates = []
     for first, last in zip([0, *ends], ends, strict=False):
         # A special point belongs to both neighbouring ranges, the end of a branch does not.
-        first += number[first] != number[last]
-        inside = np.flatnonzero(usable[first : last + 1]) + first
+        first += branch_number[first] != branch_number[last]
+        inside = np.flatnonzero(is_usable[first : last + 1]) + first
         lower, upper = sorted((first, last), key=lambda point: tuning[point])
         # Ranges stay at least one step away from special points.
         lower_steps = math.ceil(round(tuning[lower] / _TUNING_STEP, 6))
@@ -162,13 +163,13 @@ def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> li
 
 
 def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
-    """Yield the interpolated states at which branches of period one pass a tuning."""
-    difference, number = branch.tuning.values - tuning, branch.branch.values
+    """Yield the interpolated states at which branches of orbits of period one pass a tuning."""
+    difference, branch_number = branch.tuning.values - tuning, branch.branch.values
     states, period = branch.state.values, branch.period.values
     for i in np.flatnonzero((difference[:-1] <= 0.0) != (difference[1:] <= 0.0)):
-        if number[i] == number[i + 1] and period[i] == 1:
-            share = difference[i] / (difference[i] - difference[i + 1])
-            yield tuple((1.0 - share) * states[i] + share * states[i + 1])
+        if branch_number[i] == branch_number[i + 1] and period[i] == 1:
+            fraction = difference[i] / (difference[i] - difference[i + 1])
+            yield tuple((1.0 - fraction) * states[i] + fraction * states[i + 1])
 
 
 def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
@@ -210,7 +211,7 @@ def rows(certificates: Sequence[dict]) -> Iterator[list]:
 def _decimal(value: str | Sequence[str]) -> str:
     """Return a number of a certificate, a hexadecimal float or an enclosure, as a decimal.
 
-    Enclosures are far narrower than the printed digits, so that their lower end is used.
+    Enclosures are far narrower than the printed digits, so their lower end is used.
     """
     number = float.fromhex(value) if isinstance(value, str) else float(value[0])
     return f"{number:.10g}"

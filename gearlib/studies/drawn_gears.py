@@ -23,22 +23,23 @@ METHODS: dict[str, tuple[str, dict]] = {
 }
 #: Mean stiffnesses are compared with that of this method.
 REFERENCE_METHOD = "energy"
-#: Relative distance of two points to either side of a jump of the stiffness.
+#: Relative distance of the two points on both sides of a jump of the stiffness.
 _JUMP_WIDTH = 1e-6
-#: Tip reliefs: the long one is optimal for the design load, the short one has half its length.
+#: Tip reliefs: the long one is optimal for the design load; the short one has half its length.
 RELIEFS = ("none", "short", "long")
 
 
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     """Return the mesh stiffness of drawn gear pairs by every method, over phase and as a mean.
 
-    `pairs` maps names to drawings, which also have a torque and published, source -> published mean
-    stiffness. `samples` is the number of mesh phases.
+    `pairs` maps names to drawings, which also have the entries torque and published, a mapping of
+    sources to published mean stiffnesses. `samples` is the number of mesh phases.
     """
     meshes = {name: drawings.mesh(drawing) for name, drawing in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
-    def stiffness_by(pair: str, method: str) -> dict:
+    def stiffness_data(pair: str, method: str) -> dict:
+        """Return the stiffness of one gear pair by one method, as values of the variables."""
         name, options = METHODS[method]
         options = options | ({"samples": samples} if name == "energy" else {})
         stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
@@ -55,7 +56,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
         for source, value in drawing["published"].items()
     ]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
-    data = stacked(axes, stiffness_by, "point") | {
+    data = stacked(axes, stiffness_data, "point") | {
         "stiffness_phase": (("pair", "point"), [*phases.values()]),
         "published_pair": ("published", np.array([name for name, _, _ in published], str)),
         "published_stiffness": ("published", np.array([value for *_, value in published], float)),
@@ -70,10 +71,9 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
 def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
     """Return mesh phases from -pi to pi, with two points around each end of double contact."""
     end = math.pi * (contact_ratio % 1.0)
-    around_ends = [
-        sign * end * (1.0 + side * _JUMP_WIDTH) for sign in (-1.0, 1.0) for side in (-1.0, 1.0)
-    ]
-    return np.sort([*np.linspace(-math.pi, math.pi, samples), *around_ends])
+    end_points = end * np.array([1.0 - _JUMP_WIDTH, 1.0 + _JUMP_WIDTH])
+    regular_points = np.linspace(-math.pi, math.pi, samples)
+    return np.sort(np.concatenate([regular_points, end_points, -end_points]))
 
 
 def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
@@ -114,13 +114,13 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     `gears` is a drawing without relief, with the design torque (N m); `loads` are relative to the
     design load; `stiffness` and `phases` are arguments of `Mesh.transmission_error`.
     """
-    plain, torque = drawings.mesh(gears), gears["torque"]
+    without_relief, torque = drawings.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}
-    long = optimum_relief(plain, torque, length="long", **options)
-    full: list = [gear.tip_relief for gear in (long.pinion, long.wheel)]
-    halved = [replace(relief, length=relief.length / 2.0) for relief in full]
+    long_relief = optimum_relief(without_relief, torque, length="long", **options)
+    reliefs: list = [gear.tip_relief for gear in (long_relief.pinion, long_relief.wheel)]
+    halved = [replace(relief, length=relief.length / 2.0) for relief in reliefs]
     errors, amounts = [], []
-    for mesh in (plain, long.with_reliefs(*halved), long):
+    for mesh in (without_relief, long_relief.with_reliefs(*halved), long_relief):
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
         reliefs = (mesh.pinion.tip_relief, mesh.wheel.tip_relief)
         amounts.append([relief.amount if relief else 0.0 for relief in reliefs])
@@ -128,6 +128,6 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
         relief_amount=(("relief", "gear"), amounts), design_torque=float(torque)
     )
     dataset = dataset.assign_coords(relief=list(RELIEFS), gear=["pinion", "wheel"])
-    model = LoadSharingPair.from_geometry(long, torque=torque, stiffness=stiffness)
+    model = LoadSharingPair.from_geometry(long_relief, torque=torque, stiffness=stiffness)
     title = "Harris map: static transmission error at several loads"
     return result(title, model, dataset, method="load sharing", phases=phases)

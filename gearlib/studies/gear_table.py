@@ -1,4 +1,4 @@
-"""Tabulate two drawn gears: geometry, stiffness by each method and load, in usual units."""
+"""Tabulate two drawn gears: geometry, stiffness by each method, and load, in common units."""
 
 import math
 from collections.abc import Iterator
@@ -72,9 +72,9 @@ def compute(
 
     `damping` has material_damping and backlash_damping (N s/m); `options` maps each stiffness
     method to its options; `load` has torque, or power and speed. A method that is not valid for
-    these gears is left out.
+    these gears is omitted.
     """
-    pairs = {}
+    pairs = {}  # method -> `GearPair`
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
@@ -111,20 +111,14 @@ def _quantities(definitions: tuple, arguments: dict[str, tuple]) -> list[Quantit
 
 
 def duty_rows(
-    mesh: Any,
-    speed: float,
-    *,
-    damping: dict | None = None,
-    stiffness: str | None = None,
-    options: dict | None = None,
-    **load: Any,
+    mesh: Any, speed: float, *, damping=None, stiffness=None, options=None, **load: Any
 ) -> Iterator[Quantity]:
     """Yield the rows of the duty point of a `Mesh` at a speed in rpm, by one stiffness method.
 
     `damping` has material_damping and backlash_damping (N s/m), `options` those of the method;
     `load` has torque or power.
     """
-    # Imported here, because the table without a duty point does not need the kernels.
+    # Imported here, because a table without duty point does not need the compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
     arguments = {"stiffness": stiffness or "iso", "options": options, "speed": speed}

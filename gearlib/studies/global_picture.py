@@ -16,7 +16,7 @@ from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import CARRIED
 
-#: Values that fill the places of attractors which a case does not have.
+#: Fill values for attractors that a case does not have.
 _FILL_VALUES = {
     "basin": -1,
     "attractor_kind": UNDECIDED,
@@ -26,14 +26,16 @@ _FILL_VALUES = {
 }
 
 
-def _joined_cases(parts: Sequence[xr.Dataset], cases: Sequence[dict], **options: Any) -> xr.Dataset:
-    """Return the datasets of all cases joined along ``case``, with the attributes they share.
+def _joined_cases(
+    datasets: Sequence[xr.Dataset], cases: Sequence[dict], **options: Any
+) -> xr.Dataset:
+    """Return the datasets of all cases joined along ``case``, with the attributes of the first.
 
     Each case has a title; `options` are those of `xarray.concat`.
     """
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
-    data = xr.concat(parts, titles, data_vars="all", combine_attrs="drop", **options)
-    return describe(data.assign_attrs(parts[0].attrs))
+    data = xr.concat(datasets, titles, data_vars="all", combine_attrs="drop", **options)
+    return describe(data.assign_attrs(datasets[0].attrs))
 
 
 def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
@@ -45,8 +47,8 @@ def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = Non
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
-    parts = [basins(GearPair(**case["pair"]), case["tuning"], grid, **options) for case in cases]
-    data = _joined_cases(parts, cases, join="outer", fill_value=_FILL_VALUES)
+    datasets = [basins(GearPair(**case["pair"]), case["tuning"], grid, **options) for case in cases]
+    data = _joined_cases(datasets, cases, join="outer", fill_value=_FILL_VALUES)
     data["attractor_kind"].attrs |= KIND_FLAGS
     return data
 
@@ -61,8 +63,9 @@ def bifurcation(
     """Return a bifurcation diagram with Lyapunov exponents, and the shares of the attractors.
 
     The diagram is over `tunings`, the shares of initial states over the `coarse` tunings. `pair`
-    has arguments of `GearPair`; `settings` have settle, strobes, exponent_periods, starts (random
-    initial states), the ranges displacement and velocity, samples and periods of the shares.
+    has arguments of `GearPair`; `settings` have settle, strobes, exponent_periods, starts (the
+    number of random initial states), the ranges displacement and velocity, and samples and periods
+    of the shares.
     Directions are up, down, and "cold 1", "cold 2", ... from random states. ``settled`` is true for
     periodic motions whose orbit does not depend on rounding.
     """
@@ -72,25 +75,25 @@ def bifurcation(
     directions = [name.split()[0] for name in names]
     record = {name: settings[name] for name in ("settle", "strobes")}
     exponent = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
-    diagrams, parts = [], []
+    diagrams, datasets = [], []
     for direction, start in zip(directions, starts, strict=True):
         diagram = bifurcation_diagram(
             model, tunings, direction=direction, initial_state=start, **record
         )
         states = diagram.final_state.values
         exponents = lyapunov.lyapunov_exponents(model, tunings, states=states, **exponent)
-        # Where a run of the diagram stopped early, that is why there is no exponent.
+        # If a run of the diagram stopped early, its status explains the missing exponent.
         codes = diagram.status.where(diagram.status != status.OK, exponents.status)
         diagrams.append(diagram)
-        parts.append(diagram.assign(exponents.data_vars).assign(status=codes))
-    data = xr.concat(parts, xr.IndexVariable("direction", names), combine_attrs="drop")
+        datasets.append(diagram.assign(exponents.data_vars).assign(status=codes))
+    data = xr.concat(datasets, xr.IndexVariable("direction", names), combine_attrs="drop")
     settled = lyapunov.settled(model, diagrams, directions, starts).astype(np.int8)
     data = data.assign(settled=(("direction", "tuning"), settled, {}))
     data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
     shares = basin_stability(model, coarse, region, threads=threads, **options)
-    return data.assign_attrs(parts[0].attrs), shares
+    return data.assign_attrs(datasets[0].attrs), shares
 
 
 def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
@@ -105,27 +108,28 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
     A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair
     (arguments of `GearPair`). `settings` have the ranges displacement and velocity, orbits (number
     of initial states) and periods. A motion is chaotic if rounding errors change it completely and
-    deviations grow exponentially; it is undecided if only one of the two holds.
+    perturbations grow exponentially; it is undecided if only one of these is true.
     """
     region, periods = (settings["displacement"], settings["velocity"]), settings["periods"]
-    states, parts = _random_states(region, settings["orbits"]), []
+    states, datasets = _random_states(region, settings["orbits"]), []
     for case in cases:
         model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
-        span, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
-        section = poincare_section(model, tuning, states, phase=phase, **span)
-        exponents = [
-            lyapunov.largest(model, tuning, state=tuple(state), **span) for state in states
-        ]
-        total = settle + periods
+        run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
+        section = poincare_section(model, tuning, states, phase=phase, **run)
+        exponents = [lyapunov.largest(model, tuning, state=tuple(state), **run) for state in states]
+        total_periods = settle + periods
         unpredictable = np.array(
-            [lyapunov.rounding_decides(model, [tuning], state, total)[0] for state in states]
+            [
+                lyapunov.rounding_decides(model, [tuning], state, total_periods)[0]
+                for state in states
+            ]
         )
         grows = np.array([exponent.exceeds_linear for exponent in exponents])
         undecided = 2 * (unpredictable | grows)
         chaotic = np.where(unpredictable & grows, 1, undecided).astype(np.int8)
         values = [exponent.value for exponent in exponents]
         section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", values))
-        parts.append(section.drop_vars("strobe"))
-    data = _joined_cases(parts, cases)
+        datasets.append(section.drop_vars("strobe"))
+    data = _joined_cases(datasets, cases)
     data["chaotic"].attrs |= status.flags_of(("regular", "chaotic", "undecided"))
     return data

@@ -1,10 +1,10 @@
 """Find where the motion from rest jumps between two orbits over tuning, and what moves the jump.
 
 The jump is the largest change of orbit height between neighbouring tunings of a scan, refined by
-bisection. A continuous curve ends in two equal heights and has no jump. Bisection stops where
-rounding errors decide on which side a motion ends. Step-controlled methods have rounding errors of
-visible size at every tuning; their jumps are found from many initial states, each relative to the
-exact jump from the same state.
+bisection. If the heights on both sides become equal, the curve is continuous and has no jump.
+Bisection stops where rounding errors decide on which side a motion ends. Step-controlled methods
+have visible errors at every tuning; their jumps are found from many initial states, each relative
+to the exact jump from the same state.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: Orbit heights that differ by less, in static deflections, count as equal.
 SAME_HEIGHT = 0.1
-#: Other methods search for their jump within so many tuning steps of the exact jump.
+#: Other methods search for their jump within this number of tuning steps of the exact jump.
 _SEARCH_STEPS = 4
 
 
@@ -37,8 +37,8 @@ class Jump(NamedTuple):
     tuning: float  #: middle of the last interval; NaN: there is no jump
     below: float  #: height of the orbit below the jump in the scan, static deflections
     above: float  #: height of the orbit above the jump
-    switches: int  #: changes of height in the scan at least half as large as the largest
-    interval: float  #: width of the last interval; above the resolution where rounding decides
+    switches: int  #: number of height changes in the scan that exceed half of the largest
+    interval: float  #: width of the last interval; wide if rounding errors stopped the bisection
 
 
 def find(
@@ -50,28 +50,28 @@ def find(
     `gearlib.sweep`. Motions swept "up" or "down" approach the jump from one side.
     """
     tunings = np.asarray(tunings, float)
-    start, exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
+    start, is_exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
     scan = sweep(model, tunings, direction=direction, **run)
     heights = orbit_heights(scan)
 
-    def undecided(places: Sequence[float]) -> np.ndarray:
-        return exact * rounding_decides(model, places, start, run["periods"])
+    def depends_on_rounding(tunings: Sequence[float]) -> np.ndarray:
+        return is_exact * rounding_decides(model, tunings, start, run["periods"])
 
-    steps, large = height_steps(heights)
-    while direction == "cold" and large.any():
+    steps, is_large = height_steps(heights)
+    while direction == "cold" and is_large.any():
         i = int(np.argmax(steps))
-        unknown = undecided(tunings[i : i + 2])
-        if not unknown.any():
+        is_uncertain = depends_on_rounding(tunings[i : i + 2])
+        if not is_uncertain.any():
             break
-        heights[i : i + 2][unknown] = np.nan
-        steps, large = height_steps(heights)
+        heights[i : i + 2][is_uncertain] = np.nan
+        steps, is_large = height_steps(heights)
     i = int(np.argmax(steps))
     (lower, upper), (below, above) = tunings[i : i + 2], heights[i : i + 2]
     if direction != "cold":
         start = tuple(scan.final_state.values[i if direction == "up" else i + 1])
     while upper - lower > resolution:
         middle = 0.5 * (lower + upper)
-        if undecided([middle]).any():
+        if depends_on_rounding([middle]).any():
             break
         point = sweep(model, [middle], **run | {"initial_state": start})
         height = float(orbit_heights(point)[0])
@@ -84,9 +84,9 @@ def find(
             start = tuple(point.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, np.nan, np.nan, 0, upper - lower)
-    # Close to the jump runs settle slowly, so that the heights are those of the scan.
-    below, above, count = float(heights[i]), float(heights[i + 1]), int(large.sum())
-    return Jump(0.5 * (lower + upper), below, above, count, upper - lower)
+    # Close to the jump runs settle slowly, so the heights of the scan are returned.
+    below, above, switches = float(heights[i]), float(heights[i + 1]), int(is_large.sum())
+    return Jump(0.5 * (lower + upper), below, above, switches, upper - lower)
 
 
 def orbit_heights(curve: xr.Dataset) -> np.ndarray:
@@ -95,16 +95,16 @@ def orbit_heights(curve: xr.Dataset) -> np.ndarray:
 
 
 def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps between neighbouring orbit heights, and which of them count as large.
+    """Return the steps between neighbouring orbit heights, and a mask of the large ones.
 
-    A large step is at least half as large as the largest one. Next to NaN, no orbit, the step is 0.
+    A large step is at least half of the largest one. Steps from or to NaN, no orbit, are 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
 
 
 def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
-    """Yield kind, value, model and arguments of `sweep` of every variation of an exact run.
+    """Yield kind, value, model and further arguments of `sweep` for each variation of a run.
 
     `settings` have the values: numbers of stiffness harmonics, factors of damping and backlash,
     initial displacements and velocities.
@@ -142,6 +142,7 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
         shifts_by_variation += _tolerance_shifts(model, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
+        """Return the values of the dataset for (kind, value, shifts of the jump, switches)."""
         kind, value, shifts, switches = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
         return {
@@ -166,11 +167,11 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
 
 
 def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
-    """Return kind, tolerance, shifts of the jump from all starts, and switches, by tolerance."""
+    """Return (kind, tolerance, shifts of the jump from all starts, switches) for each tolerance."""
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
     states = [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
-    exact = [
+    exact_tunings = [
         find(pair, tunings, resolution, **run | {"initial_state": state}).tuning for state in states
     ]
     distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
@@ -179,11 +180,12 @@ def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: 
         # The ratio of the tolerances is that of the defaults of ode45.
         method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
         jumps = []
-        for state, tuning in zip(states, exact, strict=True):
-            # A NaN tuning, no exact jump, keeps the whole scan.
+        for state, tuning in zip(states, exact_tunings, strict=True):
+            # The whole scan is used if there is no exact jump, a tuning of NaN.
             nearby = tunings[~(np.abs(tunings - tuning) > distance)]
             jumps.append(find(pair, nearby, resolution, **run | method | {"initial_state": state}))
-        shifts = [jump.tuning - tuning for jump, tuning in zip(jumps, exact, strict=True)]
+        pairs = zip(jumps, exact_tunings, strict=True)
+        shifts = [jump.tuning - exact_tuning for jump, exact_tuning in pairs]
         switches = np.median([jump.switches for jump in jumps])
         variations.append(("tolerance", rtol, shifts, switches))
     return variations

@@ -2,11 +2,12 @@
 
 The late motion of a chaotic model depends on the last digit of its initial state. Results therefore
 refer to stable periodic orbits, refined by Newton's method from the end of a run, or to medians,
-ranges and shares over many initial states. `settings` are those of a section of the configuration:
+ranges and fractions over many initial states. `settings` have the keys of the configuration:
 starts (number of initial states), first_starts (if these settle on one orbit, the others are not
 run), seed, spread (largest displacement in static deflections), periods and record_periods.
 """
 
+import math
 import os
 import warnings
 from collections.abc import Sequence
@@ -25,19 +26,19 @@ from gearlib.runs.sweeping import DIRECTIONS
 
 #: Flags of `settled`.
 SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Variables that say how the motions from all starts are distributed over orbits.
+#: Variables on the distribution of the motions from all starts over the orbits.
 SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
-#: Change of a state, static deflections: above rounding errors and below any measurement.
+#: Change of a state, static deflections: above rounding errors and below measurement errors.
 _TINY_DISPLACEMENT = 1e-9
-#: A motion that approaches an orbit to this distance, static deflections, ends on it.
+#: A motion that comes closer to an orbit, static deflections, ends on it.
 _CAPTURE_DISTANCE = 0.3
 #: Limit on unsuccessful searches for an orbit at one tuning.
 _MAX_FAILED_SEARCHES = 3
 
 
 def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
-    """Return a state with random displacements added to it, shape (starts, size of the state).
+    """Return copies of a state with random displacements, shape (starts, size of the state).
 
     `state` may be the name of a start, "static" or "rest". `settings` have the keys starts, seed
     and spread, the largest displacement in static deflections.
@@ -45,7 +46,7 @@ def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndar
     state = np.asarray(model.start_state(state) if isinstance(state, str) else state, float)
     coordinates = state.size // 2
     states = np.tile(state, (settings["starts"], 1))
-    # Coordinates are displaced, because natural modes of equal frequency have no unique shapes.
+    # Coordinates are displaced instead of modes, whose shapes are not unique at equal frequencies.
     generator = np.random.default_rng(settings["seed"])
     displacements = generator.uniform(-1.0, 1.0, (len(states), coordinates))
     states[:, :coordinates] += settings["spread"] * displacements
@@ -53,7 +54,7 @@ def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndar
 
 
 def neighbouring_state(state: np.ndarray) -> np.ndarray:
-    """Return a state changed by more than rounding errors and less than any measurement error."""
+    """Return a state with changes above rounding errors and below any measurement error."""
     return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
@@ -81,7 +82,7 @@ class FinalMotion(NamedTuple):
 
     @property
     def settled(self) -> bool:
-        """Whether all motions end on one orbit."""
+        """Return whether all motions end on the same orbit."""
         return bool(np.all(self.orbit == 0))
 
 
@@ -99,17 +100,18 @@ class _OrbitSearch:
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
         self.start_distance = 2.0 * settings["spread"]
-        # A run has two halves, at the ends of which all orbits have the same phase.
+        # Both halves of a run last a multiple of twice the common period of the meshes, at the ends
+        # of which orbits of these periods have the same phase.
         multiple = 2 * model.repeats
         periods = max(settings["periods"], 2 * self.record_periods)
-        self.half_periods = -(-periods // (2 * multiple)) * multiple
+        self.half_periods = math.ceil(periods / (2 * multiple)) * multiple
         self.orbits: list[_Orbit] = []
         self.failed_searches = 0
         try:
             reduce, lift = model.reduction()
-            self.without_rotation = lift @ reduce
+            self.without_rotation = lift @ reduce  # projection of states
         except ValueError:
-            # A damped free rotation comes to rest as all other motions do.
+            # A damped free rotation comes to rest, so it is treated as the other coordinates.
             self.without_rotation = np.eye(model.size)
 
     def run(self, state: np.ndarray, periods: int, record_periods: int) -> Any:
@@ -125,57 +127,57 @@ class _OrbitSearch:
         if end.status != status.OK:
             missing = np.full_like(end.summary, np.nan)
             return FinalMotion(missing, -1, 0, np.full(len(start), np.nan), end.status)
-        number = self.approached_orbit(middle.state, end.state)
-        steady = end.period or self.distance(middle.state, end.state) < _CAPTURE_DISTANCE
-        if number < 0 and steady and self.failed_searches < _MAX_FAILED_SEARCHES:
-            number = self.find_orbit(middle.state, end)
-            self.failed_searches += number < 0
-        if number < 0:
+        index = self.index_of_approached_orbit(middle.state, end.state)
+        is_steady = end.period or self.distance(middle.state, end.state) < _CAPTURE_DISTANCE
+        if index < 0 and is_steady and self.failed_searches < _MAX_FAILED_SEARCHES:
+            index = self.add_orbit(middle.state, end)
+            self.failed_searches += index < 0
+        if index < 0:
             return FinalMotion(end.summary, -1, 0, end.state, end.status)
-        orbit = self.orbits[number]
-        return FinalMotion(orbit.summary, number, orbit.period, orbit.states[0], end.status)
+        orbit = self.orbits[index]
+        return FinalMotion(orbit.summary, index, orbit.period, orbit.states[0], end.status)
 
     def distance(self, state: np.ndarray, other: np.ndarray) -> float:
-        """Return the largest difference of two states, without free rotation."""
+        """Return the largest difference of two states apart from a free rotation."""
         return np.abs(self.without_rotation @ (state - other)).max()
 
-    def approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
-        """Return the number of the orbit that a motion approaches, -1 if there is none.
+    def index_of_approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
+        """Return the index of the orbit that a motion approaches, -1 if there is none.
 
         `middle` and `end` are the states after the first and the second half of the run.
         """
-        for number, orbit in enumerate(self.orbits):
-            at_end = min(self.distance(end, state) for state in orbit.states)
-            at_middle = min(self.distance(middle, state) for state in orbit.states)
-            approaches = at_end < at_middle or at_end < self.start_distance
-            if at_end < _CAPTURE_DISTANCE and approaches:
-                return number
+        for index, orbit in enumerate(self.orbits):
+            end_distance = min(self.distance(end, state) for state in orbit.states)
+            middle_distance = min(self.distance(middle, state) for state in orbit.states)
+            approaches = end_distance < middle_distance or end_distance < self.start_distance
+            if end_distance < _CAPTURE_DISTANCE and approaches:
+                return index
         return -1
 
-    def find_orbit(self, middle: np.ndarray, end: Any) -> int:
-        """Return the number of a new stable orbit on which a run ends, -1 if there is none.
+    def add_orbit(self, middle: np.ndarray, end: Any) -> int:
+        """Find and store the stable orbit on which a run ends; return its index, -1 without any.
 
-        `middle` is the state after the first half of the run, `end` the second half.
+        `middle` is the state after the first half of the run, `end` is the run of the second half.
         """
         common_period = self.model.repeats
-        repeats = end.period and end.period % common_period == 0
-        for period in [end.period] if repeats else [common_period, 2 * common_period]:
+        is_periodic = end.period and end.period % common_period == 0
+        for period in [end.period] if is_periodic else [common_period, 2 * common_period]:
             try:
                 orbit = periodic_orbit(self.model, self.tuning, guess=end.state, period=period)
-                stable, state, period = orbit.stable, orbit.state, orbit.period
+                is_stable, state, period = orbit.stable, orbit.state, orbit.period
             except NoOrbit:
                 continue
             except ValueError:
-                # Newton's method refuses a damped free rotation, so that the run has to decide.
-                stable, state = bool(repeats), end.state
-            if not stable:
+                # Newton's method fails for a damped free rotation; a periodic run counts as stable.
+                is_stable, state = bool(is_periodic), end.state
+            if not is_stable:
                 continue
             states = [state]
             while len(states) < period // common_period:
                 states.append(self.run(states[-1], common_period, 1).state)
             record = self.run(state, self.record_periods, self.record_periods)
             self.orbits.append(_Orbit(period, states, record.summary))
-            if self.approached_orbit(middle, end.state) == len(self.orbits) - 1:
+            if self.index_of_approached_orbit(middle, end.state) == len(self.orbits) - 1:
                 return len(self.orbits) - 1
             self.orbits.pop()
         return -1
@@ -194,7 +196,7 @@ def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict)
     else:
         motions += [search.final_motion(state) for state in states[first_starts:]]
     if len(search.orbits) > 1:
-        # If a tiny change of the start leads to another orbit, the end is undecided.
+        # If a tiny change of the start leads to another orbit, the motion counts as not settled.
         for i, state in enumerate(states):
             if search.final_motion(neighbouring_state(state)).orbit != motions[i].orbit:
                 motions[i] = motions[i]._replace(orbit=-1, period=0)
@@ -204,7 +206,7 @@ def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict)
 def motions_from_equilibrium(
     model: Any, tunings: Sequence[float], settings: dict
 ) -> list[FinalMotion]:
-    """Return the final motions of all starts around static equilibrium, for each tuning."""
+    """Return the final motions from random starts around static equilibrium, for each tuning."""
     states = seeded_states(model, "static", settings)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda nu: final_motions(model, float(nu), states, settings), tunings))
@@ -213,10 +215,10 @@ def motions_from_equilibrium(
 def warm_started_motions(
     model: Any, tunings: Sequence[float], settings: dict, direction: str
 ) -> list[FinalMotion]:
-    """Return the final motion of a single start that is swept "up" or "down", for each tuning.
+    """Return the final motion of a single start in a sweep "up" or "down", for each tuning.
 
-    Each run starts close to the end of the previous run. After a motion that has not settled it
-    starts close to static equilibrium.
+    Each run starts close to the end of the previous run, or close to static equilibrium if that run
+    has not settled.
     """
     start = seeded_states(model, "static", settings | {"starts": 1})
     displacement = start - model.start_state("static")
@@ -231,15 +233,15 @@ def warm_started_motions(
 def summarise(
     model: Any, motions: Sequence[FinalMotion], settings: dict, names: Sequence[str]
 ) -> xr.Dataset:
-    """Return variables of motions over start, tuning and mesh, and the `SHARES` over tuning.
+    """Return variables of motions over start, tuning and mesh, and those of `SHARES` over tuning.
 
     `motions` are the final motions at each tuning, `names` are variables of `gearlib.sweep`.
     """
     columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
-    tables, orbits, periods, states, codes = columns
+    summaries, orbits, periods, states, codes = columns
     periods_and_codes = np.stack([periods, codes], axis=-1)
     variables = summary.variables(
-        model, ("start", "tuning"), tables, states, periods_and_codes, settings["record_periods"]
+        model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
     counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
     settled = np.array([motion.settled for motion in motions])
@@ -261,7 +263,7 @@ def summarise(
 def sweep_with_seeded_starts(
     model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Return a sweep with medians, ranges and shares over the starts, and all its single motions.
+    """Return a sweep with medians, ranges and fractions over the starts, and its single motions.
 
     The sweep has the dimensions direction, tuning and mesh; the single motions are a dataset from
     `summarise` for each direction. The direction "cold" has all starts; "up" and "down" have a

@@ -32,18 +32,18 @@ SWEEP_SCALES = {
 _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
 #: Direction code in a measured file -> direction of the computed sweep.
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
-#: The envelope of a run-up has at most so many intervals with at least so many samples.
+#: Largest number of intervals of the envelope of a run-up, and least number of samples of each.
 _MAX_INTERVALS, _MIN_INTERVAL_SAMPLES = 400, 20
-#: Harmonics of a time history; points for drawing the measured and the computed history.
+#: Number of harmonics of a time history, of drawn measured points and of drawn computed points.
 _HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
-#: Relative singular value below which the samples do not determine all harmonics.
+#: Smaller relative singular values mean that the samples do not determine all harmonics.
 _MIN_SINGULAR_VALUE = 1e-7
-#: Multiples of the mesh order, limit on blocks of revolutions, samples per mesh period.
+#: Multiples of the mesh order, largest number of blocks of revolutions, samples per mesh period.
 _MESH_ORDERS, _MAX_BLOCKS, _SAMPLES_PER_PERIOD = np.arange(1, 4), 300, 128
-#: Limit on the straight lines that approximate a measured speed profile.
+#: Largest number of straight lines that approximate a measured speed profile.
 _MAX_SPEED_SEGMENTS = 200
-#: A jump has at least this share of the range, and is so many times larger than other steps.
-_MIN_JUMP_SHARE, _MIN_JUMP_RATIO = 0.15, 2.0
+#: Smallest ratio of a jump to the range of values, and to all other steps.
+_MIN_JUMP_RANGE_RATIO, _MIN_JUMP_STEP_RATIO = 0.15, 2.0
 #: An unknown value and its standard deviation.
 _UNKNOWN = (math.nan, math.nan)
 
@@ -54,11 +54,11 @@ Comparison = tuple
 
 
 def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
-    """Return a measured set as a curve over speed and tuning, in the scales of the model.
+    """Return a measured set as a curve over speed and tuning, in the units of the model.
 
-    `path` is the YAML file of the set, `resonance` the gathered characteristics of the model. A
-    run-up is replaced by its envelope. ``fitted_gain`` and ``fitted_offset`` of an observable turn
-    its values into computed values, (value - offset) / gain, with the damping that fits best.
+    `path` is the YAML file of the set, `resonance` has the characteristics of the model. A run-up
+    is replaced by its envelope. Attributes ``fitted_gain`` and ``fitted_offset`` of an observable
+    are those of the damping that fits best: computed values are (value - offset) / gain.
     """
     measurement, resonance = read_measured(path), _with_orbit_height(resonance)
     sweep = (
@@ -86,7 +86,7 @@ def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
 
 
 def _envelope(measurement: xr.Dataset) -> xr.Dataset:
-    """Return the extrema of displacement and force in short intervals of a run-up over speed.
+    """Return the extrema of displacement and force in short intervals of a run-up, over speed.
 
     The dataset is empty if the measurement has no time and speed, or a constant speed.
     """
@@ -114,9 +114,9 @@ def _envelope(measurement: xr.Dataset) -> xr.Dataset:
 
 
 def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
-    """Return fitted_gain and fitted_offset of a sensor, from the damping that fits best.
+    """Return gain and offset of a sensor, fitted to the damping that describes the data best.
 
-    A gain or an offset that the measured set does not mark as unknown stays 1 or 0.
+    A gain that is not marked as unknown in the measured set stays 1, an offset 0.
     """
     values, attrs = measured[observable].values, measured[observable].attrs
     fit_gain, fit_offset = bool(attrs.get("unknown_gain")), bool(attrs.get("unknown_offset"))
@@ -131,12 +131,10 @@ def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset)
     return {"fitted_gain": float(gain), "fitted_offset": float(offset)}
 
 
-def _line_fit(
-    computed: np.ndarray, measured: np.ndarray, fit_gain: bool = True, fit_offset: bool = True
-) -> tuple[float, float]:
+def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
     """Return gain and offset of the least-squares line measured = gain * computed + offset.
 
-    A gain that is not fitted is 1, an offset 0. Both are NaN for fewer than four finite samples.
+    A gain that is not fitted is 1, an offset is 0. Both are NaN for fewer than four finite samples.
     """
     finite = np.isfinite(measured) & np.isfinite(computed)
     measured, computed = measured[finite], computed[finite]
@@ -148,12 +146,10 @@ def _line_fit(
     return coefficients[0] if fit_gain else 1.0, coefficients[-1] if fit_offset else 0.0
 
 
-def _values_at_samples(
-    measured: xr.Dataset, characteristics: xr.Dataset, observable: str
-) -> np.ndarray:
+def _values_at_samples(measured, characteristics, observable: str) -> np.ndarray:
     """Return a computed observable at the speeds and directions of the measured samples.
 
-    `characteristics` belong to one damping. Values are NaN outside the computed speeds.
+    `characteristics` are those of one damping. Values are NaN outside the computed speeds.
     """
     values = np.full(measured.sizes["sample"], np.nan)
     for code, direction in _DIRECTIONS.items():
@@ -208,7 +204,7 @@ def _with_units(dataset: xr.Dataset, measurement: xr.Dataset, observables: list[
 
 
 def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
-    """Return the samples of each measured condition with constant, or with changing, speed."""
+    """Return the samples of each measured condition, either with constant or with varying speed."""
     names = np.zeros(measurement.sizes["sample"])
     if "condition" in measurement.coords:
         names = measurement.condition.values
@@ -217,9 +213,9 @@ def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Datase
 
 
 def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
-    """Return the harmonics of a simulated observable in SI units, and one mesh period for drawing.
+    """Return the harmonics of a simulated observable, in SI units, and one mesh period of it.
 
-    `motion` is a result of `gearlib.simulate` with the arguments `run`. The drawn period starts at
+    `motion` is a result of `gearlib.simulate` with the arguments `run`. The mesh period starts at
     the peak of the first harmonic.
     """
     periods, samples = int(run["record_periods"]), int(run["samples_per_period"])
@@ -227,15 +223,15 @@ def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Data
     values = scale * motion[observable].values[: periods * samples]
     harmonics = np.fft.rfft(values)[periods::periods][:_HARMONIC_COUNT] / (0.5 * values.size)
     phases = np.linspace(0.0, math.tau, samples, endpoint=False)
-    drawn_phases = np.linspace(0.0, math.tau, _COMPUTED_POINTS)
-    shifted_phases = drawn_phases - np.angle(harmonics[0])
-    drawn_values = np.interp(shifted_phases, phases, values[:samples], period=math.tau)
+    plot_phases = np.linspace(0.0, math.tau, _COMPUTED_POINTS)
+    shifted_phases = plot_phases - np.angle(harmonics[0])
+    plot_values = np.interp(shifted_phases, phases, values[:samples], period=math.tau)
     variables = {
         "computed_amplitude": ("harmonic", np.abs(harmonics)),
         "computed_shape_phase": ("harmonic", _shape_phases(harmonics)),
-        "computed": ("phase", drawn_values),
+        "computed": ("phase", plot_values),
     }
-    return xr.Dataset(variables, {"phase": drawn_phases})
+    return xr.Dataset(variables, {"phase": plot_phases})
 
 
 def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
@@ -248,28 +244,28 @@ def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
 
 
 def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
-    """Return the harmonics of a measured time history with their deviations, and its points.
+    """Return the harmonics of a measured time history, their standard deviations, and points.
 
-    `mesh_frequency` is in rad/s. Harmonics are fitted by least squares. All values are NaN if the
-    samples are too few to determine them.
+    Harmonics of the `mesh_frequency`, rad/s, are fitted by least squares. All values are NaN if
+    there are too few samples to determine them.
     """
     finite = np.isfinite(condition[observable].values)
     time, values = condition.time.values[finite], condition[observable].values[finite]
     number = np.arange(1, _HARMONIC_COUNT + 1)
     harmonics, deviation = np.full(_HARMONIC_COUNT, complex(np.nan)), math.nan
-    drawn = np.linspace(0, time.size - 1, _MEASURED_POINTS).astype(int)
+    plot_indices = np.linspace(0, time.size - 1, _MEASURED_POINTS).astype(int)
     if values.size > 2 * _HARMONIC_COUNT + 1:
         waves = np.exp(1j * np.outer(mesh_frequency * (time - time[0]), number))
         basis = np.hstack([np.ones((time.size, 1)), waves.real, waves.imag])
         fit, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
         if rank == basis.shape[1]:
-            # The sign of the imaginary part makes the phases those of cosines.
+            # With this sign, the angle of a harmonic is the phase of a cosine.
             harmonics = fit[1 : _HARMONIC_COUNT + 1] - 1j * fit[_HARMONIC_COUNT + 1 :]
             noise = condition[observable].attrs.get("noise_std") or np.std(values - basis @ fit)
             deviation = noise * math.sqrt(2.0 / time.size)
     phase_deviation = deviation / np.abs(harmonics)
     shape_deviation = np.degrees(np.hypot(phase_deviation, number * phase_deviation[0]))
-    point_phases = mesh_frequency * (time[drawn] - time[0]) + np.angle(harmonics[0])
+    point_phases = mesh_frequency * (time[plot_indices] - time[0]) + np.angle(harmonics[0])
     return xr.Dataset(
         {
             "amplitude": ("harmonic", np.abs(harmonics)),
@@ -277,7 +273,7 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
             "shape_phase": ("harmonic", _shape_phases(harmonics)),
             "shape_phase_std": ("harmonic", shape_deviation),
             "point_phase": ("number", np.mod(point_phases, math.tau)),
-            "point": ("number", np.where(np.isfinite(deviation), values[drawn], np.nan)),
+            "point": ("number", np.where(np.isfinite(deviation), values[plot_indices], np.nan)),
         }
     )
 
@@ -288,7 +284,7 @@ def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     `path` is the YAML file of the measured set, `pairs` maps the name of a damping to arguments of
     `GearPair`. The dimensions are track (a condition with changing speed), observable, order (a
     multiple of the mesh order) and block of whole revolutions. Amplitudes are rms values in SI
-    units; computed_amplitude also depends on damping and belongs to a run-up from rest with the
+    units; computed_amplitude also depends on damping and is that of a run-up from rest with the
     measured speed profile.
     """
     measurement = read_measured(path)
@@ -321,13 +317,11 @@ def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     return _with_units(dataset.transpose(..., "order", "block"), measurement, names)
 
 
-def _mesh_orders(
-    history: xr.DataArray, revolutions: np.ndarray, edges: np.ndarray, teeth: int
-) -> np.ndarray:
-    """Return the rms of the mesh orders of a measured time history, shape (orders, blocks).
+def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
+    """Return the rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
 
-    `revolutions` are the shaft revolutions at each sample, `edges` those between blocks. Blocks
-    with missing samples are NaN.
+    `revolutions` are the shaft revolutions at each sample, `edges` those that bound the blocks.
+    Blocks with missing samples are NaN.
     """
     finite = np.isfinite(history.values)
     revolutions, values = revolutions[finite], history.values[finite]
@@ -340,15 +334,15 @@ def _mesh_orders(
         )
     waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
     integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
-    at_edges = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
-    amplitude = math.sqrt(2.0) * np.abs(np.diff(at_edges)) / np.diff(edges)
+    edge_values = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
+    amplitude = math.sqrt(2.0) * np.abs(np.diff(edge_values)) / np.diff(edges)
     return np.where(complete, amplitude, np.nan)
 
 
 def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
-    """Return a measured speed profile as straight lines between points (time in s, speed in rpm).
+    """Approximate a measured speed profile by straight lines between points (s, rpm).
 
-    The points are means over samples, because sensor noise would become acceleration.
+    The points are means over groups of samples, so that sensor noise does not cause acceleration.
     """
     time = condition.time.values - condition.time.values[0]
     speed = condition.speed.values
@@ -365,9 +359,9 @@ def rows(
 ) -> Iterator[list]:
     """Yield the rows of a table that compares measured and computed quantities.
 
-    `curves`, `courses` and `orders` are datasets from the functions of these names, one for each
-    measured set; `resonance` are the gathered characteristics. The first row names the columns, the
-    others belong to a measured set, a damping and a quantity.
+    `curves`, `courses` and `orders` are results of `curve`, `courses` and `orders`, one for each
+    measured set; `resonance` has the resonance characteristics. The first row has the names of the
+    columns; the others have a quantity for one measured set and one damping.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -385,7 +379,7 @@ def rows(
 
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
-    """Return the row of the table for one quantity of a measured set and one damping."""
+    """Return the row of the table for one comparison of a measured set with one damping."""
     quantity, unit, calibration, measured, computed = comparison
     difference = computed[0] - measured[0]
     total_deviation = math.hypot(measured[1], computed[1] if math.isfinite(computed[1]) else 0.0)
@@ -421,12 +415,10 @@ def _compare_curve(measured: xr.Dataset, characteristics: xr.Dataset) -> Iterato
         yield "onset of contact loss", " min-1", "speed", onset, _computed_onset(characteristics)
 
 
-def _compare_jumps(
-    measured: xr.Dataset, characteristics: xr.Dataset, observable: str | None
-) -> dict[str, tuple[Estimate, Estimate]]:
-    """Return direction -> measured and computed jump speed, for directions with a measured jump.
+def _compare_jumps(measured, characteristics, observable: str | None) -> dict[str, tuple]:
+    """Return the measured and computed jump speed for each direction with a measured jump.
 
-    A jump that the measured set does not state is searched for in the values of `observable`.
+    If the measured set does not state a jump, it is searched in the values of `observable`.
     """
     jumps = {}
     for code, direction in ((1, "up"), (-1, "down")):
@@ -444,7 +436,7 @@ def _compare_jumps(
 
 
 def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
-    """Return a speed that a measured set states, and its standard deviation; NaN if unknown."""
+    """Return the speed `name` of a measured set and its standard deviation, NaN if unknown."""
     if name not in measured:
         return _UNKNOWN
     return float(measured[name]), measured[name].attrs.get("noise_std", 0.0) or math.nan
@@ -460,7 +452,10 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     steps = np.abs(np.diff(values))
     i = int(steps.argmax())
     other_steps = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
-    limit = max(_MIN_JUMP_SHARE * np.ptp(values), _MIN_JUMP_RATIO * other_steps.max(initial=0.0))
+    limit = max(
+        _MIN_JUMP_RANGE_RATIO * np.ptp(values),
+        _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0),
+    )
     if steps[i] <= limit:
         return _UNKNOWN
     # The jump is uniformly distributed between two samples.
@@ -470,28 +465,28 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
 def _ratio(numerator: Estimate, denominator: Estimate) -> Estimate:
     """Return the ratio of two values with its standard deviation."""
     ratio = numerator[0] / denominator[0]
-    relative = (numerator[1] / numerator[0], denominator[1] / denominator[0])
-    return ratio, abs(ratio) * math.hypot(*relative)
+    relative_deviations = (numerator[1] / numerator[0], denominator[1] / denominator[0])
+    return ratio, abs(ratio) * math.hypot(*relative_deviations)
 
 
 def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) -> Estimate:
-    """Return the peak of the downward sweep over that of the upward one, NaN if one is missing.
+    """Return the ratio of the peak of a sweep down to that of a sweep up, NaN if one is missing.
 
     `directions` are 1 (up) or -1 (down), `deviation` is the standard deviation of the values. Both
-    peaks are measured from the median of both sweeps.
+    peaks are relative to the median of both sweeps.
     """
     down, up = values[directions == -1], values[directions == 1]
     if not (np.isfinite(down).any() and np.isfinite(up).any()):
         return _UNKNOWN
-    zero = np.nanmedian(np.concatenate([down, up]))
-    peaks = [(float(np.nanmax(sweep)) - zero, deviation) for sweep in (down, up)]
+    median = np.nanmedian(np.concatenate([down, up]))
+    peaks = [(float(np.nanmax(sweep)) - median, deviation) for sweep in (down, up)]
     return _ratio(*peaks)
 
 
 def _misfits(
     measured: xr.Dataset, characteristics: xr.Dataset, observable: str
 ) -> Iterator[Comparison]:
-    """Yield the rms difference of a measured curve from the model, relative to its range.
+    """Yield the rms difference between a measured curve and the model, relative to its range.
 
     The first comparison fits gain and offset of the sensor, the second uses its calibration.
     """
@@ -512,7 +507,7 @@ def _misfits(
 
 
 def _computed_onset(characteristics: xr.Dataset) -> Estimate:
-    """Return the lowest speed at which contact is lost in the upward sweep, and its deviation."""
+    """Return the speed at which contact is first lost in a sweep up, and its standard deviation."""
     if "up" not in characteristics.direction.values:
         return _UNKNOWN
     sweep = characteristics.sel(direction="up").sortby("speed")
@@ -525,7 +520,7 @@ def _computed_onset(characteristics: xr.Dataset) -> Estimate:
 
 
 def _compare_orders(tracks: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the mesh orders of run-ups, see `orders`, for one damping."""
+    """Yield the comparisons of the mesh orders of run-ups, results of `orders` for one damping."""
     for i, j in np.ndindex(tracks.sizes["track"], tracks.sizes["observable"]):
         track = tracks.isel(track=i, observable=j)
         amplitudes = (track.amplitude.values, track.computed_amplitude.values)
@@ -542,7 +537,7 @@ def _compare_orders(tracks: xr.Dataset) -> Iterator[Comparison]:
 
 
 def _compare_courses(courses: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the harmonics of time histories, see `courses`, for one damping."""
+    """Yield the comparisons of the harmonics of time histories, results of `courses`."""
     for i, j in np.ndindex(courses.sizes["course"], courses.sizes["observable"]):
         course = courses.isel(course=i, observable=j)
         if not math.isfinite(float(course.amplitude[0])):

@@ -34,7 +34,7 @@ PLACES = {
 POWERS = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}
 #: Width of the tuning interval to which jumps are bisected.
 _JUMP_RESOLUTION = 1e-6
-#: Displacements this far below zero, static deflections, may be rounding errors.
+#: Displacements down to this value below zero, static deflections, may be rounding errors.
 _DISPLACEMENT_TOLERANCE = 1e-9
 
 
@@ -75,13 +75,7 @@ def model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, floa
 
 
 def compute(
-    pair: dict,
-    place: str,
-    power: str,
-    tunings: Sequence[float],
-    settings: dict,
-    run: dict,
-    samples_per_period: int,
+    pair: dict, place: str, power: str, tunings, settings: dict, run: dict, samples_per_period: int
 ) -> xr.Dataset:
     """Return the sweeps of one damping in all directions, its jumps and its phase planes.
 
@@ -118,20 +112,20 @@ def compute(
 
 
 def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -> dict[str, float]:
-    """Return jump, peak and the widest range of contact loss of a sweep, by variable.
+    """Return jump, peak and widest range of contact loss of a sweep, as variable -> value.
 
-    `damped` is the model, `curve` its sweep in this direction with the arguments `run`.
+    `curve` is the sweep of the model `damped` in this direction with the arguments `run`.
     """
     tuning = curve.tuning.values
-    located = jump.find(damped, tuning, _JUMP_RESOLUTION, direction, **run)
+    largest_jump = jump.find(damped, tuning, _JUMP_RESOLUTION, direction, **run)
     heights = curve.displacement_max.fillna(-np.inf)
     losses = true_intervals(curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE)
-    widest = max(losses, key=lambda ends: ends[1] - ends[0], default=None)
-    lost_from, lost_to = (np.nan, np.nan) if widest is None else tuning[list(widest)]
+    widest_loss = max(losses, key=lambda ends: ends[1] - ends[0], default=None)
+    lost_from, lost_to = (np.nan, np.nan) if widest_loss is None else tuning[list(widest_loss)]
     return {
-        "jump": located.tuning,
-        "jump_interval": located.interval,
-        "jump_size": located.above - located.below,
+        "jump": largest_jump.tuning,
+        "jump_interval": largest_jump.interval,
+        "jump_size": largest_jump.above - largest_jump.below,
         "peak": float(curve.displacement_max.max()),
         "peak_tuning": float(heights.idxmax()),
         "lost_from": lost_from,

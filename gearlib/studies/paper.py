@@ -48,20 +48,13 @@ def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
 
 
 def phase_lag(
-    pair: dict,
-    dampings: Sequence[float],
-    tuning: float,
-    tunings: Sequence[float],
-    *,
-    harmonics: int,
-    periods: int,
-    samples_per_period: int,
+    pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period
 ) -> xr.Dataset:
     """Return time histories and lags of all harmonics at one tuning, and the first lag over tuning.
 
     `pair` has arguments of `GearPair`, `dampings` are its material dampings (N s/m), `harmonics` is
     their number. Lags are NaN where the orbit does not repeat after one mesh period; lags and
-    histories are NaN where rounding decides on which orbit the motion ends.
+    histories are NaN where rounding errors decide on which orbit the motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
     models = [GearPair(**pair | {"material_damping": damping}) for damping in dampings]
@@ -70,33 +63,27 @@ def phase_lag(
         [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings] for model in models
     ]
     rest = (0.0, 0.0)
-    settled = ~np.array([rounding_decides(model, tunings, rest, periods) for model in models])
-    reliable = ~np.array([rounding_decides(model, [tuning], rest, periods) for model in models])
+    is_settled = ~np.array([rounding_decides(model, tunings, rest, periods) for model in models])
+    is_reliable = ~np.array([rounding_decides(model, [tuning], rest, periods) for model in models])
     lags = [harmonic_lags(motion, harmonics) for motion in motions]
     histories = [motion.displacement.values for motion in motions]
     settled_attrs = {"units": "1", "long_name": "whether the motion from rest settles"}
+    settled_attrs |= SETTLED_FLAGS
     data = {
-        "displacement": (("damping", "phase"), np.where(reliable, histories, np.nan)),
+        "displacement": (("damping", "phase"), np.where(is_reliable, histories, np.nan)),
         "stiffness": ("phase", motions[0].stiffness.values),
-        "lag": (("damping", "harmonic"), np.where(reliable, lags, np.nan)),
-        "first_lag": (("damping", "tuning"), np.where(settled, first_lags, np.nan)),
-        "settled": (
-            ("damping", "tuning"),
-            settled.astype(np.int8),
-            settled_attrs | SETTLED_FLAGS,
-        ),
+        "lag": (("damping", "harmonic"), np.where(is_reliable, lags, np.nan)),
+        "first_lag": (("damping", "tuning"), np.where(is_settled, first_lags, np.nan)),
+        "settled": (("damping", "tuning"), is_settled.astype(np.int8), settled_attrs),
         "shown_tuning": tuning,
     }
     phase = motions[0].phase.values
-    number = np.arange(1, harmonics + 1)
+    numbers = np.arange(1, harmonics + 1)
+    harmonic_attrs = {"units": "1", "long_name": "harmonic of the mesh period"}
     coords = {
         "damping": ("damping", dampings, {"units": "N s m-1", "long_name": "material damping"}),
         "phase": ("phase", phase - phase[0], {"units": "rad", "long_name": "mesh phase"}),
-        "harmonic": (
-            "harmonic",
-            number,
-            {"units": "1", "long_name": "harmonic of the mesh period"},
-        ),
+        "harmonic": ("harmonic", numbers, harmonic_attrs),
         "tuning": tunings,
     }
     attrs = motions[0].attrs | {"title": "Phase lag of a gear mesh"}

@@ -25,14 +25,7 @@ _MIN_TUNING_CHANGE = 1e-9
 
 
 def window(
-    pair: dict,
-    window: tuple[float, float],
-    step: float,
-    run: dict,
-    damping: str,
-    direction: str,
-    threads: int,
-    lowest: float | None = None,
+    pair: dict, window: tuple, step: float, run: dict, damping, direction, threads, lowest=None
 ) -> xr.Dataset:
     """Return a sweep over a window of tunings (first, last), labelled with its damping.
 
@@ -61,18 +54,18 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
     `settings` have step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if
     there is no orbit of one mesh period at either tuning.
     """
-    followed: list[xr.Dataset] = []
+    branches: list[xr.Dataset] = []
     for first, last in ((start, stop), (stop, start)):
-        if not followed or float(followed[0].tuning[-1]) != first:
+        if not branches or float(branches[0].tuning[-1]) != first:
             orbit = _orbit_at(model, first)
             if orbit is not None:
-                followed.append(continue_orbit(orbit, to=last, **settings))
-    if not followed:
+                branches.append(continue_orbit(orbit, to=last, **settings))
+    if not branches:
         raise NoOrbit(f"no orbit of one mesh period was found at tuning = {start!r} or {stop!r}")
-    for branch in list(followed):
+    for branch in list(branches):
         for point in np.flatnonzero(branch.label == DOUBLING):
             try:
-                followed.append(_doubled_branch(model, branch, int(point), start, stop, settings))
+                branches.append(_doubled_branch(model, branch, int(point), start, stop, settings))
             except NoOrbit:
                 continue
     numbered = [
@@ -80,13 +73,13 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
             branch=("point", np.full(branch.sizes["point"], number, np.int32)),
             period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
         )
-        for number, branch in enumerate(followed)
+        for number, branch in enumerate(branches)
     ]
-    return _joined(numbered, followed[0].attrs, "Branches of periodic orbits of a gear mesh")
+    return _joined(numbered, branches[0].attrs, "Branches of periodic orbits of a gear mesh")
 
 
 def _orbit_at(model: Any, tuning: float) -> Any:
-    """Return the orbit of one mesh period near static deflection, else from rest, else None."""
+    """Return an orbit of one mesh period, None if none is found from two starts."""
     for guess in ((1.0, 0.0), None):
         try:
             return periodic_orbit(model, tuning, guess=guess)
@@ -100,7 +93,7 @@ def _doubled_branch(
 ) -> xr.Dataset:
     """Return the branch of doubled period that starts at a point of a branch.
 
-    It is followed towards the tuning `start` or `stop`, whichever it turns to.
+    It is followed to the tuning `start` or `stop`, depending on the direction in which it starts.
     """
     orbit = switch_branch(model, branch, point)
     change = orbit.tuning - float(branch.tuning[point])
@@ -111,13 +104,13 @@ def _doubled_branch(
     return max(directions, key=lambda branch: branch.sizes["point"])
 
 
-def _joined(parts: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
+def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
     """Return datasets joined along ``point``, with NaN for the multipliers of grazing orbits.
 
-    The multipliers change like the square root of the distance from the grazing, so that half of
+    These multipliers change with the square root of the distance from the grazing orbit, so half of
     their digits are rounding errors.
     """
-    dataset = xr.concat(parts, "point", data_vars="minimal", combine_attrs="override")
+    dataset = xr.concat(datasets, "point", data_vars="minimal", combine_attrs="override")
     for name in ("multiplier_real", "multiplier_imaginary"):
         regular = dataset[name].where(dataset.label != GRAZING)
         dataset[name] = regular.assign_attrs(dataset[name].attrs)
@@ -137,11 +130,11 @@ def loci(
     model = GearPair(**pair)
     damping, labels = value_of(model, 1.0, "damping"), branches.label.values
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
-    # The first part has no points and gives the result its variables even without any locus.
+    # An empty dataset ensures that the result has its variables even without any locus.
     empty = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
-    parts = [empty.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
-    special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
-    for point in np.flatnonzero(special):
+    datasets = [empty.assign(damping_ratio=("point", []), locus=("point", np.empty(0, np.int32)))]
+    is_special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
+    for point in np.flatnonzero(is_special):
         for limit in (lowest, highest):
             if limit == damping:
                 continue
@@ -152,11 +145,11 @@ def loci(
             except NoOrbit:
                 continue
             size = curve.sizes["point"]
-            parts.append(
+            datasets.append(
                 curve.rename(damping="damping_ratio").assign(
                     label=("point", np.full(size, labels[point], np.int8)),
                     locus=("point", np.full(size, point, np.int32)),
                 )
             )
-    dataset = _joined(parts, branches.attrs, "Loci of special points over tuning and damping")
+    dataset = _joined(datasets, branches.attrs, "Loci of special points over tuning and damping")
     return describe(dataset.assign(own_damping=damping))

@@ -16,23 +16,17 @@ from gearlib.runs.run_up import run_up
 
 DIRECTIONS = ("up", "down")
 #: Approximate number of blocks of the order map, and samples per mesh period of its run.
-_BLOCKS, SAMPLES = 480, 128
+_ORDER_MAP_BLOCKS, SAMPLES_PER_PERIOD = 480, 128
 
 
 def compute(
-    pair: dict,
-    start: float,
-    stop: float,
-    revolutions: Sequence[int],
-    *,
-    mesh_orders: int,
-    damping: str,
+    pair: dict, start: float, stop: float, revolutions: Sequence[int], *, mesh_orders: int, damping
 ) -> xr.Dataset:
     """Return tuning and extrema of the displacement in each revolution of several run-ups.
 
-    `pair` has arguments of `GearPair`; the tuning rises from `start` to `stop` and falls again.
-    Each entry of `revolutions` is the number of revolutions of one way. The dataset also has the
-    order map of the slowest run-up, up to `mesh_orders` times the teeth. `damping` is a name.
+    `pair` has arguments of `GearPair`. In each run the tuning rises from `start` to `stop` and
+    falls again, each in a number of revolutions from `revolutions`. The dataset also has the order
+    map of the slowest run-up, up to `mesh_orders` times the mesh order. `damping` is a name.
     """
     model = GearPair(**pair)
     start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
@@ -42,19 +36,20 @@ def compute(
     for i, count in enumerate(revolutions):
         seconds = 120.0 * count / (start_speed + stop_speed)
         profile = [(0.0, start_speed), (seconds, stop_speed), (2.0 * seconds, start_speed)]
-        slowest = count == max(revolutions)
-        run = run_up(model, speed=profile, samples_per_period=SAMPLES if slowest else 0)
+        is_slowest = count == max(revolutions)
+        samples = SAMPLES_PER_PERIOD if is_slowest else 0
+        run = run_up(model, speed=profile, samples_per_period=samples)
         values = {
             "tuning": run.revolution_speed / stop_speed * stop,
             "displacement_max": run.displacement_max / model.static_deflection,
             "displacement_min": run.displacement_min / model.static_deflection,
         }
-        falling = run.revolution_time.values >= seconds
+        speed_falls = run.revolution_time.values >= seconds
         for name in names:
-            for j, in_direction in enumerate((~falling, falling)):
+            for j, in_direction in enumerate((~speed_falls, speed_falls)):
                 data[name][i, j, : in_direction.sum()] = values[name].values[in_direction]
-        if slowest:
-            resolution = 1.0 / max(1, round(2 * count / _BLOCKS))
+        if is_slowest:
+            resolution = 1.0 / max(1, round(2 * count / _ORDER_MAP_BLOCKS))
             orders = range(mesh_orders * model.teeth + 1)
             blocks = order_map(run, variable="dynamic_force", orders=orders, resolution=resolution)
     attrs = {"units": "1", "long_name": "revolutions of each way"}
@@ -64,7 +59,7 @@ def compute(
         | {"damping": damping},
         coords | {"direction": list(DIRECTIONS)},
     )
-    # CF knows times of day only: the blocks count seconds since the start of the run.
+    # In the CF conventions, time is a time of day; blocks have seconds since the start of the run.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(blocks[map_names].rename(time="block"))
     dataset = result("Run-ups of a gear mesh", model, dataset, method="closed forms")

@@ -27,15 +27,15 @@ from gearlib.models.six_degrees import SixDegreePair
 from gearlib.runs.simulation import simulate
 from gearlib.studies import many_starts
 
-#: Names of the models from the smallest to the largest, and of that with a truncated stiffness.
-LADDER = ("one_degree", "six_degrees_plain", "six_degrees")
-TRUNCATED = "one_degree_harmonics"
+#: Names of the models from the smallest to the largest, and of the one with truncated stiffness.
+MODELS = ("one_degree", "six_degrees_plain", "six_degrees")
+TRUNCATED_MODEL = "one_degree_harmonics"
 
-#: Table entry that replaces a number which differs from start to start.
+#: Table entry in place of a number that depends on the start.
 DIFFERS = "differs"
 #: Smaller changes are rounding errors.
 _MIN_CHANGE = 1e-9
-#: A motion whose extrema change by more after a tiny change of its start is decided by rounding.
+#: Rounding decides a motion if a tiny change of its start changes the extrema by more.
 _MAX_ROUNDING_CHANGE = 1e-3
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
@@ -43,7 +43,7 @@ _FLAGS = flags_of(("unsettled", "free_of_rounding"))
 
 
 def build_model(name: str, pair: dict, six_degrees: dict, harmonics: int | None = None) -> Any:
-    """Return the model with a name of `LADDER` or the name `TRUNCATED`.
+    """Return the model with a name of `MODELS` or the name `TRUNCATED_MODEL`.
 
     `pair` has arguments of `GearPair`, `six_degrees` further arguments of `SixDegreePair`;
     `harmonics` is the number of harmonics of the truncated stiffness.
@@ -51,7 +51,7 @@ def build_model(name: str, pair: dict, six_degrees: dict, harmonics: int | None 
     gear_pair = GearPair(**pair)
     if name == "one_degree":
         return gear_pair
-    if name == TRUNCATED:
+    if name == TRUNCATED_MODEL:
         return OneDegreePair(pair=gear_pair, profile=Fourier(harmonics))
     if name == "six_degrees_plain":
         six_degrees = six_degrees | {"friction": (0.0, 0.0), "eccentricities": (0.0, 0.0)}
@@ -63,7 +63,7 @@ def representative_runs(
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
     """Return the run from the initial state, and the runs that represent the motion.
 
-    The latter are the first run itself, or runs from random states if rounding decides it. `run`
+    These are the first run itself, or runs from random states if rounding errors decide it. `run`
     has arguments of `gearlib.simulate`, `settings` those of `many_starts.seeded_states`.
     """
     initial_state = np.asarray(run.get("initial_state", (0.0, 0.0)), float)
@@ -85,7 +85,10 @@ def representative_runs(
 def of_comparison(
     comparison: xr.Dataset, cases: Sequence[dict], six_degrees: dict, run: dict, starts: dict
 ) -> xr.Dataset:
-    """Return the scene with the model that `compare` has chosen; see `scene` for the arguments."""
+    """Return the scene with the model that `comparison`, a result of `compare`, has chosen.
+
+    The other arguments are those of `scene`.
+    """
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
 
@@ -94,19 +97,19 @@ def scene(
 ) -> xr.Dataset:
     """Return time histories and summaries of all cases of a scene, over case and mesh phase.
 
-    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `LADDER`.
-    `run` and `starts` are the last arguments of `representative_runs`. losing_share is the share of
-    the starts from which contact is lost.
+    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `MODELS`.
+    `run` and `starts` are the last arguments of `representative_runs`. losing_share is the fraction
+    of the starts from which contact is lost.
     """
     histories = []
     for case in cases:
-        built = build_model(model, case["pair"], six_degrees)
-        first, runs = representative_runs(built, case["tuning"], run, starts)
+        case_model = build_model(model, case["pair"], six_degrees)
+        first, runs = representative_runs(case_model, case["tuning"], run, starts)
         history = first.drop_dims("event")
         history["free_of_rounding"] = (), np.int8(runs[0] is first), _FLAGS
         history["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in runs])
         phase = (history.phase - history.phase[0]).assign_attrs(history.phase.attrs)
-        histories.append(describe(history.assign_coords(phase=phase), built))
+        histories.append(describe(history.assign_coords(phase=phase), case_model))
     dataset = xr.concat(
         histories,
         xr.IndexVariable("case", [case["title"] for case in cases]),
@@ -131,27 +134,27 @@ def compare(
 
     `question` has observables, tolerance, and candidates, the models that may be chosen, from the
     smallest to the largest; `harmonics` is the number of harmonics of the truncated stiffness. The
-    other arguments are those of `scene`. The change of the largest model is NaN. If rounding
-    decides, values, changes and costs are medians over the starts, with ranges.
+    other arguments are those of `scene`. The change of the largest model is NaN. If rounding errors
+    decide a run, values, changes and costs are medians over the starts, with ranges.
     """
-    names, observables = [*LADDER, TRUNCATED], question["observables"]
+    names, observables = [*MODELS, TRUNCATED_MODEL], question["observables"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
     scales, costs = np.ones_like(values), np.empty(values.shape[:-1])
-    reliable = np.empty(costs.shape[1:], bool)
-    for i, j in np.ndindex(reliable.shape):
+    is_reliable = np.empty(costs.shape[1:], bool)
+    for i, j in np.ndindex(is_reliable.shape):
         tuning = cases[j]["tuning"]
         model = build_model(names[i], cases[j]["pair"], six_degrees, harmonics)
         first, runs = representative_runs(model, tuning, run, starts)
-        reliable[i, j] = runs[0] is first
+        is_reliable[i, j] = runs[0] is first
         # A single representative run is broadcast over all starts.
         values[:, i, j] = [[float(record[name]) for name in observables] for record in runs]
         scales[:, i, j] = [[_change_scale(record, name) for name in observables] for record in runs]
         costs[:, i, j] = [_cost(model, tuning, record, run) for record in runs]
-    change, change_reliable = _changes(values, scales, reliable)
+    change, is_change_reliable = _relative_changes(values, scales, is_reliable)
     lowest, highest = change.min(axis=0), change.max(axis=0)
-    # The range from a few starts is doubled, as a margin for all other starts.
+    # The upper end is raised by the range of the starts, as a margin for all other starts.
     with np.errstate(invalid="ignore"):
-        highest = np.where(change_reliable, highest, 2.0 * highest - lowest)
+        highest = np.where(is_change_reliable, highest, 2.0 * highest - lowest)
     candidates, tolerance = question["candidates"], question["tolerance"]
     accurate = [name for name in candidates[:-1] if highest[names.index(name)] <= tolerance]
     by_start = xr.Dataset(
@@ -162,8 +165,8 @@ def compare(
         }
     )
     data = many_starts.ranges_over_starts(by_start, [*by_start]) | {
-        "free_of_rounding": (("model", "case"), reliable.astype(np.int8), _FLAGS),
-        "change_free_of_rounding": ("model", change_reliable.astype(np.int8), _FLAGS),
+        "free_of_rounding": (("model", "case"), is_reliable.astype(np.int8), _FLAGS),
+        "change_free_of_rounding": ("model", is_change_reliable.astype(np.int8), _FLAGS),
         "chosen": accurate[0] if accurate else candidates[-1],
         "tolerance": float(tolerance),
         "harmonics": harmonics,
@@ -177,17 +180,17 @@ def compare(
     return describe(xr.Dataset(data, coords, attrs))
 
 
-def _changes(
-    values: np.ndarray, scales: np.ndarray, reliable: np.ndarray
+def _relative_changes(
+    values: np.ndarray, scales: np.ndarray, is_reliable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of the models, shape (starts, models), and whether they are reliable.
+    """Return the changes of the models, shape (starts, models), and whether they are is_reliable.
 
-    Observables and the scales of their changes have the shape (starts, models, cases, observables),
-    `reliable`, whether rounding does not decide a run, has (models, cases).
+    `values` of observables and `scales` of their changes have the shape (starts, models, cases,
+    observables); `is_reliable`, (models, cases), tells whether runs do not depend on rounding.
     """
     change = np.full(values.shape[:2], np.nan)
-    change_reliable = np.asarray(reliable.all(axis=1))
-    last = len(LADDER)
+    is_change_reliable = np.asarray(is_reliable.all(axis=1))
+    last = len(MODELS)
     # The truncated stiffness, the last model, is compared with the smallest model.
     compared_models = {i: [*range(i + 1, last)] for i in range(last - 1)} | {last: [0]}
     for i, others in compared_models.items():
@@ -195,9 +198,9 @@ def _changes(
         # A run that stopped early is not within any tolerance.
         difference[np.isnan(difference)] = math.inf
         change[:, i] = difference.max(axis=(1, 2, 3))
-        change_reliable[i] &= reliable[others].all()
+        is_change_reliable[i] &= is_reliable[others].all()
     change[change < _MIN_CHANGE] = 0.0
-    return change, change_reliable
+    return change, is_change_reliable
 
 
 def _change_scale(run: xr.Dataset, observable: str) -> float:
@@ -217,7 +220,7 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     """
     propagator, evaluations = model.propagator(tuning), int(record.evaluations)
     if not evaluations:
-        # Closed forms advance over three stiffness segments and over the contact events.
+        # Closed forms advance over three stiffness segments, which contact events subdivide.
         arcs = record.event.size / run["record_periods"] + 3
         return propagator.components * (propagator.pieces + arcs)
     cost = propagator.components * evaluations / run["periods"]
@@ -234,9 +237,9 @@ def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[l
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
     for scene_name, comparison in zip(scenes, comparisons, strict=True):
         for i, name in enumerate(comparison.model.values):
-            reliable = bool(comparison.change_free_of_rounding[i])
+            is_reliable = bool(comparison.change_free_of_rounding[i])
             change, cost = (
-                f"{value:.4g}" if reliable or math.isnan(value) else DIFFERS
+                f"{value:.4g}" if is_reliable or math.isnan(value) else DIFFERS
                 for value in (float(comparison.change[i]), float(comparison.cost[i]))
             )
             chosen = "yes" if name == comparison.chosen.item() else "no"

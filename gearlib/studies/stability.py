@@ -18,13 +18,13 @@ from gearlib.runs.sweeping import sweep
 PLANES = ("stiffness_ratio", "contact_ratio", "damping")
 #: Largest damping of the chart relative to the damping that closes the last tongue.
 _DAMPING_MARGIN = 1.15
-#: Range, relative to a tuning, in which its nearest tongues are searched for.
+#: Limits, relative to a tuning, between which its nearest tongue is searched.
 _TONGUE_RANGE = 0.7, 1.5
-#: Number of tunings, and extent in widths of the tongue, of the scan for contact loss from rest.
+#: Number of tunings of the scan for contact loss from rest, and its extent in tongue widths.
 _REST_SCAN_TUNINGS, _REST_SCAN_WIDTHS = 301, 1.5
 #: Number of tunings, and range of tuning, of the scan for forced contact loss.
 _FORCED_SCAN_TUNINGS, _FORCED_SCAN_RANGE = 51, 0.5
-#: Displacements this far below zero, static deflections, may be rounding errors.
+#: Displacements down to this value below zero, static deflections, may be rounding errors.
 _DISPLACEMENT_TOLERANCE = 1e-9
 
 NONE, PARAMETRIC, FORCED = 0, 1, 2
@@ -35,7 +35,8 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
 
     `pair` has arguments of `GearPair`. `settings` have damping_ratios of the tongues,
-    least_stiffness_ratio, and values, the number of values of each parameter.
+    least_stiffness_ratio, the lower limit of the chart, and values, the number of values of each
+    parameter.
     """
     model = GearPair(**pair).replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -51,21 +52,21 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     planes = []
     for plane, values in plane_values.items():
         tongues = []
-        # In the plane of damping each row has its own damping.
+        # In the plane "damping", the rows already differ in damping.
         for damping in dampings[:1] if plane == "damping" else dampings:
             damped = search.varied(model, "damping", damping)
             edges = search.tongues(damped, parameter=plane, values=values, **tuning_range)
             edges = edges[["tuning_from", "tuning_to"]].swap_dims({plane: "row"}).drop_vars(plane)
             tongues.append(edges.assign_coords(damping=damping))
-        varied = parameters | {plane: values[:, None]}
-        growth = meissner.growth(**varied, tuning=np.array(tunings))
+        plane_parameters = parameters | {plane: values[:, None]}
+        growth = meissner.growth(**plane_parameters, tuning=np.array(tunings))
         planes.append(
             xr.concat(tongues, "damping", join="outer").assign(
                 value=("row", values), growth=(("row", "tuning"), growth)
             )
         )
     data = xr.concat(planes, xr.IndexVariable("plane", [*PLANES]), join="outer")
-    points = _pinched_tongues(model, data.order.values, settings["least_stiffness_ratio"])
+    points = _zero_width_points(model, data.order.values, settings["least_stiffness_ratio"])
     data = data.assign(
         **points,
         closing_damping=undamped.closing_damping.reindex(order=data.order),
@@ -75,7 +76,7 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     return result(title, model, data, method="closed form", **settings)
 
 
-def _pinched_tongues(
+def _zero_width_points(
     pair: GearPair, orders: Sequence[int], min_stiffness_ratio: float
 ) -> dict[str, tuple[str, np.ndarray]]:
     """Return plane, value and tuning of the points where undamped tongues have zero width."""
@@ -98,7 +99,7 @@ def contact_loss(
     """Return the tongues of gear pairs with different dampings, and why they lose contact.
 
     `pairs` maps the name of a damping to arguments of `GearPair`. Contact is lost at `tuning`
-    either because the orbit of one mesh period leaves the flank, or because deviations from this
+    either because the orbit of one mesh period leaves the flank, or because perturbations of this
     orbit grow in a tongue. Tongues lie between the tunings `start` and `stop`; `run` has periods
     and initial_state of the motion from rest. Edges of closed tongues, and limits of contact loss
     outside the scan, are NaN.
@@ -109,7 +110,7 @@ def contact_loss(
     models = [GearPair(**parameters) for parameters in pairs.values()]
     tongues = [search.tongues(model, start=start, stop=stop) for model in models]
     dampings = [
-        data[["tuning_from", "tuning_to"]].assign(_facts(model, tuning, data, run))
+        data[["tuning_from", "tuning_to"]].assign(_contact_loss_data(model, tuning, data, run))
         for model, data in zip(models, tongues, strict=True)
     ]
     data = xr.concat(dampings, xr.IndexVariable("damping", [*pairs]), join="outer")
@@ -122,10 +123,13 @@ def contact_loss(
     return dataset
 
 
-def _facts(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
-    """Return the nearest tongue, growth, contact loss and its cause at a tuning, by variable."""
-    inside = (tongues.tuning_from <= tuning) & (tuning <= tongues.tuning_to)
-    distance = np.abs(tongues.growth_tuning - tuning).where(~inside, 0.0)
+def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
+    """Return variables on the nearest tongue, growth, contact loss and its cause at a tuning.
+
+    `tongues` are those of the gear pair; `run` has arguments of `gearlib.sweep`.
+    """
+    is_inside = (tongues.tuning_from <= tuning) & (tuning <= tongues.tuning_to)
+    distance = np.abs(tongues.growth_tuning - tuning).where(~is_inside, 0.0)
     order = int(distance.idxmin("order")) if distance.size else 0
     ratios = pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio
     growth = float(meissner.growth(*ratios, tuning))
@@ -156,13 +160,11 @@ def orbit_min(pair: GearPair, tuning: float) -> float:
     return float(curve.displacement_min[0])
 
 
-def _loss_from_rest(
-    pair: GearPair, tuning: float, order: int, run: dict
-) -> tuple[bool, float, float]:
-    """Return whether the motion from rest loses contact at a tuning, and the range where it does.
+def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
+    """Return whether motion from rest loses contact at a tuning, and the range of such tunings.
 
-    `order` is that of the nearest tongue (0: none), around which the range is scanned. An end of
-    the range outside the scan is NaN.
+    `order` is that of the nearest tongue (0: none), which is scanned with `run`, arguments of
+    `gearlib.sweep`. An end of the range outside the scan is NaN.
     """
     lower = upper = tuning
     if order:
@@ -182,10 +184,7 @@ def _loss_from_rest(
 
 
 def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
-    """Return the first tuning above the given one at which the orbit itself leaves the flank.
-
-    NaN if there is none in the range of the scan.
-    """
+    """Return the lowest tuning from `tuning` on at which the orbit itself loses contact, or NaN."""
     scan = np.linspace(tuning, tuning + _FORCED_SCAN_RANGE, _FORCED_SCAN_TUNINGS)
     losses = np.flatnonzero([orbit_min(pair, nu) < 0.0 for nu in scan])
     if not losses.size:
@@ -206,18 +205,18 @@ def rows(tongues: xr.Dataset) -> Iterator[list]:
     header = ["damping", "damping_ratio", "tuning", "cause", "lost", "order"]
     yield [*header, *tongue_names, "growth_percent", *motion_names]
     for damping in tongues.damping.values:
-        facts = tongues.sel(damping=damping)
-        order = int(facts.nearest_order)
-        tongue = facts.reindex(order=[order]).squeeze("order")
-        growth = 100.0 * math.expm1(float(facts.growth))
+        data = tongues.sel(damping=damping)
+        order = int(data.nearest_order)
+        tongue = data.reindex(order=[order]).squeeze("order")
+        growth = 100.0 * math.expm1(float(data.growth))
         numbers = [float(tongue[name]) for name in tongue_names]
-        numbers += [growth, *(float(facts[name]) for name in motion_names)]
+        numbers += [growth, *(float(data[name]) for name in motion_names)]
         yield [
             damping,
-            f"{float(facts.damping_ratio):.6g}",
-            f"{float(facts.asked):g}",
-            CAUSES[int(facts.cause)],
-            "yes" if facts.lost else "no",
+            f"{float(data.damping_ratio):.6g}",
+            f"{float(data.asked):g}",
+            CAUSES[int(data.cause)],
+            "yes" if data.lost else "no",
             order or "",
             *("" if math.isnan(number) else f"{number:.10g}" for number in numbers),
         ]

@@ -43,10 +43,10 @@ def compute(
     samples: int,
     shard: str,
     threads: int,
-    drawing: dict | None = None,
-    **settings: Any,
+    drawing=None,
+    **settings,
 ) -> xr.Dataset:
-    """Return the designs "first-last" out of all samples, `shard`, of `gearlib.scatter`.
+    """Return the results of `gearlib.scatter` for a shard of all samples, a text "first-last".
 
     `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps parameters to their
     distributions, `settings` are further arguments of `gearlib.scatter`.
@@ -70,7 +70,7 @@ def indices(
 def rows(scattered: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of `gearlib.scatter`: the names of the columns, then values.
 
-    Each quantity of the dataset `scattered` has a row; found is the number of designs with it.
+    Each quantity of the dataset `scattered` has a row; found is the number of designs that have it.
     """
     quantiles = [f"quantile_{percentile}" for percentile in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]

@@ -22,7 +22,7 @@ BRANCHES = 3
 _VARIABLES = ("dynamic_factor", "load_sharing", "fraction_normal")
 
 
-def reducer_of(pair: GearPair, settings: dict, **changes: Any) -> Any:
+def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
     """Return the paper's reducer, a `GearTrain` with the tuning of the gear pair.
 
     `settings` are those of the section ``reducer`` of the configuration, `changes` are further
@@ -38,7 +38,7 @@ def reducer_of(pair: GearPair, settings: dict, **changes: Any) -> Any:
     return split_power_reducer(pair, **arguments | changes)
 
 
-def displaced_pins(settings: dict) -> list[tuple[float, float]]:
+def pin_errors_of_first_branch(settings: dict) -> list[tuple[float, float]]:
     """Return the radial and tangential pin errors (m) of all branches: only the first has one."""
     return [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
 
@@ -46,17 +46,19 @@ def displaced_pins(settings: dict) -> list[tuple[float, float]]:
 def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return all meshes of the reducer over tuning, with equal branches and with two errors.
 
-    `pair` has arguments of `GearPair`. `settings` are those of `reducer_of` and of
+    `pair` has arguments of `GearPair`. `settings` are those of `reducer_train` and of
     `gearlib.studies.many_starts`, and the errors pin_error (m, radial and tangential) and
     backlashes (m, of each branch).
     """
     pair_model, tunings = GearPair(**pair), np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
-    equal = reducer_of(pair_model, settings)
+    equal = reducer_train(pair_model, settings)
     trains = {
         "alike": equal,
-        "pin_error": reducer_of(pair_model, settings, pin_errors=displaced_pins(settings)),
-        "unequal_backlash": reducer_of(pair_model, settings, backlashes=backlashes),
+        "pin_error": reducer_train(
+            pair_model, settings, pin_errors=pin_errors_of_first_branch(settings)
+        ),
+        "unequal_backlash": reducer_train(pair_model, settings, backlashes=backlashes),
     }
     # Meshes have names such as "first 2": their stage and their branch.
     names = equal.mesh_names
@@ -79,33 +81,33 @@ def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
 def _reducer_case(
     train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
 ) -> xr.Dataset:
-    """Return the sweep of a reducer, its largest dynamic factors, and shares of single branches.
+    """Return the sweep of a reducer, its largest dynamic factors, and fractions of the starts.
 
-    The shares are those of the starts from which exactly one branch loses contact, or has contact
-    on the back side. `mesh_branches` are the branch numbers of the meshes.
+    These are the starts from which exactly one branch loses contact, or has contact on the coast
+    side. `mesh_branches` has the branch number of each mesh.
     """
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _VARIABLES)
     losses = [contact_loss_fraction(motion.fraction_normal.values) > 0.0 for motion in motions]
-    back_sides = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
-    loss_shares = [single_branch_share(loss, mesh_branches) for loss in losses]
-    back_side_shares = [single_branch_share(contact, mesh_branches) for contact in back_sides]
+    coast_contacts = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
+    loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
+    coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
     factors = sweep.dynamic_factor.where(sweep.settled == 1)
     largest = factors.fillna(-np.inf).argmax("tuning")
     largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest)
     dims = ("direction", "tuning", "branch")
     return sweep.assign(
-        lost_alone_share=(dims, loss_shares),
-        struck_alone_share=(dims, back_side_shares),
+        lost_alone_share=(dims, loss_fractions),
+        struck_alone_share=(dims, coast_fractions),
         largest_factor=factors.max("tuning"),
         factor_tuning=largest_tuning.where(factors.notnull().any("tuning")),
     )
 
 
-def single_branch_share(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
-    """Return the share of starts from which something occurs in one branch only, for each branch.
+def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
+    """Return the fraction of starts from which an event occurs in one branch only, by branch.
 
-    `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number of each
-    mesh. The shares have the shape (tunings, branches).
+    The mask `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number
+    of each mesh. The fractions have the shape (tunings, branches).
     """
     in_branch = np.stack(
         [occurs[..., mesh_branches == number].any(axis=-1) for number in np.unique(mesh_branches)],
@@ -121,8 +123,7 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     """
     factor_names = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
     branch_names = [
-        "contact_lost_in_its_branch_only_at",
-        "far_flank_struck_in_its_branch_only_at",
+        f"{event}_in_its_branch_only_at" for event in ("contact_lost", "far_flank_struck")
     ]
     yield ["case", "direction", "mesh", *factor_names, *branch_names, "not_settled_at"]
     tunings = characteristics.tuning.values
@@ -130,13 +131,12 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     cells = characteristics.stack(cell=("case", "direction", "mesh"), create_index=False)
     for i in range(cells.sizes["cell"]):
         cell = cells.isel(cell=i)
-        settled, tuning = cell.settled.values == 1, float(cell.factor_tuning)
-        shares = cell.sel(branch=int(cell.mesh_branch))
-        lost = settled & (shares.lost_alone_share.values == 1.0)
-        struck = settled & (shares.struck_alone_share.values == 1.0)
-        tuning_lists = [
-            " ".join(f"{nu:g}" for nu in tunings[selected]) for selected in (lost, struck, ~settled)
-        ]
+        is_settled, tuning = cell.settled.values == 1, float(cell.factor_tuning)
+        branch = cell.sel(branch=int(cell.mesh_branch))
+        loses_contact = is_settled & (branch.lost_alone_share.values == 1.0)
+        strikes_coast_side = is_settled & (branch.struck_alone_share.values == 1.0)
+        masks = loses_contact, strikes_coast_side, ~is_settled
+        tuning_lists = [" ".join(f"{nu:g}" for nu in tunings[mask]) for mask in masks]
         factor = f"{float(cell.largest_factor):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
         speed = f"{speed_per_tuning * tuning:.0f}"
@@ -171,7 +171,7 @@ def campbell(
     `settings`, whose case of equal branches is used. `orders` is the highest multiple of each mesh
     frequency.
     """
-    model = train_from_description(**train) if train else reducer_of(GearPair(**pair), settings)
+    model = train_from_description(**train) if train else reducer_train(GearPair(**pair), settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     data = data.assign(
@@ -186,22 +186,22 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of intersections in a Campbell diagram, ordered by speed.
 
     `diagram` is a dataset from `campbell`. Intersections above the fastest speed of the sweep are
-    left out; modes of equal frequency share a row.
+    omitted; modes of equal frequency share a row.
     """
     speeds = diagram.speed.values
     loss = contact_loss_fraction(diagram.fraction_normal_high.values)
     loses_contact = (loss > 0.0).any(axis=(0, 2))
-    intersections: dict[tuple, tuple[float, bool]] = {}
+    intersections: dict[tuple, tuple[float, bool]] = {}  # cells of a row -> (speed, excited)
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
             cell = diagram.sel(stiffness_order=order, mode=mode)
             speed, frequency = float(cell.critical_speed), float(cell.natural_frequency)
             texts = f"{speed:.0f}", f"{order:.4g}", f"{frequency:.0f}", str(cell.mode_kind.item())
             if speed <= speeds[-1]:
-                _, excited = intersections.get(texts, (0.0, False))
-                intersections[texts] = speed, bool(cell.excites) or excited
+                _, is_excited = intersections.get(texts, (0.0, False))
+                intersections[texts] = speed, bool(cell.excites) or is_excited
     header = ["critical_speed_rpm", "order_over_first_mesh", "natural_frequency_hz", "mode_kind"]
     yield [*header, "excited", "contact_lost_at_the_nearest_speed_swept"]
-    for texts, (speed, excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
-        lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
-        yield [*texts, "yes" if excited else "no", lost if speed >= speeds[0] else ""]
+    for texts, (speed, is_excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
+        contact_lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
+        yield [*texts, "yes" if is_excited else "no", contact_lost if speed >= speeds[0] else ""]

@@ -50,7 +50,7 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
 @pytest.fixture(scope="module")
 def diagram():
     """The reducer's, with sweeps in which one mesh of the second stage parts at one speed."""
-    train = trains.reducer_of(PAPER, SETTINGS)
+    train = trains.reducer_train(PAPER, SETTINGS)
     tunings = np.array([0.8, 1.0, 1.2])
     normal = np.ones((1, 3, tunings.size, len(train.meshes)))
     normal[0, 2, 1, 4] = 0.9

@@ -13,7 +13,7 @@ SETTINGS = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2
 SETTINGS |= {"spread": 0.02}
 CONFIG = load(PROJECT)
 PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
-TRAIN = trains.reducer_of(PAIR, CONFIG.reducer.model_dump())
+TRAIN = trains.reducer_train(PAIR, CONFIG.reducer.model_dump())
 
 
 def test_starts_are_seeded_of_the_size_asked_for_and_no_two_alike():

@@ -15,7 +15,7 @@ CONFIG = load(PROJECT)
 PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
 FEW = {"starts": 4, "first_starts": 2}
 SETTINGS = CONFIG.reducer.model_dump() | {"periods": 84, "record_periods": 42} | FEW
-TRAIN = trains.reducer_of(PAIR, SETTINGS)
+TRAIN = trains.reducer_train(PAIR, SETTINGS)
 #: Both stages bounce, the first alone, none.
 BOUNCING = [0.96, 1.4, 1.2]
 
@@ -38,8 +38,8 @@ def test_alike_branches_carry_a_third_each(scene):
 
 
 def test_a_displaced_axis_takes_load_off_its_branch(scene):
-    errors = trains.displaced_pins(SETTINGS)
-    at_rest = trains.reducer_of(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
+    errors = trains.pin_errors_of_first_branch(SETTINGS)
+    at_rest = trains.reducer_train(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
     # Where contact lasts, motion shares the load as rest does, but for the changing stiffness.
     moving = scene.load_sharing.sel(case="pin_error", direction="cold", tuning=1.2)
     assert at_rest[0] < 0.95 < 1.02 < at_rest[1]
@@ -51,7 +51,7 @@ def test_a_displaced_axis_takes_load_off_its_branch(scene):
 def test_alone_is_one_branch_in_any_of_its_meshes():
     starts = [[0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 1], [1, 0, 0, 0, 1, 0]]
     happens = np.array(starts, bool)[:, None]
-    shares = trains.single_branch_share(happens, np.array([1, 2, 3, 1, 2, 3]))
+    shares = trains.single_branch_fraction(happens, np.array([1, 2, 3, 1, 2, 3]))
     assert shares.tolist() == [[0.0, 0.25, 0.25]]
 
 

@@ -144,7 +144,7 @@ def test_bounces_above_count_from_beyond_the_reading_of_the_plot(data):
         place = {"damping": "k1", "tuning": slice(tuning - 1e-3, tuning + 1e-3)}
         curves.displacement_min.loc[place] = -1.0
         source = Data(PAPER, DAMPINGS, curves, *data[1:])
-        assert characteristics.only_oil_bounces_above(source)[0] == holds
+        assert characteristics.contact_loss_above_resonance(source)[0] == holds
 
 
 def test_verdicts_follow_the_data(data):

@@ -25,7 +25,7 @@ RUN = {"periods": 40, "record_periods": 4, "samples_per_period": 16}
 
 
 def compare(
-    cases=(SETTLED,), six=SIX, tolerance=0.05, candidates=(*scenes.LADDER,), run=RUN, more=()
+    cases=(SETTLED,), six=SIX, tolerance=0.05, candidates=(*scenes.MODELS,), run=RUN, more=()
 ):
     options = {"observables": ["displacement_max", *more], "tolerance": tolerance}
     starts = {"starts": 4, "seed": 1, "spread": 0.02}
@@ -64,7 +64,7 @@ def test_what_rounding_decides_is_labelled_and_has_no_number(tmp_path):
     assert first.chosen.item() == "six_degrees"
     assert (first.change_high > first.change_low)[[0, 1, 3]].all()
     rows = read_back(scenes.rows([first], ["mine"]), tmp_path)
-    assert [row["model"] for row in rows] == [*scenes.LADDER, scenes.TRUNCATED]
+    assert [row["model"] for row in rows] == [*scenes.MODELS, scenes.TRUNCATED_MODEL]
     assert [row["chosen"] for row in rows].count("yes") == 1
     assert [row["change"] for row in rows] == ["differs", "differs", "nan", "differs"]
     assert [row["cost"] == "differs" for row in rows] == [True, True, False, True]

@@ -30,14 +30,14 @@ HOLDS, DIFFERS, NOT_EVALUATED = "holds", "differs", "not evaluated"
 
 @dataclass(frozen=True)
 class Claim:
-    """One statement: what the paper says, what was computed, and the verdict."""
+    """One statement of the paper, the computed result, and the verdict."""
 
     id: str
     statement: str
-    where: str
+    where: str  #: place in the paper
     computed: str
     verdict: str
-    figure: str
+    figure: str  #: figure of the workflow
 
 
 def evaluate(
@@ -61,13 +61,13 @@ def evaluate(
 
 
 def judge(check: tuple, data: Data) -> Claim:
-    """Return the claim of one statement; `check` is an entry of `CHECKS`."""
+    """Return the claim of one statement; `check` is an entry of `CHECKS` with its rule."""
     identifier, statement, where, figure, rule = check
     try:
-        holds, computed, *strictly = rule(data)
+        holds, computed, *strict_differences = rule(data)
         verdict = HOLDS if holds else DIFFERS
-        if strictly:
-            verdict += f" at plot resolution; strictly {strictly[0]}"
+        if strict_differences:
+            verdict += f" at plot resolution; strictly {strict_differences[0]}"
     except NoData as reason:
         verdict, computed = NOT_EVALUATED, str(reason)
     return Claim(identifier, statement, where, computed, verdict, figure)

@@ -32,7 +32,7 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
-def scales(data: Data) -> tuple:
+def printed_tunings(data: Data) -> tuple:
     """Judge P1: the printed tunings at the largest and the smallest stiffness."""
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
     computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
@@ -43,7 +43,7 @@ def scales(data: Data) -> tuple:
     return holds, "; ".join(texts)
 
 
-def damping_ratios(data: Data) -> tuple:
+def printed_damping_ratios(data: Data) -> tuple:
     """Judge P2: the printed damping ratios of three material dampings."""
     # Damping in N s/m -> printed ratio, and half a unit of its last digit.
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
@@ -52,51 +52,53 @@ def damping_ratios(data: Data) -> tuple:
     return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
 
 
-def conservative_smooth(data: Data) -> tuple:
+def undamped_contact_below_resonance(data: Data) -> tuple:
     """Judge P4: without damping contact is lost below a tuning of 0.8 only in a small region."""
-    curve = data.curve(data.names(False, False)[0], 0.6, 0.8 - PLOT_RESOLUTION)
+    curve = data.curve(
+        data.damping_names(material=False, backlash=False)[0], 0.6, 0.8 - PLOT_RESOLUTION
+    )
     lost = loses_contact(curve)
     tuning = curve.tuning.values
     inside = abs(tuning - 0.66) <= SMALL_REGION
     holds = bool(lost[inside].any() and not lost[~inside].any())
-    # The upper limit leaves room for the next statement, which says where bounces begin.
+    # The range ends before 0.8, because the next statement judges where bounces begin.
     return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {interval_text(tuning, lost)}"
 
 
-def conservative_chaotic(data: Data) -> tuple:
+def undamped_chaos_in_resonance(data: Data) -> tuple:
     """Judge P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
-    curve = data.curve(data.names(False, False)[0], 0.7, 1.12)
+    curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
     tuning = curve.tuning.values
-    lost = curve.displacement_min.values < -CONTACT_TOLERANCE
+    lost = loses_contact(curve)
     first = tuning[lost][0] if lost.any() else np.nan
     above = tuning >= first
-    share = {
+    fractions = {
         "contact lost": lost[above].mean(),
         "inverse mesh": (curve.fraction_inverse.values[above] > 0).mean(),
         "unsteady": (curve.period.values[above] == 0).mean(),
     }
     # Every tuning must have bounces, most of them back-side contact and chaotic motion.
-    holds = abs(first - 0.8) <= PLOT_RESOLUTION and share["contact lost"] == 1.0
-    holds &= share["inverse mesh"] > 0.5 and share["unsteady"] > 0.5
-    text = ", ".join(f"{name}: {share_text(value)}" for name, value in share.items())
+    holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact lost"] == 1.0
+    holds &= fractions["inverse mesh"] > 0.5 and fractions["unsteady"] > 0.5
+    text = ", ".join(f"{name}: {fraction_text(value)}" for name, value in fractions.items())
     return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {text}"
 
 
-def share_text(share: float) -> str:
-    """Return a share of chaotic motions as "all", "most", "some" or "none".
+def fraction_text(fraction: float) -> str:
+    """Return a fraction of chaotic motions as "all", "most", "some" or "none".
 
-    The exact number depends on rounding errors.
+    Its exact value depends on rounding errors.
     """
-    if share in (0.0, 1.0):
-        return "all" if share else "none"
-    return "most" if share > 0.5 else "some"
+    if fraction in (0.0, 1.0):
+        return "all" if fraction else "none"
+    return "most" if fraction > 0.5 else "some"
 
 
-def damped_bounces(data: Data) -> tuple:
+def damped_contact_loss_range(data: Data) -> tuple:
     """Judge P6: with material damping contact is lost only between the tunings 0.8 and 1.12."""
     highest = data.resonance.tuning.values[-1]
     holds, texts = True, []
-    for name in data.names(material=True):
+    for name in data.damping_names(material=True):
         curve = data.curve(name, 0.6, max(highest, 1.12 + 2 * PLOT_RESOLUTION))
         tuning = curve.tuning.values
         lost = loses_contact(curve)
@@ -110,18 +112,18 @@ def damped_bounces(data: Data) -> tuple:
     return bool(holds), "contact lost at " + "; ".join(texts)
 
 
-def only_oil_bounces_above(data: Data) -> tuple:
+def contact_loss_above_resonance(data: Data) -> tuple:
     """Judge P7: above a tuning of 1.12, damped motions lose contact with oil damping only."""
     highest = data.resonance.tuning.values[-1]
     damped = [name for name, flags in data.dampings.items() if any(flags)]
-    oil = data.names(False, True)
-    lost = {}
+    oil = data.damping_names(material=False, backlash=True)
+    lost_fractions = {}
     for name in damped:
         # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
         curve = data.curve(name, 1.12 + 2 * PLOT_RESOLUTION, highest)
-        lost[name] = float(loses_contact(curve).mean())
-    holds = all((share > 0) == (name in oil) for name, share in lost.items())
-    text = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
+        lost_fractions[name] = float(loses_contact(curve).mean())
+    holds = all((fraction > 0) == (name in oil) for name, fraction in lost_fractions.items())
+    text = ", ".join(f"{name} {100 * value:.0f} %" for name, value in lost_fractions.items())
     return holds, f"tunings above 1.14 with contact lost: {text}"
 
 
@@ -129,9 +131,9 @@ def only_oil_bounces_above(data: Data) -> tuple:
 _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 
 
-def conservative_planes(data: Data) -> tuple:
-    """Judge P9: which phase planes without damping are unsteady, bounce, or strike back sides."""
-    name = data.names(False, False)[0]
+def undamped_phase_planes(data: Data) -> tuple:
+    """Judge P9: which undamped phase planes are unsteady, lose contact, or have inverse mesh."""
+    name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
     unsteady = _spreads(planes) > LINE_WIDTH
     lost = loses_contact(planes)
@@ -142,16 +144,16 @@ def conservative_planes(data: Data) -> tuple:
     holds &= tunings[inverse].tolist() == [0.81, 0.82]
     conditions = {"unsteady": unsteady, "bounces": lost, "inverse mesh": inverse}
     text = "; ".join(
-        f"{condition} at {tuning_list(tunings[selected])}"
+        f"{condition} at {tunings_text(tunings[selected])}"
         for condition, selected in conditions.items()
     )
     return holds, text, *_strict_differences({name: (planes, unsteady)})
 
 
-def damped_planes(data: Data) -> tuple:
+def damped_phase_planes(data: Data) -> tuple:
     """Judge P10: which phase planes with damping are unsteady."""
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
-    for name in data.names(False, True):
+    for name in data.damping_names(material=False, backlash=True):
         expected[name] = [0.60, 0.66, 0.78]
     tunings = np.array(_PLANE_TUNINGS)
     holds, texts, planes_by_damping = True, [], {}
@@ -171,15 +173,15 @@ def damped_planes(data: Data) -> tuple:
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
-    """Return the distance of mesh periods over the orbit height in each phase plane."""
+    """Return the distance of mesh periods relative to the orbit height, for each phase plane."""
     return np.array([spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
 def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> list[str]:
-    """Return a description of orbits that look steady but do not repeat, or the reverse.
+    """Describe orbits that look steady but do not repeat, or the reverse, in a list of one text.
 
-    `planes_by_damping` maps dampings to their phase planes and to whether each looks unsteady. The
-    list is empty if there are no such orbits.
+    `planes_by_damping` maps dampings to their phase planes and a mask of those that look unsteady.
+    The list is empty if there are no such orbits.
     """
     differences = []
     for name, (planes, unsteady) in planes_by_damping.items():
@@ -196,9 +198,9 @@ def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarra
 
 
 def drift(run: xr.Dataset) -> float:
-    """Return the smallest change of an orbit after whole mesh periods, over its height.
+    """Return the smallest change of an orbit after whole mesh periods, relative to its height.
 
-    It distinguishes a motion that still settles from one that never repeats.
+    It is small for a motion that still settles, and large for a chaotic motion.
     """
     return min(_changes_by_period(run), default=np.nan)
 
@@ -212,9 +214,9 @@ def repetition_period(run: xr.Dataset) -> int:
 
 
 def _changes_by_period(run: xr.Dataset) -> list[float]:
-    """Return the largest change of displacement after 1, 2, ... mesh periods, over the height.
+    """Return the largest relative change of displacement after 1, 2, ... mesh periods.
 
-    The periods go up to half the record.
+    Changes are relative to the height of the orbit; the last one is after half of the record.
     """
     displacement = run.displacement.values
     samples_per_period = round(2.0 * np.pi / float(run.phase[1] - run.phase[0]))
@@ -223,6 +225,6 @@ def _changes_by_period(run: xr.Dataset) -> list[float]:
     return [np.abs(displacement[n:] - displacement[:-n]).max() / height for n in shifts]
 
 
-def tuning_list(tunings: Sequence[float]) -> str:
+def tunings_text(tunings: Sequence[float]) -> str:
     """Return tunings as text with two decimals."""
     return ", ".join(f"{tuning:.2f}" for tuning in tunings) or "none"

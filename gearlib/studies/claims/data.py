@@ -1,7 +1,6 @@
-"""The computed data of one configuration, selected by what a statement needs."""
+"""Select the computed data of one configuration that a statement of the paper needs."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,22 +13,13 @@ PLOT_RESOLUTION = 0.01
 
 
 class NoData(Exception):
-    """The configuration holds no data for a statement; the message says which."""
+    """The configuration has no data for a statement; the message says which are missing."""
 
 
 class Data:
-    """The computed data of one configuration, selected by what a statement needs."""
+    """The computed data of one configuration; methods select those that a statement needs."""
 
-    def __init__(
-        self,
-        pair: Any,
-        dampings: dict[str, dict],
-        resonance: xr.Dataset,
-        phase_planes: xr.Dataset,
-        phase_lag: xr.Dataset,
-        jump: xr.Dataset,
-        scenes: dict[str, xr.Dataset],
-    ) -> None:
+    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         #: Name of a damping -> whether it has material damping, and backlash damping.
@@ -38,25 +28,27 @@ class Data:
             for name, values in dampings.items()
         }
 
-    def names(self, material: bool | None = None, backlash: bool | None = None) -> list[str]:
-        """Return the dampings with or without (None: either) material and backlash damping."""
-        names = [
+    def damping_names(
+        self, material: bool | None = None, backlash: bool | None = None
+    ) -> list[str]:
+        """Return the names of dampings with or without (None: either) both kinds of damping."""
+        damping_names = [
             name
             for name, (has_material, has_backlash) in self.dampings.items()
             if material in (None, has_material) and backlash in (None, has_backlash)
         ]
-        if not names:
+        if not damping_names:
             raise NoData("no such damping combination is configured")
-        return names
+        return damping_names
 
     def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
-        """Return the characteristic from rest of one damping on a range of tunings."""
+        """Return the characteristic of motions from rest for one damping in a range of tunings."""
         if "cold" not in self.resonance.direction.values:
             raise NoData("no cold resonance characteristic is configured")
         tuning = self.resonance.tuning.values
         # Tunings are decimals and may differ from the limits by rounding errors.
-        rounding = 1e-9
-        selected = (tuning >= lowest - rounding) & (tuning <= highest + rounding)
+        tolerance = 1e-9
+        selected = (tuning >= lowest - tolerance) & (tuning <= highest + tolerance)
         starts_late = tuning[0] > lowest + PLOT_RESOLUTION
         ends_early = tuning[-1] < highest - PLOT_RESOLUTION
         if not selected.any() or starts_late or ends_early:

@@ -4,7 +4,7 @@ import numpy as np
 
 from gearlib.data.motions import LINE_WIDTH, spread
 from gearlib.studies.certificates import FIG6_TUNINGS
-from gearlib.studies.claims.characteristics import repetition_period, share_text
+from gearlib.studies.claims.characteristics import fraction_text, repetition_period
 from gearlib.studies.claims.data import Data, NoData
 
 #: Smaller phase shifts, degrees, are within the line width of a printed time history.
@@ -48,20 +48,21 @@ def two_tunings(data: Data) -> tuple:
 
 
 def jump_description(data: Data) -> str:
-    """Return where the motion from rest jumps, and what moves the jump between two tunings.
+    """Return at which tuning the motion from rest jumps, and which variations move the jump.
 
-    The tunings are those of the paper's Fig. 6.
+    Only variations are named that move it between the two tunings of the paper's Fig. 6.
     """
     jumps = data.jump
-    reference = float(jumps.jump[0])
-    if not np.isfinite(reference):
+    reference_tuning = float(jumps.jump[0])
+    if not np.isfinite(reference_tuning):
         return "; no jump from rest in the scan"
     lower, upper = FIG6_TUNINGS
-    lowest, highest = reference + jumps.shift_low.values, reference + jumps.shift_high.values
+    lowest = reference_tuning + jumps.shift_low.values
+    highest = reference_tuning + jumps.shift_high.values
     between = (lowest >= lower) & (highest <= upper)
     variations = zip(jumps.kind.values[between], jumps.value.values[between], strict=True)
     texts = ", ".join(f"{kind} {value:g}" for kind, value in variations) or "no variation"
-    location = f"; from rest the orbit jumps at {reference:.7f}"
+    location = f"; from rest the orbit jumps at {reference_tuning:.7f}"
     return location + f"; between {lower:g} and {upper:g} with: {texts}"
 
 
@@ -77,7 +78,7 @@ def six_degrees(data: Data) -> tuple:
     """Judge P13: the undamped motion with six degrees of freedom is unsteady and bounces."""
     run = data.scene("fig8", 1).isel(case=0)
     distance, bounces, period = spread(run), float(run.bounces), repetition_period(run)
-    unsteady, share = distance > LINE_WIDTH, float(run.losing_share)
+    unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)
     text = (
         f"mesh periods {distance:.1g} of the height apart, "
         f"{bounces:.3g} bounces per mesh period, y_min {float(run.displacement_min):.3g}"
@@ -86,9 +87,9 @@ def six_degrees(data: Data) -> tuple:
         text = (
             f"from rest {'unsteady' if unsteady else 'steady'}, "
             f"contact {'lost' if bounces > 0.0 else 'kept'}; "
-            f"lost from {share_text(share)} of the seeded starts beside; "
+            f"lost from {fraction_text(loss_fraction)} of the seeded starts beside; "
             "how often, rounding decides"
         )
-    # A motion of several mesh periods is no single line in a plot, but it repeats.
+    # A motion that repeats after several mesh periods is not a single line in a plot.
     strictly = [f"it repeats after {period} periods"] if unsteady and period else []
-    return unsteady and bounces > 0.0 and share > 0.5, text, *strictly
+    return unsteady and bounces > 0.0 and loss_fraction > 0.5, text, *strictly

@@ -1,4 +1,4 @@
-"""The statements: id, the paper's words, where it says so, our figure, the rule."""
+"""The statements: id, text, place in the paper, figure of the workflow, and the rule."""
 
 from gearlib.studies.claims import characteristics, scene_claims
 
@@ -8,14 +8,14 @@ CHECKS = (
         "nu = 0.815: nu_max 0.7391, nu_min 0.9639; nu = 0.8151: 0.7392, 0.9640",
         "text to Fig. 6",
         "Fig. 3",
-        characteristics.scales,
+        characteristics.printed_tunings,
     ),
     (
         "P2",
         "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624",
         "text, Fig. 2",
         "Fig. 3",
-        characteristics.damping_ratios,
+        characteristics.printed_damping_ratios,
     ),
     (
         "P3",
@@ -29,14 +29,14 @@ CHECKS = (
         "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66",
         "Fig. 3",
         "Fig. 3",
-        characteristics.conservative_smooth,
+        characteristics.undamped_contact_below_resonance,
     ),
     (
         "P5",
         "conservative: contact bounces begin at nu = 0.8; above, bounces and inverse mesh, chaotic",
         "Fig. 3",
         "Fig. 3",
-        characteristics.conservative_chaotic,
+        characteristics.undamped_chaos_in_resonance,
     ),
     (
         "P6",
@@ -44,14 +44,14 @@ CHECKS = (
         "mesh again above",
         "Fig. 3",
         "Fig. 3",
-        characteristics.damped_bounces,
+        characteristics.damped_contact_loss_range,
     ),
     (
         "P7",
         "k1 = 0, k1m > 0 is the only damped variant not in purely normal mesh above 1.12",
         "Fig. 3",
         "Fig. 3",
-        characteristics.only_oil_bounces_above,
+        characteristics.contact_loss_above_resonance,
     ),
     (
         "P8",
@@ -66,14 +66,14 @@ CHECKS = (
         "at 0.81, 0.82 only",
         "Fig. 5",
         "Fig. 5",
-        characteristics.conservative_planes,
+        characteristics.undamped_phase_planes,
     ),
     (
         "P10",
         "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady",
         "Fig. 5",
         "Fig. 5",
-        characteristics.damped_planes,
+        characteristics.damped_phase_planes,
     ),
     (
         "P11",
