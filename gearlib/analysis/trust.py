@@ -117,7 +117,7 @@ def trust(
     for name, model, changes in (
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
-        ("disturbed", pair, {"initial_state": pair.disturbed(initial_state, disturbance)}),
+        ("disturbed", pair, {"initial_state": pair.disturbed_state(initial_state, disturbance)}),
         *_other_methods(pair),
     ):
         names.append(name)

@@ -97,7 +97,7 @@ class LoadSharingPair(WithPair):
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "taylor.teeth"}
     piecewise_linear = False
-    damped = property(lambda model: model.pair.damped, doc="`GearPair.damped` of the pair.")
+    has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
         "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"

@@ -3,8 +3,8 @@
 A new model is a frozen dataclass that derives from `Model`, with an entry in
 ``gearlib/__init__.py``. A model of one degree of freedom defines ``equation``; everything else has
 a default. A model with more coordinates defines ``size`` and the ``train`` of its matrices, or a
-piecewise-linear ``system`` with ``linear``, ``initial``, ``propagators``, ``flank_lines`` and
-``damped``. No caller checks the class of a model.
+piecewise-linear ``system`` with ``contact_modes``, ``full_state``, ``propagators``,
+``flank_lines`` and ``has_damping``. No caller checks the class of a model.
 """
 
 import dataclasses
@@ -107,25 +107,25 @@ class Model:
         """Return the matrices of a piecewise-linear model at a tuning as a `TrainSystem`."""
         return (self.train or self.equation).system(tuning)
 
-    def linear(self, system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def contact_modes(self, system: Any) -> tuple[np.ndarray, ...]:
         """Return the dimensionless natural modes of a `TrainSystem` in permanent contact.
 
         They are (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one mode
         or motion per column.
         """
         if self.train:
-            return self.train.linear(system)
+            return self.train.contact_modes(system)
         identity = np.ones((1, 1))
         return np.array([self.equation.natural_frequency]), identity, np.zeros((1, 0)), identity
 
-    def outputs(self, system: Any) -> np.ndarray:
+    def output_rows(self, system: Any) -> np.ndarray:
         """Return the row vectors that map states to the extra recorded variables, (e, 3, p, n).
 
         There are e variables, 3 contact states, p stiffness segments and n components of a state.
         """
         return np.zeros((0, *system.effect.shape[:2], len(system.base_matrix)))
 
-    def initial(self, system: Any, state: tuple[float, float]) -> np.ndarray:
+    def full_state(self, system: Any, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
         full_state = np.zeros_like(system.drive_lines[0])
         full_state[:2] = state
@@ -195,7 +195,7 @@ class Model:
         """Return a copy of the model with a new value of one of `parameters`."""
         return dataclasses.replace(self, **{name: value})  # type: ignore[type-var]
 
-    def disturbed(self, state: tuple[float, ...], disturbance: float) -> tuple:
+    def disturbed_state(self, state: tuple[float, ...], disturbance: float) -> tuple:
         """Return an initial state with a disturbance added to the displacement."""
         return state[0] + disturbance, *state[1:]
 
@@ -268,7 +268,7 @@ class Model:
             lengths += [abs(x) for x in state[:n]] + [tuning * abs(v) for v in state[n:]]
         return UNBOUNDED_FACTOR * max(lengths)
 
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
         equation = self.equation
         first_row = 0 if math.isfinite(equation.lower) else 1  # row 0: coast-side contact

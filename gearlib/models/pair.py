@@ -154,7 +154,7 @@ class GearPair(PairParameters, Model):
         exact = "pair.propagator" if scalar else "linear.one_mesh"
         return {"exact": exact, "taylor": "taylor.propagator"}
 
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
         return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 

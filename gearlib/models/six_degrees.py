@@ -46,7 +46,7 @@ from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
-from gearlib.models.trains.structure import FLOATS, Numbers, Structure, structure
+from gearlib.models.trains.structure import FLOATS, Arithmetic, Structure, structure
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     ANGLE,
@@ -219,7 +219,7 @@ class SixDegreePair(WithPair):
     @property
     def size(self):
         """Length of the state: 4, and two for each elastic bearing direction."""
-        return 4 + 2 * len(self.flexible())
+        return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices that map states of size n to states without the free rotation, and back.
@@ -234,11 +234,11 @@ class SixDegreePair(WithPair):
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
         return reduce, lift
 
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Return whether the mesh or a bearing is damped."""
-        return self.pair.damped() or any(self.bearing_damping)
+        return self.pair.has_damping() or any(self.bearing_damping)
 
-    def flexible(self) -> list[int]:
+    def elastic_bearings(self) -> list[int]:
         """Return the indices of the bearings y3, z3, y2, z2 with a finite stiffness."""
         return [i for i, stiffness in enumerate(self.bearing_stiffness) if math.isfinite(stiffness)]
 
@@ -247,12 +247,12 @@ class SixDegreePair(WithPair):
         """The train of two gears with the matrices of the pair."""
         return TwoGears(gears=self)
 
-    def outputs(self, system: TrainSystem) -> np.ndarray:
+    def output_rows(self, system: TrainSystem) -> np.ndarray:
         """Return the row vectors that map states to the extra recorded variables, `OUTPUTS`.
 
         The shape is (12 variables, 3 contact states, segments, components of the state).
         """
-        pair, elastic_bearings = self.pair, self.flexible()
+        pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
         shape = (*system.effect.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(OUTPUTS), *shape), system.base_matrix.dtype)
@@ -271,14 +271,14 @@ class SixDegreePair(WithPair):
             rows[force_row, ..., m + column] = self.bearing_damping[i] * damping_scale
         return rows
 
-    def initial(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
+    def full_state(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a system at tau = 0 from (relative displacement, dy/dtau).
 
         It holds m coordinates, m velocities, the constant 1 and cosines and sines of the
         excitation. The bearings start in their static deflection if `preload` is set.
         """
         z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
-        elastic_bearings, drive_line = self.flexible(), system.drive_lines[0]
+        elastic_bearings, drive_line = self.elastic_bearings(), system.drive_lines[0]
         m = 2 + len(elastic_bearings)
         if self.preload:
             for column, i in enumerate(elastic_bearings, 2):
@@ -304,7 +304,7 @@ class _PairMesh(Mesh):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoGears(GearTrain):
-    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assembled.
+    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assemble.
 
     The line of action lies along x: the bearings y of the pair are the supports along x, its
     bearings z those along y. The scales are those of the pair, whatever its torques.
@@ -313,21 +313,21 @@ class TwoGears(GearTrain):
     ----------
     gears : SixDegreePair
         The pair.
-    numbers : Numbers, optional
+    arithmetic : Arithmetic, optional
         Arithmetic of the run-out phases, by default floats.
     """
 
     gears: Any
-    numbers: Numbers = FLOATS
+    arithmetic: Arithmetic = FLOATS
     bodies: tuple = ()
     meshes: tuple = ()
 
     def __post_init__(self) -> None:
         """Create the bodies and the mesh of the train from the fields of the pair."""
         gears = self.gears
-        quarter = self.numbers.pi / 2.0
+        quarter = self.arithmetic.pi / 2.0
         # e3 sin phi3 and -e2 sin(Delta - phi2), where the gears rotate in opposite directions.
-        run_out_phases = -quarter, self.numbers.of(gears.run_out_phase) - quarter
+        run_out_phases = -quarter, self.arithmetic.convert(gears.run_out_phase) - quarter
         bodies = tuple(
             unchecked(
                 Body,
@@ -353,9 +353,9 @@ class TwoGears(GearTrain):
         for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):
             object.__setattr__(self, name, value)
 
-    def assembled(self, numbers: Numbers = FLOATS) -> Structure:
+    def assemble(self, arithmetic: Arithmetic = FLOATS) -> Structure:
         """Return the matrices in floats or balls, with rotations before bearing motions."""
-        return structure(self.by_name, self.meshes, (), numbers, rotations_first=True)
+        return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
         """Return the segments of one mesh period, for all periods: the run-out adds none."""

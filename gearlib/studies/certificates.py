@@ -73,7 +73,7 @@ def compute(
         pair_certificates += points if all_points else []
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in models.items():
-        if pair.damped():
+        if pair.has_damping():
             labels = {"damping": damping, "model": "reducer"}
             certificates += [labels | certificate for certificate in _reducer_certificates(pair)]
             break

@@ -48,7 +48,7 @@ def test_a_damped_motion_repeats_with_the_run_out(teeth, repeats, nu):
 def relative(pair, nu, state):
     """Return displacement and velocity at tau = 0 of a full state without constants."""
     system = pair.system(nu)
-    z, (near,) = pair.initial(system, (0.0, 0.0)), system.drive_lines
+    z, (near,) = pair.full_state(system, (0.0, 0.0)), system.drive_lines
     z[: state.size] = state
     return near @ z, near @ (state_matrix_by_phase(system, [0], 0) @ z)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import idler, planetary, split_power_reducer
-from gearlib.models.trains.elastic import linear
+from gearlib.models.trains.elastic import free_motions_and_modes
 from tests.paper import PAPER
 
 ROTATIONAL = (0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3)
@@ -136,6 +136,6 @@ def test_modes_of_the_reducer_come_with_its_three_branches():
 def test_which_springs_are_too_soft_to_count_is_no_matter_of_units(unit):
     # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
-    found = linear(springs, (np.eye(3), unit * np.ones(3)))
+    found = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))
     assert np.abs(found.free[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])
     assert found.squares == pytest.approx([1.0, 4.0], rel=1e-14)

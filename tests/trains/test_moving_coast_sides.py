@@ -23,4 +23,4 @@ def test_the_static_equilibrium_rests(load, turning):
     run = simulate(train, 0.7, periods=3, record_periods=3, initial_state="static")
     assert np.ptp(run.displacement.values, axis=0).max() < 1e-9
     # Turning the whole train moves no flank against another.
-    assert np.abs(train.far_lines @ train.free_motions).max() < 1e-12
+    assert np.abs(train.coast_lines @ train.free_motions).max() < 1e-12

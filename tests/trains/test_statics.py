@@ -20,7 +20,7 @@ def rests(train):
     Springs only push, so that no other forces do that: their energy is convex.
     """
     found, system = equilibrium(train), system_of(describe(train), 1.0)
-    assert not found.wedged.any()
+    assert not found.both_flanks_touch.any()
     stiffness, load = system.still
     left, size = load - stiffness @ found.q, np.abs(load) + np.abs(stiffness) @ np.abs(found.q)
     for contact, force, code in zip(system.contacts, found.force, found.contact, strict=True):

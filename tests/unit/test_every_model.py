@@ -220,7 +220,7 @@ def test_a_model_has_what_the_protocol_says(name):
     model = MODELS[name]
     assert model.mesh is None or model.mesh.mesh is model.mesh and type(model.mesh) is GearPair
     assert (model.equation is None) == (model.size > 2 or name == "pairs of teeth")
-    assert not np.any(model.flank_lines[0]) and model.damped() is True
+    assert not np.any(model.flank_lines[0]) and model.has_damping() is True
     # Fits and tables make a model of gears anew from what a dataset says of it.
     again = None if name in NO_GEARS | {"pairs of teeth"} else model
     assert model.replace() == model and model_from_json(canonical_json(model.as_dict())) == again

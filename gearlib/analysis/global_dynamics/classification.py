@@ -29,7 +29,7 @@ _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 def check_model(model: Any) -> None:
     """Raise ValueError if a model has several meshes, or no damping and so no attractors."""
     check_one_mesh(model)
-    if model.damped():
+    if model.has_damping():
         return
     raise ValueError(
         "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "

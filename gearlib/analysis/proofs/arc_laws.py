@@ -15,7 +15,7 @@ from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import TrainFacts, Uncertain
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, numbers_of
 from gearlib.engines.codes import BACKLASH, INVERSE
-from gearlib.models.trains.elastic import linear
+from gearlib.models.trains.elastic import free_motions_and_modes
 
 #: Largest force on a free motion, relative to the largest entry: a thousand roundings.
 FREE_MOTION_TOLERANCE = 1e-13
@@ -241,7 +241,7 @@ def _modes(model, numbers: Any) -> tuple:
     directions, stiffness = structure.springs
     levels = [mesh.max_stiffness for mesh in meshes]
     springs = np.vstack([directions, structure.lines]), np.append(stiffness, levels)
-    modes = linear(springs, structure.masses)
+    modes = free_motions_and_modes(springs, structure.masses)
     return modes.free, np.sqrt(modes.squares) / float(numbers.frequency), modes.shapes
 
 

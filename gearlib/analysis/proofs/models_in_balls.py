@@ -20,8 +20,8 @@ from gearlib.analysis.proofs.balls import ball_of, flint
 from gearlib.analysis.proofs.certificate_files import Uncertain
 from gearlib.models.six_degrees import TwoGears
 from gearlib.models.trains import turning
-from gearlib.models.trains.structure import Numbers, far_lines
-from gearlib.models.trains.waves import excited
+from gearlib.models.trains.structure import Arithmetic, coast_lines
+from gearlib.models.trains.waves import excitation_harmonics
 
 #: Numbers of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
@@ -125,10 +125,10 @@ def numbers_of(model, tuning: float) -> ModelNumbers:
     return model_reader(model)(model, tuning)
 
 
-def ball_numbers() -> Numbers:
+def ball_arithmetic() -> Arithmetic:
     """Return the arithmetic that assembles a train in balls of the current precision."""
     arb = flint().arb
-    return Numbers(
+    return Arithmetic(
         object,
         arb,
         cos_sin=lambda angle: arb(angle).sin_cos()[::-1],
@@ -233,10 +233,10 @@ def _of_equation(model, tuning: float) -> ModelNumbers:
 
 def _of_train(train, tuning: float) -> ModelNumbers:
     """Return the numbers of a `GearTrain`, which do not depend on the tuning."""
-    arb, numbers = flint().arb, ball_numbers()
-    structure = train.assembled(numbers)
-    coast_rows = far_lines(structure, train.by_name, train.meshes, numbers)
-    waves, constants = excited(train, structure.arms, numbers)
+    arb, arithmetic = flint().arb, ball_arithmetic()
+    structure = train.assemble(arithmetic)
+    coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
+    waves, constants = excitation_harmonics(train, structure.arms, arithmetic)
     meshes = []
     for j, mesh in enumerate(train.meshes):
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
@@ -264,7 +264,7 @@ def _of_train(train, tuning: float) -> ModelNumbers:
                     for frequency, rows in waves.items()
                     if not (rows[:, j] == 0).all()
                 },
-                sliding_row=structure.across[j] if timing.slides else None,
+                sliding_row=structure.sliding[j] if timing.slides else None,
                 friction=tuple(map(arb, mesh.friction[::-1])),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
@@ -283,8 +283,8 @@ def _of_train(train, tuning: float) -> ModelNumbers:
 
 def _of_six_degrees(model, tuning: float) -> ModelNumbers:
     """Return the numbers of a `SixDegreePair`: those of its train, with units in balls."""
-    train = TwoGears(gears=model, numbers=ball_numbers())
-    bearings = (("y3", "z3", "y2", "z2")[i] for i in model.flexible())
+    train = TwoGears(gears=model, arithmetic=ball_arithmetic())
+    bearings = (("y3", "z3", "y2", "z2")[i] for i in model.elastic_bearings())
     return _of_train(train, tuning)._replace(
         coordinates=("u3", "u2", *bearings), derived={}, **_units(model.pair)
     )

@@ -114,7 +114,7 @@ class Frame:
     @classmethod
     def of_mesh(cls, model: Any, system: TrainSystem) -> "Frame":
         """Return the frame of a model with one mesh and its `TrainSystem`."""
-        frame = cls(*model.linear(system))
+        frame = cls(*model.contact_modes(system))
         size, e = len(frame.from_frame), frame.elastic
         r = e // 2
         velocity_rows = np.r_[r:e, e + size // 2 - r : size]
@@ -128,14 +128,15 @@ class Frame:
     @classmethod
     def of_train(cls, train: Any, system: TrainSystem) -> "Frame":
         """Return the frame of a gear train and its `TrainSystem`."""
-        scaled, stiffness_scale = train.scaled(system.tuning), train.stiffness_scale
+        stiffness_scale = train.stiffness_scale
+        matrices = train.dimensionless_matrices(system.tuning)
         squared_frequencies, shapes = train.linear_modes
         omega = train.reference_angular_frequency
         shapes, rigid = (
             x * (math.sqrt(stiffness_scale) / omega) for x in (shapes, train.free_motions)
         )
         w = np.sqrt(squared_frequencies) / omega
-        frame = cls(w, shapes, rigid, scaled.mass)
+        frame = cls(w, shapes, rigid, matrices.mass)
         (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic
         # The linear modes contain the mean mesh stiffness, which is subtracted here.
         beta = train.structure.lines @ shapes
@@ -145,9 +146,9 @@ class Frame:
         velocities = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
         displacements = np.concatenate([np.arange(r), e + np.arange(k)])
         scales = np.concatenate([1.0 / w, np.ones(k)])
-        frame_stiffness = (motions.T @ scaled.frame @ motions) * scales
+        frame_stiffness = (motions.T @ matrices.frame_stiffness @ motions) * scales
         frame.base_matrix[np.ix_(velocities, displacements)] -= frame_stiffness
-        velocity_matrix = scaled.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
+        velocity_matrix = matrices.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
         frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
 

@@ -37,7 +37,7 @@ class Propagator(Train):
         """Return the state z for a state of the mesh, (2,), or of all coordinates, (2 N,)."""
         if len(state) == self.model.size > 2:
             return np.array(state, float)
-        return self.model.initial(self.system, state)[: self.model.size]
+        return self.model.full_state(self.system, state)[: self.model.size]
 
     def fill_record(self, z, span, samples, events, summary, first):
         """Run from the state z, shape (2 N,), and fill the tables; see `Base.fill_record`."""
@@ -76,5 +76,5 @@ class Propagator(Train):
         state = raw[:, :n].copy()
         state[:, : self.scale.size] /= self.scale
         contact, segment = raw[:, n].astype(int), raw[:, -1].astype(int)
-        output_vectors = self.model.outputs(system)[:, contact + 1, segment]
+        output_vectors = self.model.output_rows(system)[:, contact + 1, segment]
         samples[:, count:] = np.einsum("ekn,kn->ke", output_vectors, state)

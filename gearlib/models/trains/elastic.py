@@ -7,7 +7,7 @@ K would lose a mesh of 1 N/m beside a shaft of 1e17 N/m, so K and M are never fo
   of 2 and eliminated. This does not round ratios of radii.
 * Natural frequencies are singular values of k^(1/2) F R^-1 with M = R^T R. Elimination with the
   largest pivots and Jacobi's rotations from one side find the small ones to as many digits as the
-  large ones. Demmel, Gu, Eisenstat, Slapnicar, Veselic, Drmac: Linear Algebra Appl. 299 (1999)
+  large ones. Demmel, Gu, Eisenstat, Slapnicar, Veselic, Drmac: LinearModes Algebra Appl. 299 (1999)
   21-80; Drmac, Veselic: SIAM J. Matrix Anal. Appl. 29 (2008) 1322-1342.
 """
 
@@ -22,7 +22,7 @@ _MIN_PIVOT = 1e-6
 #: Smaller entries, over the largest of a direction, are a sine or cosine that should be 0.
 _ROUNDED_ENTRY = 1e-13
 #: Softer springs, over the stiffest, carry less than the rounding error of the torques.
-_MIN_STIFFNESS_SHARE = 1e-18
+_MIN_RELATIVE_STIFFNESS = 1e-18
 #: Passes that scale rows and columns; each halves the decades between their sizes.
 _SCALING_PASSES = 12
 
@@ -31,7 +31,7 @@ _SCALING_PASSES = 12
 Elements = tuple[np.ndarray, np.ndarray]
 
 
-class Linear(NamedTuple):
+class LinearModes(NamedTuple):
     """Modes of a linear train with n coordinates, k free motions and s springs."""
 
     free: np.ndarray  #: motions that no spring resists, mass-normalised, shape (n, k)
@@ -42,34 +42,34 @@ class Linear(NamedTuple):
     strains: np.ndarray
 
 
-def linear(springs: Elements, masses: Elements) -> Linear:
-    """Return the free motions and natural modes of springs and masses, as `Linear`.
+def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
+    """Return the free motions and natural modes of a system of springs and masses.
 
     Springs and masses are each a pair: row vectors of the n coordinates, (s, n), and stiffnesses in
     N/m or masses in kg, (s,).
     """
-    rows, stiffness, significant = _significant(springs, _MIN_STIFFNESS_SHARE)
+    rows, stiffness, significant = _without_negligible(springs, _MIN_RELATIVE_STIFFNESS)
     free = _null_space(rows)
-    mass_rows, mass_values, _ = _significant(masses, 0.0)
+    mass_rows, mass_values, _ = _without_negligible(masses, 0.0)
     weighted = np.sqrt(mass_values)[:, None] * mass_rows
     root = np.empty((free.shape[0], free.shape[0]))
     triangle, order = qr(weighted, mode="r", pivoting=True)
     # The coordinates z with q = root z have unit mass.
     root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
     rank = rows.shape[1] - free.shape[1]
-    frequencies, left, right = _singular(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
+    frequencies, left, right = _singular_values(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
     # This triangular factor makes the free motions orthonormal with respect to the mass.
     (factor,) = qr(weighted @ free, mode="r")
     factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
     free = solve_triangular(factor, free.T, trans="T").T
     shapes = root @ right
-    signs = _signs(shapes)
+    signs = _mode_signs(shapes)
     strains = np.zeros((significant.size, rank))
     strains[significant] = left * signs
-    return Linear(free, frequencies**2, shapes * signs, strains)
+    return LinearModes(free, frequencies**2, shapes * signs, strains)
 
 
-def _signs(shapes: np.ndarray) -> np.ndarray:
+def _mode_signs(shapes: np.ndarray) -> np.ndarray:
     """Return signs, (p,), that make the first large entry of each mode shape, (n, p), positive."""
     sizes = np.abs(shapes)
     # If several components are largest, rounding errors would choose among them.
@@ -77,18 +77,20 @@ def _signs(shapes: np.ndarray) -> np.ndarray:
     return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _significant(elements: Elements, min_share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows and values of springs or masses that are not negligible, and a mask of them.
+def _without_negligible(
+    elements: Elements, min_fraction: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (rows, values, mask) of the springs or masses that are not negligible.
 
-    An element is negligible below a share of the largest one.
+    An element is negligible if it is smaller than a fraction of the largest one.
     """
     rows, values = elements
     sizes = np.abs(rows)
     smallest = _ROUNDED_ENTRY * sizes.max(axis=1, keepdims=True, initial=0.0)
     rows = np.where(sizes > smallest, rows, 0.0)
     weight = values * (rows**2).sum(axis=1)
-    significant = weight > min_share * weight.max(initial=0.0)
-    return rows[significant], values[significant], significant
+    mask = weight > min_fraction * weight.max(initial=0.0)
+    return rows[mask], values[mask], mask
 
 
 def _complete_pivoting(
@@ -123,9 +125,9 @@ def _null_space(rows: np.ndarray) -> np.ndarray:
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
     for _ in range(_SCALING_PASSES):
-        row_scale = _root_scale(np.abs(scaled).max(axis=1, initial=0.0))
+        row_scale = _balancing_powers(np.abs(scaled).max(axis=1, initial=0.0))
         scaled *= row_scale[:, None]
-        column_scale = _root_scale(np.abs(scaled).max(axis=0, initial=0.0))
+        column_scale = _balancing_powers(np.abs(scaled).max(axis=0, initial=0.0))
         scaled *= column_scale
         weights *= column_scale
         if (row_scale == 1.0).all() and (column_scale == 1.0).all():
@@ -139,14 +141,14 @@ def _null_space(rows: np.ndarray) -> np.ndarray:
     return weights[:, None] * basis
 
 
-def _root_scale(sizes: np.ndarray) -> np.ndarray:
-    """Return the powers of 2 nearest to 1 / sqrt(sizes), and 1 for sizes of 0."""
+def _balancing_powers(sizes: np.ndarray) -> np.ndarray:
+    """Return the powers of 2 nearest to 1 / sqrt(sizes), or 1 where a size is 0."""
     with np.errstate(divide="ignore"):
         exponent = np.where(sizes > 0.0, np.log2(sizes), 0.0)
     return np.exp2(-np.rint(exponent / 2.0))
 
 
-def _singular(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _singular_values(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank."""
     left, pivots, right, _ = _complete_pivoting(matrix, rank)
     orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)

@@ -327,7 +327,7 @@ class Mesh:
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
 
 
-class Parts:
+class ElementSequence:
     """Kind of a parameter that is a sequence of bodies, meshes or shafts of a train."""
 
     def __init__(self, element_class: type, min_length: int = 1) -> None:
@@ -384,7 +384,7 @@ def check_names(train: Any) -> None:
 
 
 def check_gears(train: Any) -> None:
-    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled."""
+    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assemble."""
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):
@@ -401,7 +401,7 @@ def check_gears(train: Any) -> None:
         fits = not mesh.internal or wheel.teeth > pinion.teeth
         allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
         checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, allowed)
-    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
+    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assemble)
 
 
 def check_balance(train: Any) -> None:
@@ -428,8 +428,8 @@ def check_balance(train: Any) -> None:
                 f"{work.sum() / abs(work).sum():.3g} of that of the single torques"
             )
     # A free motion must not change the distance of coast-side flanks with moving backlash.
-    changes = abs(train.far_lines @ train.free_motions)
-    scale = abs(train.far_lines) @ abs(train.free_motions)
+    changes = abs(train.coast_lines @ train.free_motions)
+    scale = abs(train.coast_lines) @ abs(train.free_motions)
     opening = (changes > 1e-9 * scale).any(axis=1)
     for mesh, opens in zip(train.meshes, opening, strict=True):
         name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "

@@ -20,7 +20,7 @@ _ROUNDING = 1e-12
 
 
 def layout(train: "GearTrain") -> xr.Dataset:
-    """Return positions, radii and speeds of gears and meshes, as `GearTrain.layout` describes."""
+    """Return positions, radii and speeds of the gears as the dataset of `GearTrain.layout`."""
     radii = {mesh.name: _pitch_radii(train, mesh) for mesh in train.meshes}
     joints = _joints(train, radii)
     axes = _axes(train, joints)
@@ -29,23 +29,24 @@ def layout(train: "GearTrain") -> xr.Dataset:
         for start in joints
         for end, vector in joints[start]
     ]
-    points = [
+    pitch_points = [
         axes[mesh.pinion] + _vector(radii[mesh.name][0], mesh.centres) for mesh in train.meshes
     ]
-    sizes = {body.name: body.base_radius for body in train.bodies}
+    body_radii = {body.name: body.base_radius for body in train.bodies}
     for mesh in train.meshes:
         for name, radius in zip((mesh.pinion, mesh.wheel), radii[mesh.name], strict=True):
-            sizes[name] = max(sizes[name], abs(radius))
+            body_radii[name] = max(body_radii[name], abs(radius))
+    sizes = list(body_radii.values())
     # The frame of the positions rotates in the housing, and all bodies with it.
     frame_speed = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion])
     speeds = [frame_speed + float(train.speeds[name]) for name in train.body_names]
-    x, y = _without_rounding([axes[name] for name in train.body_names], sizes.values()).T
-    mesh_x, mesh_y = _without_rounding(points, sizes.values()).T
+    x, y = _round_to_zero([axes[name] for name in train.body_names], sizes).T
+    mesh_x, mesh_y = _round_to_zero(pitch_points, sizes).T
     data = {
         "body_x": ("body", x),
         "body_y": ("body", y),
-        "body_radius": ("body", list(sizes.values())),
-        "body_turns": ("body", _without_rounding(speeds, speeds)),
+        "body_radius": ("body", sizes),
+        "body_turns": ("body", _round_to_zero(speeds, speeds)),
         "carried_by": ("body", [body.carrier or "" for body in train.bodies]),
         "shaft_line": ("body", np.array(_shaft_lines(train), np.int32)),
         "mesh_gear": (("mesh", "gear"), [(mesh.pinion, mesh.wheel) for mesh in train.meshes]),
@@ -53,14 +54,14 @@ def layout(train: "GearTrain") -> xr.Dataset:
         "mesh_x": ("mesh", mesh_x),
         "mesh_y": ("mesh", mesh_y),
         "frame_turns": frame_speed,
-        "misfit": float(_without_rounding(max(misfits, default=0.0), sizes.values())),
+        "misfit": float(_round_to_zero(max(misfits, default=0.0), sizes)),
     }
     names = {name: train.names[name] for name in ("body", "mesh")}
     return describe(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
 
 
-def _without_rounding(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
-    """Return values as an array, with 0 in place of values that are rounding errors of sizes."""
+def _round_to_zero(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
+    """Return an array of the values, with 0 for values at the rounding error of the sizes."""
     values = np.array(values, float)
     return np.where(np.abs(values) < _ROUNDING * max(map(abs, sizes)), 0.0, values)
 
@@ -104,7 +105,7 @@ def _joints(train: "GearTrain", radii: dict[str, tuple]) -> dict[str, list]:
 def _axes(train: "GearTrain", joints: dict[str, list]) -> dict[str, np.ndarray]:
     """Return the axis of each body, name -> (x, y) in m, relative to the first carrier.
 
-    `joints` is that of `_joints`. A body without joints lies on the first axis.
+    `joints` are those of `_joints`. A body without joints lies on the first axis.
     """
     axes: dict = {}
     carriers = [body.carrier for body in train.bodies if body.carrier]

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import describe
-from gearlib.models.trains.statics import branches
+from gearlib.models.trains.statics import mesh_groups
 from gearlib.models.trains.waves import stiffness_harmonic
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ _MIN_MOTION = 1e-6
 
 
 def modes(train: "GearTrain") -> xr.Dataset:
-    """Return the natural modes of a train as a dataset, as `GearTrain.modes` describes it."""
+    """Return the natural modes of a train as the dataset of `GearTrain.modes`."""
     squares, shapes = train.linear_modes
     free = train.free_motions
-    frequency = np.concatenate([np.zeros(free.shape[1]), np.sqrt(squares)]) / (2.0 * math.pi)
+    frequency = np.concatenate([np.zeros(free.shape[1]), np.sqrt(squares)]) / math.tau
     shapes = np.concatenate([free, shapes], axis=1)
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     energy = np.zeros((frequency.size, len(train.meshes)))
@@ -38,7 +38,10 @@ def modes(train: "GearTrain") -> xr.Dataset:
         {
             "natural_frequency": ("mode", frequency),
             "mode_kind": ("mode", kinds),
-            "mode_shape": (("mode", "body", "axis"), motions / _largest(motions)[:, None, None]),
+            "mode_shape": (
+                ("mode", "body", "axis"),
+                motions / _largest_motions(motions)[:, None, None],
+            ),
             "strain_energy": (("mode", "mesh"), energy),
         },
         coords={"mode": np.arange(frequency.size)} | train.names,
@@ -47,11 +50,8 @@ def modes(train: "GearTrain") -> xr.Dataset:
     return describe(dataset)
 
 
-def _largest(motions: np.ndarray) -> np.ndarray:
-    """Return the largest motion of a body in each of p modes, (p,).
-
-    `motions` are those of b bodies along x, y and in rotation, shape (p, b, 3).
-    """
+def _largest_motions(motions: np.ndarray) -> np.ndarray:
+    """Return the largest of the motions of bodies, (p, bodies, 3), in each of p modes, (p,)."""
     return np.abs(motions).max(axis=(1, 2), initial=0.0)
 
 
@@ -61,7 +61,8 @@ def _kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     Central bodies are carriers and gears with several meshes. `motions` are the mass-normalised
     motions of b bodies along x, y and in rotation in p modes, shape (p, b, 3).
     """
-    central_names = {name for _, name in branches(train)} | {body.carrier for body in train.bodies}
+    central_names = {body.carrier for body in train.bodies}
+    central_names |= {name for _, name in mesh_groups(train)}
     central = [body.name in central_names for body in train.bodies]
     if not any(central):
         return ["other"] * len(motions)
@@ -78,9 +79,9 @@ def _kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
 
 
 def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
-    """Return the critical speeds of a train up to an order, as `GearTrain.campbell` describes."""
+    """Return the critical speeds of a train as the dataset of `GearTrain.campbell`."""
     orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
-    # Orders that the stiffness does not excite may be excited by deviations.
+    # Orders that the stiffness does not excite may be excitation_harmonics by deviations.
     data = phasing(train, math.ceil(orders[-1])).reindex(
         stiffness_order=[float(order) for order in orders],
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
@@ -93,7 +94,10 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 
 
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
-    """Return the modal forces of stiffness harmonics up to an order, as `GearTrain.phasing`."""
+    """Return the modal forces of stiffness harmonics as the dataset of `GearTrain.phasing`.
+
+    `count` is the highest order of the harmonics.
+    """
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
@@ -110,18 +114,18 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
     # The sum if all meshes acted in phase.
     in_phase = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
-    # A mode without deflection in the meshes of an order is not excited.
+    # A mode without deflection in the meshes of an order is not excitation_harmonics.
     deformed = in_phase > 1e-9 * in_phase.max(initial=0.0)
-    share = np.where(deformed, force / np.where(deformed, in_phase, 1.0), 0.0)
+    phase_sum = np.where(deformed, force / np.where(deformed, in_phase, 1.0), 0.0)
     data = modes(train).isel(mode=slice(train.free_motions.shape[1], None))
     dataset = xr.Dataset(
         {
             "modal_force": (
                 ("stiffness_order", "mode"),
-                np.where(deformed, force, 0.0) / _largest(motions),
+                np.where(deformed, force, 0.0) / _largest_motions(motions),
             ),
-            "phase_sum": (("stiffness_order", "mode"), share),
-            "excites": (("stiffness_order", "mode"), share > 1e-9),
+            "phase_sum": (("stiffness_order", "mode"), phase_sum),
+            "excites": (("stiffness_order", "mode"), phase_sum > 1e-9),
             "natural_frequency": data.natural_frequency,
             "mode_kind": data.mode_kind,
         },

@@ -12,8 +12,8 @@ from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
     PinErrors,
     StructuralDamping,
-    damping_of,
-    train_of,
+    create_train,
+    proportional_damping,
 )
 from gearlib.parameters import (
     ANGLE,
@@ -153,9 +153,9 @@ def planetary(
             base_radius=radii[i],
             torque=0.0 if fixed else torques[i],
             support_stiffness=support_stiffness[i],
-            support_damping=damping_of(support_stiffness[i], structural_damping),
+            support_damping=proportional_damping(support_stiffness[i], structural_damping),
             torsional_stiffness=stiffness * radii[i] ** 2,
-            torsional_damping=damping_of(stiffness, structural_damping) * radii[i] ** 2,
+            torsional_damping=proportional_damping(stiffness, structural_damping) * radii[i] ** 2,
             **fields,
         )
 
@@ -189,7 +189,7 @@ def planetary(
                 backlash=backlash,
             )
             meshes.append(mesh)
-    return train_of(
+    return create_train(
         bodies=bodies,
         meshes=meshes,
         carrier_ratio=sun / ring if turning else 0.0,
@@ -288,7 +288,7 @@ def planetary_set(
     Raises
     ------
     ValueError
-        If gears do not mesh, planets cannot be assembled or strike each other, or a value is
+        If gears do not mesh, planets cannot be assemble or strike each other, or a value is
         impossible.
     """
     drawn = planetary_meshes(

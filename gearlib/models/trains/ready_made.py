@@ -62,7 +62,7 @@ FourReduced = Annotated[tuple | None, Many(MASS, 4), _INERTIA_DESCRIPTION]
 FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_DESCRIPTION]
 
 
-def train_of(**fields: Any) -> Any:
+def create_train(**fields: Any) -> Any:
     """Return the `GearTrain` with fields such as bodies, meshes and shafts."""
     # Imported here, since reading the configuration needs the signatures but no train.
     from gearlib.models.trains.train import GearTrain
@@ -70,7 +70,7 @@ def train_of(**fields: Any) -> Any:
     return GearTrain(**fields)
 
 
-def damping_of(stiffness: float, structural_damping: float) -> float:
+def proportional_damping(stiffness: float, structural_damping: float) -> float:
     """Return the damping of a spring in proportion to its stiffness, 0 for a rigid one.
 
     `structural_damping` is the ratio of damping to stiffness in s.
@@ -133,7 +133,7 @@ class _GearSet:
             mass=self.masses[i],
             torque=force * self.base_radii[i],
             support_stiffness=self.support_stiffness,
-            support_damping=damping_of(self.support_stiffness, self.structural_damping),
+            support_damping=proportional_damping(self.support_stiffness, self.structural_damping),
             **fields,
         )
 
@@ -150,7 +150,7 @@ class _GearSet:
 
     def shaft(self, first_body: str, second_body: str, stiffness: float) -> Shaft:
         """Return a `Shaft` between two bodies with a torsional stiffness in N m/rad."""
-        damping = damping_of(stiffness, self.structural_damping)
+        damping = proportional_damping(stiffness, self.structural_damping)
         return Shaft(bodies=(first_body, second_body), stiffness=stiffness, damping=damping)
 
 
@@ -193,7 +193,7 @@ def idler(
         gears.mesh("pinion", "idler", position=0.0),
         gears.mesh("idler", "wheel", position=math.pi + angle, direction=-1),
     ]
-    return train_of(bodies=bodies, meshes=meshes, **options)
+    return create_train(bodies=bodies, meshes=meshes, **options)
 
 
 @checked
@@ -233,7 +233,7 @@ def two_stage(
         gears.mesh("pinion 2", "wheel 2", position=0.0, direction=-1),
     ]
     shafts = [gears.shaft("wheel 1", "pinion 2", shaft_stiffness)]
-    return train_of(bodies=bodies, meshes=meshes, shafts=shafts, **options)
+    return create_train(bodies=bodies, meshes=meshes, shafts=shafts, **options)
 
 
 @checked
@@ -312,4 +312,4 @@ def split_power_reducer(
             fields |= {"position": angle + math.pi, "direction": -1}
         second.append(gears.mesh(gear_b, "output", **fields))
         shafts.append(gears.shaft(gear_a, gear_b, shaft_stiffness))
-    return train_of(bodies=bodies, meshes=first + second, shafts=shafts, **options)
+    return create_train(bodies=bodies, meshes=first + second, shafts=shafts, **options)

@@ -2,7 +2,7 @@
 
 In every mesh either the drive side or the coast side can carry a force,
 
-    P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q at the far flank:
+    P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q on the coast side,
 
 which is a linear complementarity problem. Its solutions are the minima of a convex, piecewise
 quadratic energy, so the forces are unique. Newton's method with an exact line search ends after
@@ -33,13 +33,13 @@ class Equilibrium(NamedTuple):
     q: np.ndarray  #: coordinates, m, shape (n,), without free motions
     force: np.ndarray  #: N, positive on drive sides, negative on coast sides, shape (m,)
     contact: np.ndarray  #: contact codes 1, 0 and -1, shape (m,)
-    wedged: np.ndarray  #: bool, whether both flanks touch with a force each, shape (m,)
+    both_flanks_touch: np.ndarray  #: bool, whether forces act on both flanks, shape (m,)
 
 
 def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     """Return the static equilibrium with the stiffness and errors at a reference mesh phase in rad.
 
-    Raises ValueError if the load opens a mesh without a coast flank for good.
+    Raises ValueError if the load opens a mesh with infinite backlash permanently.
     """
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
@@ -52,97 +52,98 @@ def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     basis = shapes / np.sqrt(squares)
     drive_lines = train.linear_stretches / np.sqrt(squares)
     moving = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    lines = np.stack([np.where(moving, train.far_lines @ basis, drive_lines), drive_lines])
+    lines = np.stack([np.where(moving, train.coast_lines @ basis, drive_lines), drive_lines])
     strains = train.strains[: -len(train.meshes)]
     load = basis.T @ train.structure.load
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
     # Rounding errors of the gaps cause forces of this size, even without a load.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
     force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
-    modal_amplitudes = _minimum(energy, force_scale)
+    modal_amplitudes = _minimize(energy, force_scale)
     if modal_amplitudes is None:
         raise ValueError(
-            "the train has no static equilibrium: its torques or errors open a mesh without a far "
-            "flank for good; a finite backlash would close"
+            "the train has no static equilibrium: its torques or errors open a mesh with infinite "
+            "backlash permanently; a finite backlash would close"
         )
     distances = lines @ modal_amplitudes + gaps
-    forces, (residual, force_sizes) = energy.forces(distances), energy.slope(modal_amplitudes)
+    forces, (residual, force_sizes) = energy.forces(distances), energy.gradient(modal_amplitudes)
     scale = force_scale + np.abs(load).sum() + force_sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
         raise ValueError("the static equilibrium is not found to rounding; no result")
     contact_codes = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     # A smaller overlap of the coast-side flanks is a rounding error of the distance.
     rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_lines @ modal_amplitudes))
-    wedged = (contact_codes == 1) & (distances[0] < -rounding)
+    both_flanks_touch = (contact_codes == 1) & (distances[0] < -rounding)
     coordinates = basis @ modal_amplitudes
-    return Equilibrium(coordinates, forces.sum(axis=0), contact_codes.astype(np.int8), wedged)
+    contact_codes = contact_codes.astype(np.int8)
+    return Equilibrium(coordinates, forces.sum(axis=0), contact_codes, both_flanks_touch)
 
 
 def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
-    """Return the static equilibrium of a train as a dataset, as `GearTrain.static` describes it."""
-    balance = equilibrium(train, phase)
-    code = status.JAMMED if balance.wedged.any() else status.OK
+    """Return the static equilibrium of a train as the dataset of `GearTrain.static`."""
+    result = equilibrium(train, phase)
+    status_code = status.JAMMED if result.both_flanks_touch.any() else status.OK
     dataset = xr.Dataset(
         {
-            "mesh_force": ("mesh", balance.force),
-            "contact": ("mesh", balance.contact),
-            "load_sharing": ("mesh", load_shares(train, balance.force)),
-            "body_displacement": (("body", "axis"), train.structure.motions @ balance.q),
+            "mesh_force": ("mesh", result.force),
+            "contact": ("mesh", result.contact),
+            "load_sharing": ("mesh", load_shares(train, result.force)),
+            "body_displacement": (("body", "axis"), train.structure.motions @ result.q),
             "reference_phase": ((), float(phase)),
-            "status": ((), np.int8(code)),
+            "status": ((), np.int8(status_code)),
         },
         coords=train.names,
         attrs={"title": "Static equilibrium of a gear train"},
     )
     dataset = describe(dataset)
-    dataset["status"].attrs["message"] = status.MESSAGES[code]
+    dataset["status"].attrs["message"] = status.MESSAGES[status_code]
     return dataset
 
 
-def branches(train: "GearTrain") -> list[tuple[str, str]]:
-    """Return the central gear that each mesh loads together with other meshes.
+def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
+    """Return the group of each mesh, which shares the load of a central gear with other meshes.
 
-    It is ("pinion" or "wheel", name of the gear), or ("mesh", name of the mesh) if no other mesh
-    loads the gears in the same way.
+    It is ("pinion" or "wheel", name of the central gear), or ("mesh", name of the mesh) if no other
+    mesh loads its gears in the same way.
     """
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
-    central_gears = []
+    groups = []
     for mesh in train.meshes:
         if pinions.count(mesh.pinion) > 1:
-            central_gears.append(("pinion", mesh.pinion))
+            groups.append(("pinion", mesh.pinion))
         elif wheels.count(mesh.wheel) > 1:
-            central_gears.append(("wheel", mesh.wheel))
+            groups.append(("wheel", mesh.wheel))
         else:
-            central_gears.append(("mesh", mesh.name))
-    return central_gears
+            groups.append(("mesh", mesh.name))
+    return groups
 
 
 def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
-    """Return forces of m meshes, (..., m), over the mean force at the same central gear.
+    """Return the forces of m meshes, (..., m), over the mean force in the group of each mesh.
 
-    They are NaN where all forces at a central gear are 0.
+    They are NaN where all forces of a group are 0.
     """
-    groups = np.array(["/".join(group) for group in branches(train)])
+    groups = np.array(["/".join(group) for group in mesh_groups(train)])
     shares = np.empty_like(forces)
     with np.errstate(divide="ignore", invalid="ignore"):
         for group in set(groups):
-            branch = groups == group
-            total = forces[..., branch].sum(axis=-1, keepdims=True)
+            in_group = groups == group
+            total = forces[..., in_group].sum(axis=-1, keepdims=True)
             total = np.where(total, total, math.nan)
-            shares[..., branch] = forces[..., branch] * branch.sum() / total
+            shares[..., in_group] = forces[..., in_group] * in_group.sum() / total
     return shares
 
 
 def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
     """Return the stiffness of (coast, drive) sides just after a phase in rad, N/m, shape (2, m)."""
-    period, local = divmod(phase % (math.tau * train.repeats), math.tau)
+    period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, rate) in enumerate(zip(train.meshes, train.rates, strict=True)):
-        shifts = train.inverse_phases[mesh.name], train.phases[mesh.name]
-        local_periods = (local + SAME_PHASE_TOLERANCE) / math.tau
-        mesh_phase = float(int(period) * rate % 1) + local_periods * float(rate)
-        low = at_lower_level(mesh, shifts, np.array([mesh_phase]))[:, 0]
+        stiffness_phases = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
+        mesh_phase = float(int(period) * rate % 1) + fraction * float(rate)
+        low = at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
         levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
     return levels
 
@@ -161,17 +162,17 @@ class _Energy(NamedTuple):
         coast, drive = distances
         return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
 
-    def slope(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def gradient(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the gradient of the energy, (p,), and the size of the mesh forces in it, (p,)."""
         forces = self.forces(self.lines @ amplitudes + self.gaps)
-        slope = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
-        return slope, _modal_forces(np.abs(self.lines), np.abs(forces))
+        gradient = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
+        return gradient, _modal_forces(np.abs(self.lines), np.abs(forces))
 
     def hessian(self, distances: np.ndarray) -> np.ndarray:
         """Return the stiffness matrix, (p, p), with the flanks that touch at given distances."""
-        touching = self.stiffness * np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
-        sides = zip(self.lines, touching, strict=True)
-        return self.elastic + sum(side.T @ (c[:, None] * side) for side, c in sides)
+        touching = np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
+        sides = zip(self.lines, self.stiffness * touching, strict=True)
+        return self.elastic + sum(line.T @ (c[:, None] * line) for line, c in sides)
 
 
 def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -179,13 +180,13 @@ def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
     return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
-def _minimum(energy: _Energy, force_scale: float) -> np.ndarray | None:
+def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
     """Return the modal amplitudes of least energy by Newton's method, None if there is no minimum.
 
-    `force_scale` is the size of forces whose rounding errors may remain.
+    `force_scale` is the size of additional forces whose rounding errors are tolerated.
     """
     amplitudes, load, gaps = energy.load.copy(), energy.load, energy.gaps
-    # A body that is this far away moves without end under its load.
+    # Larger distances mean that a body moves away under its load without limit.
     largest_gap = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
     deflection = np.abs(energy.lines @ load).max(initial=0.0)
     max_distance = 1e6 * (largest_gap + deflection) if deflection > 0.0 else math.inf
@@ -194,25 +195,25 @@ def _minimum(energy: _Energy, force_scale: float) -> np.ndarray | None:
         if np.linalg.eigvalsh(hessian)[0] < 1e-11:
             # A body is loose: a small stiffness makes a long step, which the line search shortens.
             hessian = hessian + 1e-9 * np.eye(amplitudes.size)
-        step = -np.linalg.solve(hessian, energy.slope(amplitudes)[0])
+        step = -np.linalg.solve(hessian, energy.gradient(amplitudes)[0])
         length = _line_search(energy, amplitudes, step)
         if length is None:
             return None
         amplitudes = amplitudes + length * step
         if -(energy.lines[1] @ amplitudes + gaps[1]).min() > max_distance:
             return None
-        slope, sizes = energy.slope(amplitudes)
-        forces = load, energy.elastic @ amplitudes, sizes
+        gradient, mesh_forces = energy.gradient(amplitudes)
+        forces = load, energy.elastic @ amplitudes, mesh_forces
         scale = force_scale + sum(np.abs(force).max(initial=0.0) for force in forces)
-        if np.abs(slope).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
+        if np.abs(gradient).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
             break
     return amplitudes
 
 
 def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
-    """Return the length along a step at which the energy is least, None if it falls for ever.
+    """Return the step length of least energy, None if the energy decreases without limit.
 
-    The slope of the energy along the step rises and is linear between contacts of flanks.
+    The slope of the energy along the step increases and is linear between contacts of flanks.
     """
     distances, rates = energy.lines @ amplitudes + energy.gaps, energy.lines @ step
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -235,8 +236,8 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
     # Beyond the last contact the slope is linear.
     end = 2.0 * start + 1.0
     end_slope = slope(end)
-    rise = end_slope - start_slope
-    if rise <= 1e-13 * (abs(end_slope) + abs(start_slope)):
+    increase = end_slope - start_slope
+    if increase <= 1e-13 * (abs(end_slope) + abs(start_slope)):
         # Without a load the remaining slope is a rounding error.
         return None if energy.load.any() else start
-    return start - start_slope * (end - start) / rise
+    return start - start_slope * (end - start) / increase

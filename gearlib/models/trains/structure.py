@@ -25,11 +25,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 
-class Numbers(NamedTuple):
-    """Arithmetic with which the matrices of a train are assembled: floats or balls."""
+class Arithmetic(NamedTuple):
+    """Arithmetic with which the matrices of a train are assemble: floats or balls."""
 
     dtype: type
-    of: Any  #: function that converts a float
+    convert: Any  #: function from a float to a number of this arithmetic
     cos_sin: Any  #: function from an angle to its cosine and sine
     polar: Any  #: function from a vector to its length and angle
     pi: Any
@@ -38,10 +38,10 @@ class Numbers(NamedTuple):
         """Return an array of zeros with a shape."""
         if self.dtype is not object:
             return np.zeros(shape, self.dtype)
-        return np.array([self.of(0.0)] * math.prod(shape), object).reshape(shape)
+        return np.array([self.convert(0.0)] * math.prod(shape), object).reshape(shape)
 
     def rotated(self, rows: Any, angle: Any) -> np.ndarray:
-        """Return the row vectors (2, n) of a motion along x and y, given along rotated axes.
+        """Return the row vectors, (2, n), of a motion along x and y.
 
         `rows`, (2, n), are its row vectors along axes that are rotated by an angle in rad.
         """
@@ -49,7 +49,7 @@ class Numbers(NamedTuple):
         return np.stack([cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]])
 
 
-FLOATS = Numbers(
+FLOATS = Arithmetic(
     float,
     lambda value: value,
     lambda angle: (math.cos(angle), math.sin(angle)),
@@ -70,67 +70,68 @@ class Structure(NamedTuple):
     stiffness: np.ndarray  #: stiffness without the meshes, N/m, shape (n, n)
     damping: np.ndarray  #: N s/m, shape (n, n)
     lines: np.ndarray  #: rows b_j of the distances along the lines of action, shape (m, n)
-    across: np.ndarray  #: rows of the sliding of the axes across the lines of action, (m, n)
+    sliding: np.ndarray  #: rows of the sliding of the axes across the lines of action, (m, n)
     arms: np.ndarray  #: directions along which pinion and wheel axes enter d_j, (m, 2, 2)
     load: np.ndarray  #: N, shape (n,)
-    turning: np.ndarray  #: Coriolis matrix per unit of frame speed, kg, shape (n, n)
+    coriolis: np.ndarray  #: damping per frame speed by Coriolis forces, kg, shape (n, n)
     centrifugal: np.ndarray  #: stiffness per square of the frame speed, kg, shape (n, n)
-    circulating: np.ndarray  #: stiffness per frame speed from fixed dampers, N s/m, shape (n, n)
-    outward: np.ndarray  #: centrifugal load per square of the frame speed, kg m, shape (n,)
+    circulatory: np.ndarray  #: stiffness per frame speed from fixed dampers, N s/m, shape (n, n)
+    centrifugal_load: np.ndarray  #: per square of the frame speed, kg m, shape (n,)
     springs: tuple  #: rows, shape (s, n), and N/m, shape (s,), of all springs but the meshes
     masses: tuple  #: rows, shape (3 b, n), and kg, shape (3 b,)
 
 
 def structure(
-    bodies: dict, meshes: Any, shafts: Any, numbers: Numbers = FLOATS, rotations_first: bool = False
+    bodies: dict, meshes: Any, shafts: Any, arithmetic: Arithmetic, rotations_first: bool = False
 ) -> Structure:
     """Return the matrices of a train of bodies (name -> `Body`), meshes and shafts in SI units.
 
-    `numbers` is the arithmetic; with `rotations_first` coordinates of rotations precede others.
+    They are computed in an arithmetic, floats or balls. If `rotations_first` is set, coordinates of
+    rotations precede the others.
     """
     coordinates = _coordinates(bodies, rotations_first)
-    n, of = len(coordinates), numbers.of
-    rows, supports = _motions(bodies, coordinates, numbers)
+    n, convert = len(coordinates), arithmetic.convert
+    rows, supports = _motions(bodies, coordinates, arithmetic)
     motions, springs, masses = {}, [], []
-    turning, centrifugal, circulating = numbers.zeros(3, n, n)
-    load, outward = numbers.zeros(2, n)
+    coriolis, centrifugal, circulatory = arithmetic.zeros(3, n, n)
+    load, centrifugal_load = arithmetic.zeros(2, n)
     for name, body in bodies.items():
         # Row vectors of the motion along x and y and of the rotation; base radius; mass.
-        (x, y, u), r, m = rows[name], of(body.base_radius), of(body.mass or 0.0)
-        masses += [(x, m), (y, m), (u, of(body.inertia) / r**2)]
+        (x, y, u), r, m = rows[name], convert(body.base_radius), convert(body.mass or 0.0)
+        masses += [(x, m), (y, m), (u, convert(body.inertia) / r**2)]
         elements = zip(supports[name], body.support_stiffness, body.support_damping, strict=True)
         springs += [(row, k, d) for row, k, d in elements if math.isfinite(k)]
         if math.isfinite(body.torsional_stiffness):
             springs.append((u, body.torsional_stiffness / r**2, body.torsional_damping / r**2))
-        turning += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
+        coriolis += 2.0 * m * (np.outer(y, x) - np.outer(x, y))
         tangential = y - rows[body.carrier][2] if body.carrier else y
         centrifugal -= m * (np.outer(x, x) + np.outer(tangential, tangential))
         if body.carrier:
-            outward += m * bodies[body.carrier].base_radius * x
+            centrifugal_load += m * bodies[body.carrier].base_radius * x
         else:
             c = body.support_damping
-            circulating += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
+            circulatory += c[1] * np.outer(y, x) - c[0] * np.outer(x, y)
         load += body.torque / r * u
         angle = body.angle if body.carrier else 0.0
-        motions[name] = np.stack([*numbers.rotated(rows[name][:2], angle), u])
+        motions[name] = np.stack([*arithmetic.rotated(rows[name][:2], angle), u])
     for shaft in shafts:
         (xa, ya, ua), (xb, yb, ub) = (motions[name] for name in shaft.bodies)
-        ra, rb = (of(bodies[name].base_radius) for name in shaft.bodies)
+        ra, rb = (convert(bodies[name].base_radius) for name in shaft.bodies)
         bending = shaft.bending_stiffness, shaft.bending_damping
         springs.append((ua / ra - ub / rb, shaft.stiffness, shaft.damping))
         springs += [(xa - xb, *bending), (ya - yb, *bending)]
     return Structure(
         tuple(coordinates),
         np.array(list(motions.values())),
-        _sum_of_squares(numbers, n, masses),
-        _sum_of_squares(numbers, n, [(row, k) for row, k, _ in springs]),
-        _sum_of_squares(numbers, n, [(row, d) for row, _, d in springs]),
-        *_lines(meshes, motions, n, numbers),
+        _sum_of_squares(arithmetic, n, masses),
+        _sum_of_squares(arithmetic, n, [(row, k) for row, k, _ in springs]),
+        _sum_of_squares(arithmetic, n, [(row, d) for row, _, d in springs]),
+        *_lines(meshes, motions, n, arithmetic),
         load,
-        turning,
+        coriolis,
         centrifugal,
-        circulating,
-        outward,
+        circulatory,
+        centrifugal_load,
         _as_arrays([(row, k) for row, k, _ in springs], n),
         _as_arrays(masses, n),
     )
@@ -148,18 +149,21 @@ def _coordinates(bodies: dict, rotations_first: bool) -> list:
     return coordinates
 
 
-def _motions(bodies: dict, coordinates: list, numbers: Numbers) -> tuple[dict, dict]:
-    """Return two dicts by body: rows of x, y, u, (3, n), and of support deflections, (2, n)."""
+def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[dict, dict]:
+    """Return the row vectors of body motions and of support deflections as dicts by body name.
+
+    They are those of (x, y, u), shape (3, n), and of both directions of a support, shape (2, n).
+    """
     n = len(coordinates)
-    rows = {body: numbers.zeros(3, n) for body in bodies}
+    rows = {body: arithmetic.zeros(3, n) for body in bodies}
     for i, (name, axis) in enumerate(coordinates):
-        rows[name]["xyu".index(axis), i] = numbers.of(1.0)
+        rows[name]["xyu".index(axis), i] = arithmetic.convert(1.0)
     supports = {name: rows[name][:2].copy() for name in bodies}
     for name, body in bodies.items():
         if body.carrier:
             # The motion of the pin along its radius and across it.
             x, y, rotation = rows[body.carrier]
-            radial, tangential = numbers.rotated([x, y], -body.angle)
+            radial, tangential = arithmetic.rotated([x, y], -body.angle)
             pin = np.stack([radial, tangential + rotation])
             supports[name] = supports[name] - pin
             for axis, stiffness in enumerate(body.support_stiffness):
@@ -168,42 +172,45 @@ def _motions(bodies: dict, coordinates: list, numbers: Numbers) -> tuple[dict, d
     return rows, supports
 
 
-def _sum_of_squares(numbers: Numbers, n: int, terms: list) -> np.ndarray:
+def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
     """Return the matrix (n, n) that is the sum of value * row^T row over terms (row, value)."""
-    total = numbers.zeros(n, n)
+    total = arithmetic.zeros(n, n)
     for row, value in terms:
         total += value * np.outer(row, row)
     return total
 
 
 def _lines(
-    meshes: list, motions: dict, n: int, numbers: Numbers
+    meshes: list, motions: dict, n: int, arithmetic: Arithmetic
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows along and across the lines of action, (m, n) each, and arms, (m, 2, 2)."""
-    lines, across = numbers.zeros(2, len(meshes), n)
-    arms = numbers.zeros(len(meshes), 2, 2)
+    """Return the fields (lines, sliding, arms) of the `Structure` of m meshes.
+
+    `motions` maps a body to its row vectors of (x, y, u), shape (3, n).
+    """
+    lines, sliding = arithmetic.zeros(2, len(meshes), n)
+    arms = arithmetic.zeros(len(meshes), 2, 2)
     for j, mesh in enumerate(meshes):
         pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
         first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
         # The unit vector e of the line of action.
-        e = np.array(numbers.cos_sin(mesh.line_by(numbers.pi)))
+        e = np.array(arithmetic.cos_sin(mesh.line_by(arithmetic.pi)))
         arms[j] = (-e, e) if mesh.internal else (e, -e)
         sign = -1.0 if mesh.internal else 1.0
         lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + sign * second[2])
         # At direction 1 a pinion slides past the pitch point a quarter turn counterclockwise of e.
         # Its mirror image and a ring gear, slower than its pinion, slide clockwise.
-        sliding = mesh.direction * sign
-        across[j] = sliding * (np.array([-e[1], e[0]]) @ (first[:2] - second[:2]))
-    return lines, across, arms
+        across = np.array([-e[1], e[0]])
+        sliding[j] = mesh.direction * sign * (across @ (first[:2] - second[:2]))
+    return lines, sliding, arms
 
 
-def far_lines(
-    structure: Structure, bodies: dict, meshes: Any, numbers: Numbers = FLOATS
+def coast_lines(
+    structure: Structure, bodies: dict, meshes: Any, arithmetic: Arithmetic = FLOATS
 ) -> np.ndarray:
     """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
     In a mesh with moving backlash, they exclude the deflections of the supports. `bodies` maps
-    names to `Body`; `numbers` is the arithmetic.
+    names to `Body`.
     """
     lines, motions = structure.lines.copy(), dict(zip(bodies, structure.motions, strict=True))
     for j, mesh in enumerate(meshes):
@@ -211,7 +218,7 @@ def far_lines(
             if mesh.moving_backlash:
                 body, deflection = bodies[name], motions[name][:2].copy()
                 if body.carrier:
-                    cosine, sine = numbers.cos_sin(body.angle)
+                    cosine, sine = arithmetic.cos_sin(body.angle)
                     x, y, rotation = motions[body.carrier]
                     deflection -= np.stack([x - sine * rotation, y + cosine * rotation])
                 lines[j] -= arm @ deflection
@@ -219,6 +226,6 @@ def far_lines(
 
 
 def _as_arrays(terms: list, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows, shape (s, n), and the values, (s,), of terms (row, value)."""
+    """Return the row vectors, shape (s, n), and the values, (s,), of terms (row, value)."""
     rows = np.array([row for row, _ in terms]).reshape(len(terms), n)
     return rows, np.array([value for _, value in terms])

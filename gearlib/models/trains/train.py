@@ -26,18 +26,30 @@ from gearlib.models.trains import (
     turning,
     waves,
 )
-from gearlib.models.trains.elastic import Linear, linear
+from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
     Body,
+    ElementSequence,
     Mesh,
-    Parts,
     Shaft,
     check_balance,
     check_gears,
     check_names,
 )
-from gearlib.models.trains.structure import AXES, FLOATS, Numbers, Structure, far_lines, structure
-from gearlib.models.trains.system import Scaled, largest_norm, scaled, train_system
+from gearlib.models.trains.structure import (
+    AXES,
+    FLOATS,
+    Arithmetic,
+    Structure,
+    coast_lines,
+    structure,
+)
+from gearlib.models.trains.system import (
+    DimensionlessMatrices,
+    dimensionless_matrices,
+    largest_norm,
+    train_system,
+)
 from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
@@ -52,12 +64,12 @@ class GearTrain(Model):
     Raises
     ------
     ValueError
-        If a value is impossible or the train cannot be assembled, turn, or stay in balance.
+        If a value is impossible or the train cannot be assemble, turn, or stay in balance.
     """
 
-    bodies: Annotated[tuple, Parts(Body), "Gears and carriers"]
-    meshes: Annotated[tuple, Parts(Mesh), "Meshes of the gears"]
-    shafts: Annotated[tuple, Parts(Shaft, 0), "Shafts that join bodies"] = ()
+    bodies: Annotated[tuple, ElementSequence(Body), "Gears and carriers"]
+    meshes: Annotated[tuple, ElementSequence(Mesh), "Meshes of the gears"]
+    shafts: Annotated[tuple, ElementSequence(Shaft, 0), "Shafts that join bodies"] = ()
     reference: Annotated[
         str | None,
         Kind("the name of a mesh", lambda value: True),
@@ -123,16 +135,16 @@ class GearTrain(Model):
     @cached_property
     def structure(self):
         """Mass, stiffness and damping matrices of the train in SI units."""
-        return self.assembled()
+        return self.assemble()
 
-    def assembled(self, numbers: Numbers = FLOATS) -> Structure:
+    def assemble(self, arithmetic: Arithmetic = FLOATS) -> Structure:
         """Return the matrices of the train in SI units, in floats or balls."""
-        return structure(self.by_name, self.meshes, self.shafts, numbers)
+        return structure(self.by_name, self.meshes, self.shafts, arithmetic)
 
     @cached_property
-    def far_lines(self):
-        """Rows of the coast-side distances, (m, n), see `structure.far_lines`."""
-        return far_lines(self.structure, self.by_name, self.meshes)
+    def coast_lines(self):
+        """Rows of the coast-side distances, (m, n), see `structure.coast_lines`."""
+        return coast_lines(self.structure, self.by_name, self.meshes)
 
     @cached_property
     def speeds(self):
@@ -189,36 +201,38 @@ class GearTrain(Model):
         return 2 * len(self.structure.coordinates)
 
     @cached_property
-    def _linear(self) -> Linear:
+    def _natural_modes(self) -> LinearModes:
         """Free motions and natural modes with all flanks in contact at mean stiffness."""
         (rows, stiffness), lines = self.structure.springs, self.structure.lines
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
         springs = np.concatenate([rows, lines]), np.concatenate([stiffness, mean_stiffness])
-        return linear(springs, self.structure.masses)
+        return free_motions_and_modes(springs, self.structure.masses)
 
     @property
     def free_motions(self):
         """Motions of the train that no stiffness resists, mass-normalised, shape (n, k)."""
-        return self._linear.free
+        return self._natural_modes.free
 
     @property
     def linear_modes(self):
         """Squared angular frequencies and mass-normalised shapes of the elastic modes."""
-        return self._linear.squares, self._linear.shapes
+        return self._natural_modes.squares, self._natural_modes.shapes
 
     @property
     def strains(self):
-        """Strains of the springs of the structure, then of the meshes, see `Linear.strains`."""
-        return self._linear.strains
+        """`LinearModes.strains` of the springs of the structure, then of the meshes."""
+        return self._natural_modes.strains
 
-    def linear(self, system: TrainSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def contact_modes(
+        self, system: TrainSystem
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return dimensionless modes with all flanks in contact at mean stiffness.
 
         They are (natural frequencies, mode shapes, free motions, mass matrix) of a train at the
         tuning of a system, with one mode or motion per column.
         """
         omega = self.reference_angular_frequency
-        mass = self.scaled(system.tuning).mass
+        mass = self.dimensionless_matrices(system.tuning).mass
         squares, shapes = self.linear_modes
         modes = np.hstack([shapes, self.free_motions]) * (math.sqrt(self.stiffness_scale) / omega)
         # A step of Newton's method makes the modes orthonormal to the last digit, so that their
@@ -232,7 +246,7 @@ class GearTrain(Model):
         stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
         # Strains are stretches times the root of the stiffness over the frequency.
         strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
-        return strains * np.sqrt(self._linear.squares)
+        return strains * np.sqrt(self._natural_modes.squares)
 
     @cached_property
     def loaded_stretches(self) -> np.ndarray:
@@ -278,7 +292,7 @@ class GearTrain(Model):
         """Angular mesh frequency at which the tuning is 1, rad/s."""
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
-        squares = self._linear.squares
+        squares = self._natural_modes.squares
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
         sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
@@ -303,14 +317,14 @@ class GearTrain(Model):
             "torque": ("body", [body.torque for body in self.bodies]),
         }
 
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Return whether a mesh, support or shaft is damped."""
         meshes = any(mesh.material_damping or mesh.backlash_damping for mesh in self.meshes)
         return meshes or bool(self.structure.damping.any())
 
-    def scaled(self, tuning: float) -> Scaled:
+    def dimensionless_matrices(self, tuning: float) -> DimensionlessMatrices:
         """Return the dimensionless matrices without the meshes at a tuning."""
-        return scaled(self, tuning)
+        return dimensionless_matrices(self, tuning)
 
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
         """Return the state-space matrices at a tuning, over all segments of constant stiffness.
@@ -326,7 +340,7 @@ class GearTrain(Model):
     @cached_property
     def norm_at_rest(self):
         """Bound of the norms of state matrices without gyroscopic forces, equal at all tunings."""
-        return largest_norm(self, self.scaled(1.0))
+        return largest_norm(self, self.dimensionless_matrices(1.0))
 
     @cached_property
     def _system(self):
@@ -451,7 +465,7 @@ class GearTrain(Model):
     value, with_values = train_values.value, train_values.with_values
     contact_map = contact_map
 
-    def disturbed(self, state: Any, disturbance: float) -> tuple[float, ...]:
+    def disturbed_state(self, state: Any, disturbance: float) -> tuple[float, ...]:
         """Return an initial state with a disturbance added to the first elastic mode.
 
         The disturbance is the largest displacement of the mode, in static deflections.

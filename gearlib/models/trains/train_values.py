@@ -57,7 +57,7 @@ FIELDS: dict = {
 def shared_value(train: "GearTrain", name: str) -> float:
     """Return the value of a parameter in `PARAMETERS` that all meshes of a train share.
 
-    A backlash is in static deflections. Raises ValueError if the meshes have different values.
+    The backlash is in static deflections. Raises ValueError if the meshes have different values.
     """
     values = {getattr(mesh, name) for mesh in train.meshes}
     if len(values) > 1:
@@ -97,13 +97,13 @@ def _elements(train: "GearTrain") -> dict[tuple[str, str], Any]:
     )
 
 
-def _places(train: "GearTrain") -> dict[str, list[tuple]]:
+def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
     """Return where the finite numbers of a train are stored, name -> [(element, field, axes)].
 
     An element is (kind, name), such as ("body", "sun"); axes is "x", "y" or "xy" for fields with a
     value for x and y, else "". Values of rigid supports are left out.
     """
-    places: dict = {}
+    locations: dict = {}
     for element_key, element in _elements(train).items():
         for field in FIELDS[element_key[0]]:
             value, name = getattr(element, field), f"{field} of {' '.join(element_key)}"
@@ -111,20 +111,20 @@ def _places(train: "GearTrain") -> dict[str, list[tuple]]:
             stiffness = getattr(element, f"{spring}_stiffness", None) if spring != field else None
             if not isinstance(value, tuple):
                 if value is not None and not (spring == "torsional" and math.isinf(stiffness)):
-                    places[name] = [(element_key, field, "")]
+                    locations[name] = [(element_key, field, "")]
                 continue
             stiffness_xy = stiffness or (0.0, 0.0)
             axes = [axis for axis, k in zip("xy", stiffness_xy, strict=True) if math.isfinite(k)]
             values = {value["xy".index(axis)] for axis in axes}
             if field != "offset" and len(values) == 1:
-                places[name] = [(element_key, field, "".join(axes))]
+                locations[name] = [(element_key, field, "".join(axes))]
             for axis in axes:
-                places[f"{name}, {axis}"] = [(element_key, field, axis)]
-    return places
+                locations[f"{name}, {axis}"] = [(element_key, field, axis)]
+    return locations
 
 
-def _shared_places(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return where the mesh fields with one common value are stored, as `_places` does."""
+def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
+    """Return where the fields with the same value in all meshes are stored, like `_locations`."""
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
         for field in FIELDS["mesh"]
@@ -135,37 +135,37 @@ def _shared_places(train: "GearTrain") -> dict[str, list[tuple]]:
 def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
     """Return the numbers of a train that can be changed, name -> (CF units, description).
 
-    ``load`` stands for all torques in proportion.
+    The number ``load`` changes all torques in proportion.
     """
-    numbers = {"load": ("N", "load, all torques in proportion")}
-    for field in _shared_places(train):
+    descriptions = {"load": ("N", "load, all torques in proportion")}
+    for field in _shared_locations(train):
         units, description = FIELDS["mesh"][field]
-        numbers[field] = units, f"{description} of all meshes"
-    for name, [((kind, _), field, _)] in _places(train).items():
+        descriptions[field] = units, f"{description} of all meshes"
+    for name, [((kind, _), field, _)] in _locations(train).items():
         units, description = FIELDS[kind][field]
-        numbers[name] = units, description + name.removeprefix(field)
-    return numbers
+        descriptions[name] = units, description + name.removeprefix(field)
+    return descriptions
 
 
 def value(train: "GearTrain", name: str) -> float:
     """Return a number of a train by its name in `settable`, such as "inertia of body sun"."""
     if name == "load":
         return train.load
-    element_key, field, axes = (_shared_places(train) | _places(train))[name][0]
+    element_key, field, axes = (_shared_locations(train) | _locations(train))[name][0]
     entry = getattr(_elements(train)[element_key], field)
     return entry["xy".index(axes[0])] if axes else entry
 
 
 def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain":
     """Return a checked copy of a train with new values of numbers in `settable`, name -> value."""
-    places, elements = _shared_places(train) | _places(train), _elements(train)
+    locations, elements = _shared_locations(train) | _locations(train), _elements(train)
     fields: dict = {element_key: {} for element_key in elements}
     for name, new_value in new_values.items():
         if name == "load":
             for body in train.bodies:
                 fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
             continue
-        for element_key, field, axes in places[name]:
+        for element_key, field, axes in locations[name]:
             new_entry: Any = new_value
             if axes:
                 x, y = fields[element_key].get(field, getattr(elements[element_key], field))

@@ -10,7 +10,7 @@ at the angle alpha after
 with the speed w of the gear and f = 1 for counterclockwise flanks. At that time the stiffness is
 past the middle of its upper level by `pitch_phase` if the pinion drives, and before it by as much
 if the wheel drives. Both gears of a mesh have the same t. Around a loop of meshes the orientations
-o must agree, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi must
+o must agree, or the train cannot be assemble: for equal satellites (z_s + z_r) psi_n / 2 pi must
 be an integer. Parker, J. Sound Vib. 236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004)
 365-370. The teeth of gears on one shaft are in line, or apart by the angle of the keying, unless
 loops of meshes require another angle. The tooth of the first gear is the tooth nearest to the line
@@ -37,8 +37,8 @@ def speeds(
 ) -> dict[str, Fraction]:
     """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
 
-    `reference` names the reference mesh. Bodies without a mesh or shaft have speed 0. Raises
-    ValueError for a locked train or a mesh without connection to the reference mesh.
+    `reference` is the name of the reference mesh. Bodies without a mesh or shaft have speed 0.
+    Raises ValueError for a locked train or a mesh without connection to the reference mesh.
     """
     ratios = []  # (first body, second body, ratio of their speeds, description)
     for mesh in meshes:
@@ -46,8 +46,8 @@ def speeds(
         ratio *= 1 if mesh.internal else -1
         ratios.append((mesh.pinion, mesh.wheel, ratio, f"mesh {mesh.name}"))
     ratios += [(*shaft.bodies, Fraction(1), f"shaft {'-'.join(shaft.bodies)}") for shaft in shafts]
-    first = next(mesh for mesh in meshes if mesh.name == reference)
-    speed_of = {first.pinion: Fraction(1, bodies[first.pinion].teeth)}
+    reference_mesh = next(mesh for mesh in meshes if mesh.name == reference)
+    speed_of = {reference_mesh.pinion: Fraction(1, bodies[reference_mesh.pinion].teeth)}
     count = 0
     while len(speed_of) > count:
         count = len(speed_of)
@@ -67,44 +67,45 @@ def speeds(
                 f"mesh {mesh.name} is not allowed: it must be connected with the reference mesh "
                 f"{reference} by meshes and shafts"
             )
-    sense = _sense(meshes, first, speed_of)
-    return {name: sense * speed_of.get(name, Fraction(0)) for name in bodies}
+    sign = _rotation_sign(meshes, reference_mesh, speed_of)
+    return {name: sign * speed_of.get(name, Fraction(0)) for name in bodies}
 
 
-def _sense(meshes: Sequence[Mesh], reference_mesh: Mesh, speed: dict[str, Fraction]) -> int:
-    """Return the sign, 1 or -1, of the speeds with which the declared driving gears drive.
+def _rotation_sign(meshes: Sequence[Mesh], reference_mesh: Mesh, speed: dict[str, Fraction]) -> int:
+    """Return the factor, 1 or -1, of the speeds for which the given driving gears drive.
 
-    `speed` maps a body to its speed up to this sign. Without declared gears, the pinion drives the
-    reference mesh.
+    `speed` maps a body to its speed up to this factor. If no mesh has a given driving gear, the
+    pinion drives in the reference mesh.
     """
-    declared = [mesh for mesh in meshes if mesh.driving]
-    senses = [1 if driver(mesh, speed) == mesh.driving else -1 for mesh in declared]
-    for sense, mesh in zip(senses, declared, strict=True):
+    meshes = [mesh for mesh in meshes if mesh.driving]
+    signs = [1 if driving_gear(mesh, speed) == mesh.driving else -1 for mesh in meshes]
+    for sign, mesh in zip(signs, meshes, strict=True):
         allowed = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
         checks.require(
-            sense == senses[0],
+            sign == signs[0],
             f"driving of mesh {mesh.name}",
             mesh.driving,
-            f"{allowed!r} as the gears turn and press where {declared[0].driving!r} drives in mesh "
-            f"{declared[0].name}",
+            f"{allowed!r} as the gears turn and press where {meshes[0].driving!r} drives in mesh "
+            f"{meshes[0].name}",
         )
-    if senses:
-        return senses[0]
-    return 1 if driver(reference_mesh, speed) == reference_mesh.pinion else -1
+    if signs:
+        return signs[0]
+    return 1 if driving_gear(reference_mesh, speed) == reference_mesh.pinion else -1
 
 
-def driver(mesh: Mesh, speed: dict[str, Fraction]) -> str:
+def driving_gear(mesh: Mesh, speed: dict[str, Fraction]) -> str:
     """Return the gear that drives a mesh through its drive-side flanks, from body speeds."""
-    return mesh.pinion if speed[mesh.pinion] * _side(mesh, mesh.pinion) > 0 else mesh.wheel
+    pinion_drives = speed[mesh.pinion] * _drive_side_sign(mesh, mesh.pinion) > 0
+    return mesh.pinion if pinion_drives else mesh.wheel
 
 
 def pitch_phase(mesh: Mesh, speed: dict[str, Fraction]) -> float:
     """Return the mesh phase at which drive-side flanks touch at the pitch point, rad."""
-    return mesh.pitch_phase if driver(mesh, speed) == mesh.pinion else -mesh.pitch_phase
+    return mesh.pitch_phase if driving_gear(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
 
-def sliding_turns(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float]:
-    """Return the phases at which the sliding becomes positive on (coast, drive) side.
+def sliding_phases(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float]:
+    """Return the phases at which the sliding becomes positive on the (coast, drive) side.
 
     They are in mesh periods after the middle of the upper stiffness level of the drive side.
     `speed` maps a body to its signed speed. Coast-side flanks touch at the pitch point half a
@@ -119,7 +120,7 @@ def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
     if mesh.tooth_thickness is None:
         return Fraction(0)
     pinion, wheel = map(Fraction, mesh.tooth_thickness)
-    return pinion - wheel if driver(mesh, speed) == mesh.pinion else wheel - pinion
+    return pinion - wheel if driving_gear(mesh, speed) == mesh.pinion else wheel - pinion
 
 
 def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
@@ -129,7 +130,7 @@ def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float
     if mesh.tooth_thickness is None:
         return phase
     # The other gear drives on the coast side, so that the pitch phase changes its sign.
-    return _rounded(phase + sum(sliding_turns(mesh, speed)) + 0.5)
+    return _rounded_phase(phase + sum(sliding_phases(mesh, speed)) + 0.5)
 
 
 def phases(
@@ -142,45 +143,47 @@ def phases(
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
     `reference` names the reference mesh, `speed` maps a body to its signed speed. Raises ValueError
-    if the teeth do not fit together, so that the train cannot be assembled.
+    if the teeth do not fit together, so that the train cannot be assemble.
     """
-    free = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
+    meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.
     shafts = sorted(shafts, key=lambda shaft: shaft.keying is None)
     teeth = _ToothPositions(bodies, shafts, speed)
     teeth.place_pinion(next(mesh for mesh in meshes if mesh.name == reference))
-    while len(teeth.phases) < len(free):
-        while any([teeth.place_by_mesh(mesh) for mesh in free]):
+    while len(teeth.phases) < len(meshes_by_teeth):
+        while any([teeth.place_by_mesh(mesh) for mesh in meshes_by_teeth]):
             pass
-        if not teeth.place_by_shaft() and len(teeth.phases) < len(free):
-            teeth.place_pinion(next(mesh for mesh in free if mesh.name not in teeth.phases))
+        if not teeth.place_by_shaft() and len(teeth.phases) < len(meshes_by_teeth):
+            teeth.place_pinion(
+                next(mesh for mesh in meshes_by_teeth if mesh.name not in teeth.phases)
+            )
     for shaft in shafts:
-        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.middles):
-            _check_keying(shaft, bodies, teeth.middles)
+        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.positions):
+            _check_keying(shaft, bodies, teeth.positions)
     given_phases = {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
     phase_of = teeth.phases | given_phases
-    return {mesh.name: _rounded(phase_of[mesh.name]) for mesh in meshes}
+    return {mesh.name: _rounded_phase(phase_of[mesh.name]) for mesh in meshes}
 
 
 class _ToothPositions:
-    """Angular positions of the gears of a train at mesh phase 0, found gear by gear."""
+    """Angular positions of the gears of a train at mesh phase 0, computed gear by gear."""
 
     def __init__(self, bodies: dict, shafts: list, speed: dict):
         self.bodies, self.shafts, self.speed = bodies, shafts, speed
-        self.middles: dict = {}  #: name of a gear -> tooth pitches from angle 0 to a tooth's middle
+        self.positions: dict = {}  #: gear -> tooth pitches from angle 0 to the middle of a tooth
         self.phases: dict = {}  #: name of a mesh -> its phase in mesh periods
 
     def place_pinion(self, mesh: Mesh) -> None:
         """Place the pinion of a mesh so that the mesh has its given phase, by default 0."""
-        self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_turns(mesh, self.speed)[1])
+        self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_phases(mesh, self.speed)[1])
 
     def place_by_mesh(self, mesh: Mesh) -> bool:
-        """Place a gear by the gear that it meshes with; return whether the mesh had no phase."""
-        placed = [name for name in (mesh.pinion, mesh.wheel) if name in self.middles]
-        if not placed or mesh.name in self.phases:
+        """Place a gear by the gear that it meshes with; return True if the mesh gets its phase."""
+        placed_gears = [name for name in (mesh.pinion, mesh.wheel) if name in self.positions]
+        if not placed_gears or mesh.name in self.phases:
             return False
-        gear = placed[0]
-        pitches = _flank(mesh, gear, self.bodies) - self.middles[gear]
+        gear = placed_gears[0]
+        pitches = _contact_position(mesh, gear, self.bodies) - self.positions[gear]
         periods = math.copysign(1.0, self.speed[gear]) * pitches
         for name in (mesh.pinion, mesh.wheel):
             if self._place(mesh, name, periods) > _POSITION_TOLERANCE:
@@ -190,46 +193,47 @@ class _ToothPositions:
                     "the positions must be whole tooth pitches apart, for equal satellites "
                     "(z_s + z_r) / N an integer"
                 )
-        self.phases[mesh.name] = periods - sliding_turns(mesh, self.speed)[1]
+        self.phases[mesh.name] = periods - sliding_phases(mesh, self.speed)[1]
         return True
 
     def place_by_shaft(self) -> bool:
         """Place a gear by another gear on the same shaft; return whether there was one to place."""
         for shaft in self.shafts:
             for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
-                if body in self.middles and other not in self.middles:
-                    turns = self.middles[body] / (self.bodies[body].teeth or 1)
-                    turns += sign * _keying_turns(shaft)
-                    self.middles[other] = turns * (self.bodies[other].teeth or 1)
+                if body in self.positions and other not in self.positions:
+                    revolutions = self.positions[body] / (self.bodies[body].teeth or 1)
+                    revolutions += sign * _keying_revolutions(shaft)
+                    self.positions[other] = revolutions * (self.bodies[other].teeth or 1)
                     return True
         return False
 
     def _place(self, mesh: Mesh, name: str, periods: float) -> float:
-        """Place the gear of a name so that its flank is at the pitch point after some mesh periods.
+        """Place a gear whose drive-side flank is at the pitch point of a mesh after some periods.
 
-        Returns the misfit of a gear that was placed before, in pitches, else 0.
+        `name` is that of the gear. Returns the misfit in pitches if the gear was placed before,
+        else 0.
         """
-        flank, side = _flank(mesh, name, self.bodies), _side(mesh, name)
-        middle = flank - math.copysign(1.0, self.speed[name]) * periods
-        if name in self.middles:
-            return abs(_modulo(self.middles[name] - middle))
+        contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
+        position = contact - math.copysign(1.0, self.speed[name]) * periods
+        if name in self.positions:
+            return abs(_difference_to_integer(self.positions[name] - position))
         # Take the tooth nearest to the line of centres. Half-way between two teeth, take that on
         # the side of its drive-side flank, so that a mirror image of the train has the same tooth.
-        pitches = side * (middle - flank) - _thickness(mesh, name) / 2.0
-        self.middles[name] = middle - side * math.ceil(pitches - 0.5 - _POSITION_TOLERANCE)
+        pitches = side * (position - contact) - _thickness(mesh, name) / 2.0
+        self.positions[name] = position - side * math.ceil(pitches - 0.5 - _POSITION_TOLERANCE)
         return 0.0
 
 
-def _check_keying(shaft: Shaft, bodies: dict[str, Body], middles: dict[str, float]) -> None:
+def _check_keying(shaft: Shaft, bodies: dict[str, Body], positions: dict[str, float]) -> None:
     """Raise ValueError if the keying of a shaft contradicts the loops of meshes.
 
-    `middles` maps a gear to the tooth pitches from angle 0 to the middle of a tooth.
+    `positions` maps a gear to the tooth pitches from angle 0 to the middle of a tooth.
     """
     teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
-    first, second = (middles[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
-    # Any two teeth may be in line, so that angles count modulo 2 pi over this number.
+    first, second = (positions[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
+    # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
     count = math.lcm(*teeth)
-    misfit = abs(_modulo(count * (second - first - _keying_turns(shaft))))
+    misfit = abs(_difference_to_integer(count * (second - first - _keying_revolutions(shaft))))
     if misfit > count * _POSITION_TOLERANCE / max(teeth):
         required = math.tau / count * ((count * (second - first)) % 1.0)
         raise ValueError(
@@ -239,12 +243,12 @@ def _check_keying(shaft: Shaft, bodies: dict[str, Body], middles: dict[str, floa
         )
 
 
-def _keying_turns(shaft: Shaft) -> float:
+def _keying_revolutions(shaft: Shaft) -> float:
     """Return the keying angle between the teeth of both gears of a shaft in revolutions."""
     return (shaft.keying or 0.0) / math.tau
 
 
-def _side(mesh: Mesh, name: str) -> int:
+def _drive_side_sign(mesh: Mesh, name: str) -> int:
     """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1."""
     return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
 
@@ -256,22 +260,22 @@ def _thickness(mesh: Mesh, name: str) -> float:
     return mesh.tooth_thickness[1 if name == mesh.wheel else 0]
 
 
-def _flank(mesh: Mesh, name: str, bodies: dict) -> float:
-    """Return the angle of the middle of a tooth with its drive-side flank at the pitch point.
+def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
+    """Return the angle of the middle of a tooth whose drive-side flank is at the pitch point.
 
-    The angle is that of the gear of the name, in its tooth pitches.
+    The tooth is one of the gear with this name; the angle is in its tooth pitches.
     """
     along_centres = mesh.internal or name == mesh.pinion
     angle = mesh.centres + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
-    return pitches - _side(mesh, name) * _thickness(mesh, name) / 2.0
+    return pitches - _drive_side_sign(mesh, name) * _thickness(mesh, name) / 2.0
 
 
-def _modulo(value: float) -> float:
+def _difference_to_integer(value: float) -> float:
     """Return the difference of a value to the nearest integer, in [-1/2, 1/2]."""
     return value - round(value)
 
 
-def _rounded(phase: float) -> float:
-    """Return a phase modulo 1, rounded to 13 digits, so that equal phases are equal numbers."""
+def _rounded_phase(phase: float) -> float:
+    """Return a phase modulo 1, rounded to 13 digits, so that phases of equal meshes are equal."""
     return round(phase % 1.0, 13) % 1.0

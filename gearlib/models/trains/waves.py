@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.models.trains import turning
 from gearlib.models.trains.elements import Mesh
-from gearlib.models.trains.structure import FLOATS, Numbers
+from gearlib.models.trains.structure import FLOATS, Arithmetic
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -28,9 +28,8 @@ class Segments(NamedTuple):
     first_segment: np.ndarray  #: first segment of each reference mesh period, shape (repeats + 1,)
     low: np.ndarray  #: whether coast and drive side are at the lower level, shape (2, p, m)
     sense: np.ndarray  #: direction of sliding, 1 or -1, 1 without friction, shape (2, p, m)
-    kinds: (
-        list  #: kinds of segments of each mesh: 2 for the lower level plus 1 for negative sliding
-    )
+    #: Kinds of segments of each mesh: 2 for the lower level plus 1 for negative sliding.
+    kinds: list
 
 
 def segments(train: "GearTrain", first: int, count: int) -> Segments:
@@ -40,79 +39,84 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     """
     period_starts = [math.tau * k for k in range(count + 1)]
     offset = first % count
-    timings = [_timing(train, mesh) for mesh in train.meshes]
+    mesh_phases = [_phases_of_changes(train, mesh) for mesh in train.meshes]
     boundaries = [np.array(period_starts)]
-    for mesh, rate, timing in zip(train.meshes, train.rates, timings, strict=True):
-        stored = _change_times(mesh, rate, timing, first, count) + offset
-        boundaries.append(math.tau * np.where(stored > count, stored - count, stored))
-    starts = _distinct(np.sort(np.concatenate(boundaries)), set(period_starts))
+    for mesh, rate, phases in zip(train.meshes, train.rates, mesh_phases, strict=True):
+        times = _change_times(mesh, rate, phases, first, count) + offset
+        boundaries.append(math.tau * np.where(times > count, times - count, times))
+    starts = _without_duplicates(np.sort(np.concatenate(boundaries)), set(period_starts))
     middles = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
     low = np.zeros((2, middles.size, len(train.meshes)), dtype=bool)
     sense = np.ones(low.shape)
     kinds = []
-    for j, (mesh, rate, (shifts, turns)) in enumerate(
-        zip(train.meshes, train.rates, timings, strict=True)
+    for j, (mesh, rate, (stiffness_phases, sliding_phases)) in enumerate(
+        zip(train.meshes, train.rates, mesh_phases, strict=True)
     ):
-        leads = [float((first + lag) * rate % 1) for lag in (-offset, count - offset)]
-        phases = middles * float(rate) + np.where(middles > offset, *leads)
-        low[:, :, j] = at_lower_level(mesh, shifts, phases)
-        signs: tuple = (0,)
+        # Mesh phases at position 0 of the periods stored after and before the first one.
+        starts_of_phase = [float((first + k) * rate % 1) for k in (-offset, count - offset)]
+        phases = middles * float(rate) + np.where(middles > offset, *starts_of_phase)
+        low[:, :, j] = at_lower_level(mesh, stiffness_phases, phases)
+        directions: tuple = (0,)
         if any(mesh.friction):
-            positive = np.mod(phases - np.array(turns)[:, None], 1.0) < 0.5
+            positive = np.mod(phases - np.array(sliding_phases)[:, None], 1.0) < 0.5
             sense[:, :, j] = np.where(positive, 1.0, -1.0)
-            signs = 0, 1
+            directions = 0, 1
         levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
-        kinds.append([2 * level + sign for level in levels for sign in signs])
+        kinds.append([2 * level + direction for level in levels for direction in directions])
     first_segment = np.searchsorted(starts, np.array(period_starts) - SAME_PHASE_TOLERANCE)
     return Segments(starts, first_segment, low, sense, kinds)
 
 
 def _change_times(
-    mesh: Mesh, rate: Fraction, timing: tuple[tuple, tuple], first: int, count: int
+    mesh: Mesh, rate: Fraction, mesh_phases: tuple[tuple, tuple], first: int, count: int
 ) -> np.ndarray:
     """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
 
     They lie between 0 and `count` and are counted from the start of period `first`. `rate` is the
-    mesh frequency over that of the reference mesh; `timing` is the result of `_timing`.
+    mesh frequency over that of the reference mesh, `mesh_phases` those of `_phases_of_changes`.
     """
-    shifts, turns = timing
+    stiffness_phases, sliding_phases = mesh_phases
     phases = set()
     if mesh.varies:
-        half = (mesh.contact_ratio - 1.0) / 2.0
-        phases |= {shift + side for shift in shifts for side in (half, -half)}
+        half_length = (mesh.contact_ratio - 1.0) / 2.0  # of the upper stiffness level
+        phases |= {phase + half_length for phase in stiffness_phases}
+        phases |= {phase - half_length for phase in stiffness_phases}
     if any(mesh.friction):
-        phases |= {turn + half for turn in turns for half in (0.0, 0.5)}
-    # A change returns in every period of the mesh; the first of these starts `lead` from `first`.
-    before = math.floor(first * rate)
-    periods = np.arange(math.ceil((first + count) * rate) - before)
-    lead = float(before / rate - first)
-    times = [lead + (phase % 1.0 + periods) / float(rate) for phase in phases]
+        phases |= {phase + half_period for phase in sliding_phases for half_period in (0.0, 0.5)}
+    # A change recurs in every period of this mesh, the first of which starts at `start`.
+    earlier_periods = math.floor(first * rate)
+    periods = np.arange(math.ceil((first + count) * rate) - earlier_periods)
+    start = float(earlier_periods / rate - first)
+    times = [start + (phase % 1.0 + periods) / float(rate) for phase in phases]
     all_times = np.concatenate([np.empty(0), *times])
     return all_times[(all_times >= 0.0) & (all_times <= count)]
 
 
-def _timing(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
+def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
     """Return the phases of stiffness and of sliding, each of (coast, drive) side, in mesh periods.
 
     They are the middle of the upper stiffness level and the change to positive sliding.
     """
     coast, drive = train.inverse_phases[mesh.name], train.phases[mesh.name]
-    turns = turning.sliding_turns(mesh, train.speeds)
-    return (coast, drive), tuple(drive + turn for turn in turns)
+    sliding_phases = turning.sliding_phases(mesh, train.speeds)
+    return (coast, drive), tuple(drive + phase for phase in sliding_phases)
 
 
-def at_lower_level(mesh: Mesh, shifts: tuple[float, float], phases: np.ndarray) -> np.ndarray:
+def at_lower_level(
+    mesh: Mesh, stiffness_phases: tuple[float, float], phases: np.ndarray
+) -> np.ndarray:
     """Return whether (coast, drive) sides have the lower stiffness at p mesh phases, shape (2, p).
 
-    `shifts` are the phases of the stiffness of both sides; all phases are in mesh periods.
+    `stiffness_phases` are the phases in the middle of the upper level of both sides; all phases are
+    in mesh periods.
     """
     if not mesh.varies:
         return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
-    distance = np.abs(np.mod(phases - np.array(shifts)[:, None] + 0.5, 1.0) - 0.5)
+    distance = np.abs(np.mod(phases - np.array(stiffness_phases)[:, None] + 0.5, 1.0) - 0.5)
     return distance > (mesh.contact_ratio - 1.0) / 2.0
 
 
-def _distinct(boundaries: np.ndarray, period_starts: set[float]) -> np.ndarray:
+def _without_duplicates(boundaries: np.ndarray, period_starts: set[float]) -> np.ndarray:
     """Return sorted phases without duplicates up to rounding; starts of periods stay exact."""
     distinct = [0.0]
     for boundary in boundaries.tolist():
@@ -126,8 +130,8 @@ def _distinct(boundaries: np.ndarray, period_starts: set[float]) -> np.ndarray:
 def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
     """Return the complex amplitude, N/m, of a harmonic of the mesh stiffness.
 
-    The order counts periods of this mesh; the phase is that of the middle of the upper level, in
-    mesh periods.
+    `order` counts waves per period of this mesh; `phase`, in mesh periods, is the middle of the
+    upper stiffness level.
     """
     jump = mesh.max_stiffness * (1.0 - mesh.stiffness_ratio)
     amplitude = 2.0 * jump * math.sin(math.pi * order * (mesh.contact_ratio - 1.0))
@@ -135,56 +139,56 @@ def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
 
 
 def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (frequencies, amplitudes, constants) of errors, deviations and run-out of meshes, m.
+    """Return (frequencies, amplitudes, constants) of errors, deviations and run-out of m meshes.
 
-    The h frequencies are per radian of reference mesh phase, shape (h,); amplitudes, shape
-    (2, m, 2 h), hold cosines and sines in turn, and constants have the shape (2, m), for coast and
-    drive side.
+    The h frequencies are per radian of reference mesh phase, shape (h,). Amplitudes in m, shape
+    (2, m, 2 h), hold cosines and sines in turn, and constants are in m, shape (2, m); the first
+    axis is coast and drive side.
     """
-    harmonics, constants = excited(train, train.structure.arms)
+    harmonics, constants = excitation_harmonics(train, train.structure.arms)
     frequencies, m = sorted(harmonics), len(train.meshes)
     amplitudes = np.array([harmonics[frequency] for frequency in frequencies])
     amplitudes = amplitudes.reshape(-1, 2, m, 2).transpose(1, 2, 0, 3).reshape(2, m, -1)
     return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
 
 
-def excited(
-    train: "GearTrain", arms: np.ndarray, numbers: Numbers = FLOATS
+def excitation_harmonics(
+    train: "GearTrain", arms: np.ndarray, arithmetic: Arithmetic = FLOATS
 ) -> tuple[dict[Fraction, np.ndarray], np.ndarray]:
-    """Return the excitation of the meshes as (harmonics, constants), in floats or balls.
+    """Return the excitation of m meshes as (harmonics, constants) in m, in floats or balls.
 
-    Harmonics are a dict, frequency -> cosine and sine in m, shape (2, m, 2); constants have the
-    shape (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
+    Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
+    (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
     """
     harmonics: dict = {}
-    of, constants = numbers.of, numbers.zeros(2, len(train.meshes))
+    convert, constants = arithmetic.convert, arithmetic.zeros(2, len(train.meshes))
 
     def add_harmonic(frequency: Fraction, j: int, sides: list[int], cosine: Any, sine: Any) -> None:
         """Add a cosine and a sine to mesh j; a negative frequency changes the sign of the sine."""
-        entry = harmonics.setdefault(abs(frequency), numbers.zeros(2, len(train.meshes), 2))
+        entry = harmonics.setdefault(abs(frequency), arithmetic.zeros(2, len(train.meshes), 2))
         entry[sides, j] += (cosine, math.copysign(1.0, frequency) * sine)
 
     for j, mesh in enumerate(train.meshes):
         # A coast-side flank that moves with the axes is not excited by their errors and run-out.
         sides = [1] if mesh.moving_backlash else [0, 1]
-        constants[:, j] += of(mesh.error)
+        constants[:, j] += convert(mesh.error)
         for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
             body = train.by_name[name]
-            c, s = numbers.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
-            x, y = map(of, body.offset)
+            c, s = arithmetic.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
+            x, y = map(convert, body.offset)
             constants[sides, j] += arm @ (c * x - s * y, s * x + c * y)
             if body.eccentricity:
                 # The run-out e (cos(theta + phase), sin(theta + phase)) along the arm.
-                length, angle = numbers.polar(*arm)
-                run_out = of(body.eccentricity) * length
-                phase = of(body.eccentricity_phase) - angle
+                length, angle = arithmetic.polar(*arm)
+                run_out = convert(body.eccentricity) * length
+                phase = convert(body.eccentricity_phase) - angle
                 phase += body.angle if body.carrier else 0.0
-                c, s = numbers.cos_sin(phase)
+                c, s = arithmetic.cos_sin(phase)
                 add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
         rate, mesh_phase = train.rates[j], train.phases[mesh.name]
         for side, deviation in enumerate((mesh.inverse_deviation, mesh.deviation)):
             for order, cosine, sine in deviation.table().tolist():
-                c, s = numbers.cos_sin(2.0 * numbers.pi * order * mesh_phase)
+                c, s = arithmetic.cos_sin(2.0 * arithmetic.pi * order * mesh_phase)
                 rotated = cosine * c - sine * s, cosine * s + sine * c
                 add_harmonic(int(order) * rate, j, [side], *rotated)
     return harmonics, constants

@@ -106,10 +106,10 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
     exact += [(turn + k * _pi()) % (2 * _pi()) for k in range(2)]
     bounds = [min(exact, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
-    z = decimals(model.initial(system, (0.0, 0.0)))
+    z = decimals(model.full_state(system, (0.0, 0.0)))
     # At rest on the line in all digits; the first rotation is in the distance with 1.
     z[0] -= lines[0] @ z
-    z[len(model.flexible()) + 2] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
+    z[len(model.elastic_bearings()) + 2] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
 
 
