@@ -1,7 +1,7 @@
 """`duty_point`: forces, vibration and contact of gears at one torque and speed, in SI units.
 
-A motion is followed until it repeats, as long again, and recorded over one orbit. A motion that
-does not repeat is recorded over whole revolutions of the gear whose teeth count.
+A motion is simulated until it repeats, then for the same time again, and recorded over one period
+of its orbit. A motion that does not repeat is recorded over whole revolutions of the gear.
 """
 
 import math
@@ -20,12 +20,11 @@ from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_speed
 from gearlib.runs.simulation import simulate
 
-#: Longest motion that is followed, in mesh periods and in integration steps, which pairs of teeth
-#: take: some 0.2 s.
+#: Longest simulated motion, in mesh periods and in integration steps (about 0.2 s of computing).
 _MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
-#: Largest product of mesh periods and sets of pairs of teeth that are tabulated: some 0.5 s.
+#: Largest number of stiffness tables, one for each mesh period and combination of tooth pairs.
 _MAX_TABLES = 2500
-#: Revolutions of the record of a motion that does not repeat, and its largest mesh periods.
+#: Length of the record of a motion that does not repeat, and its limit in mesh periods.
 _RECORD_REVOLUTIONS, _MAX_RECORD_PERIODS = 10, 2000
 
 
@@ -35,35 +34,35 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     Parameters
     ----------
     gears : gearlib.geometry.Mesh or model
-        Two drawn gears, which move as a `LoadSharingPair`, or a model for `gearlib.simulate` in
-        which gears turn. With a rectangular stiffness, for instance that of a `GearPair`, forces
-        jump where pairs of teeth enter, at any speed: their largest value is no K_v.
+        Geometry of two gears, which is modelled as a `LoadSharingPair`, or a model of rotating
+        gears for `gearlib.simulate`. With a rectangular stiffness, such as that of a `GearPair`,
+        the force jumps when a pair of teeth enters the mesh, so its maximum is not a K_v.
     speed : float
-        Speed of the pinion (of the gear whose teeth count), rpm; finite, > 0.
+        Speed in rpm, finite, > 0, of the pinion (of the gear that sets the mesh frequency).
     torque : float, optional
-        Torque of the pinion, N m; needed for drawn gears only, or `power` in W.
+        Torque of the pinion in N m. Give it, or `power` in W, with a `Mesh` only.
     initial_state : tuple of float
         Displacement in static deflections and dx/dtau.
     **options
-        For drawn gears: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`. The
-        stiffness of a pair of teeth is by default "energy", or "iso" where a bore is too large
-        for the energy method; the only option of the stiffness is the coupling.
+        With a `Mesh`: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`. The
+        tooth pair stiffness is "energy" by default, or "iso" if a bore is too large for the energy
+        method; its only option is the coupling.
 
     Returns
     -------
     xarray.Dataset
         mesh_frequency_hertz, tuning, speed, resonance_speed, torque, static_force, dynamic_factor,
         mesh_force_max and mesh_force_min (N), bearing_force_max (N, over ``bearing`` for six
-        degrees, ``body`` for trains; for rigid bearings those of a shaft together),
-        error_peak_to_peak and error_rms (m, without its mean), lost_share (of time without
-        drive-side contact), settled and period; iso_dynamic_factor where drawn gears have a
-        quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, nan
-        where the samples are too few. For trains over ``mesh``.
+        degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
+        error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time without
+        drive-side contact), settled and period; iso_dynamic_factor if both gears of a `Mesh` have
+        a quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, NaN
+        if there are too few samples. Trains have the dimension ``mesh``.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range; or if the motion grows without bound.
+        If an argument is wrong, or if the motion grows without bound.
     """
     data: dict[str, Any] = {}
     is_truncated = False
@@ -78,19 +77,19 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     else:
         checks.drawn_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
-        model, is_truncated = _model_of_drawn_gears(gears, torque, options)
+        model, is_truncated = _load_sharing_model(gears, torque, options)
         data = _iso_dynamic_factor(gears, torque, speed) | {"torque": float(torque)}
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
     tuning = check_speed(model, "speed", speed)
-    slowest = model.slowest_tuning
-    run = settled_run(model, max(tuning, slowest), initial_state)
+    slowest_tuning = model.slowest_tuning
+    run = settled_run(model, max(tuning, slowest_tuning), initial_state)
     variables, coords = variables_of_run(run, model)
     data |= variables
     if is_truncated:
         data["settled"] = np.int8(0)
-    if tuning < slowest:
-        hertz = data["mesh_frequency_hertz"] * tuning / slowest
+    if tuning < slowest_tuning:
+        hertz = data["mesh_frequency_hertz"] * tuning / slowest_tuning
         data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}
     data["speed"] = float(speed)
     meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
@@ -104,11 +103,11 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     )
 
 
-def _model_of_drawn_gears(mesh: Any, torque: float, options: dict) -> tuple:
-    """Return (`LoadSharingPair` of drawn gears, whether its pitch errors were truncated).
+def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
+    """Return (`LoadSharingPair` of a geometric mesh, whether its pitch errors were truncated).
 
-    `torque` is that of the pinion in N m, `options` are those of `duty_point`. If thousands of mesh
-    periods pass until the same teeth meet again, only the first are modelled.
+    `torque` is that of the pinion in N m, `options` are those of `duty_point`. The pitch errors are
+    truncated if thousands of mesh periods pass until the same teeth meet again.
     """
     model = default_load_sharing_pair(mesh, torque=torque, **options)
     max_repeats = _MAX_TABLES // 2 ** math.ceil(mesh.total_contact_ratio)
@@ -120,51 +119,47 @@ def _model_of_drawn_gears(mesh: Any, torque: float, options: dict) -> tuple:
 def _iso_dynamic_factor(mesh: Any, torque: float, speed: float) -> dict:
     """Return {"iso_dynamic_factor": dynamic factor by ISO 6336}, empty without gear qualities.
 
-    `mesh` is one of drawn gears; torque in N m and speed in rpm are those of the pinion.
+    `mesh` is a `gearlib.geometry.Mesh`; torque (N m) and speed (rpm) are those of its pinion.
     """
     gears = mesh.pinion, mesh.wheel
     if any(gear.quality is None for gear in gears):
         return {}
-    # The smaller tip relief of both gears counts.
-    amount = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
+    # The standard takes the smaller tip relief of the two gears.
+    tip_relief = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
     checks.finite_positive("speed", speed)
-    return {"iso_dynamic_factor": dynamic_factor(mesh, torque, speed, tip_relief=amount).factor}
+    return {"iso_dynamic_factor": dynamic_factor(mesh, torque, speed, tip_relief=tip_relief).factor}
 
 
 def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
-    """Return a run of `simulate` that records one orbit, or whole revolutions if there is none.
+    """Return a run of `simulate` that records one period of an orbit, or else whole revolutions.
 
-    The motion starts at the initial state (displacement, velocity), and the time until it repeats
-    is doubled step by step.
+    The motion starts at `initial_state` (displacement, velocity); its length is doubled until it
+    repeats.
     """
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
     repeats = model.repeats
-    state, followed_periods, orbit_periods = initial_state, 0, 0
-    step = 2 * repeats
-    while not orbit_periods and followed_periods + step <= max_periods:
-        run = _checked_run(model, tuning, step, state, samples_per_period=8)
+    state, simulated_periods, orbit_periods = initial_state, 0, 0
+    new_periods = 2 * repeats
+    while not orbit_periods and simulated_periods + new_periods <= max_periods:
+        run = _checked_run(model, tuning, new_periods, state, samples_per_period=8)
         state, orbit_periods = tuple(run.final_state.values), int(run.period)
-        followed_periods += step
-        step = followed_periods
+        simulated_periods += new_periods
+        new_periods = simulated_periods
     if orbit_periods:
-        # The motion is followed as long again, so that the record has settled to rounding.
-        record = orbit_periods
-        settling = followed_periods if repeats == 1 else repeats
+        # The motion goes on for the same time, so that the record has settled to rounding error.
+        record_periods = orbit_periods
+        transient_periods = simulated_periods if repeats == 1 else repeats
     else:
         teeth = round(model.periods_per_revolution)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
-        record = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
-        settling = 0 if followed_periods else 2
-    return _checked_run(
-        model, tuning, settling + record, state, record_periods=record, samples_per_period=128
-    )
+        record_periods = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
+        transient_periods = 0 if simulated_periods else 2
+    options = {"record_periods": record_periods, "samples_per_period": 128}
+    return _checked_run(model, tuning, transient_periods + record_periods, state, **options)
 
 
 def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **options) -> xr.Dataset:
-    """Return a run of `simulate` over mesh periods from a state, with its further options.
-
-    Raise ValueError if the run could not go on.
-    """
+    """Return a run of `simulate` over a number of mesh periods; raise ValueError if it failed."""
     run = simulate(model, tuning, periods=periods, initial_state=state, **options)
     if int(run.status):
         raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")
@@ -172,31 +167,29 @@ def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **option
 
 
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
-    """Return (variables, coordinates) of `duty_point` of a run, in SI units.
-
-    These are the variables of `in_units`, the period, bearing forces and the first mesh orders.
-    """
+    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units."""
     mesh_orders, forces, errors = mesh_order_amplitudes(run)
     dims = ("mesh_order", *run.displacement.dims[1:])
-    data = in_units(run, model)
+    data = si_variables(run, model)
     data |= {"settled": np.int8(int(run.period) > 0), "period": run.period.values}
     coords = {"mesh_order": mesh_orders}
-    names, bearings = bearing_forces(run, model)
-    if names is None:
-        data["bearing_force_max"] = bearings
+    bearing_names, max_forces = bearing_forces(run, model)
+    if bearing_names is None:
+        data["bearing_force_max"] = max_forces
     else:
         dim = "body" if len(dims) > 1 else "bearing"
-        data["bearing_force_max"], coords[dim] = (dim, bearings), names
+        data["bearing_force_max"], coords[dim] = (dim, max_forces), bearing_names
     data |= {"mesh_order_force": (dims, forces), "mesh_order_error": (dims, errors)}
     return data, coords
 
 
-def in_units(run: xr.Dataset, model: Any) -> dict:
-    """Return variables of a run of `simulate` in N, m, Hz and rpm: name -> values.
+def si_variables(run: xr.Dataset, model: Any) -> dict:
+    """Return {variable name: values} of a run of `simulate` in N, m, Hz and rpm.
 
-    They are speeds, mesh forces, transmission error and contact loss, over ``mesh`` for trains.
+    The variables are speeds, mesh forces, transmission error and contact loss, those of trains
+    along ``mesh``.
     """
-    force, length = float(run.force_scale), float(run.static_deflection)
+    force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
     if np.array_equal(error, run.displacement.values):
         peak_to_peak = run.displacement_max.values - run.displacement_min.values
@@ -209,12 +202,12 @@ def in_units(run: xr.Dataset, model: Any) -> dict:
         "tuning": run.tuning.values,
         "mesh_frequency_hertz": float(run.mesh_frequency) / math.tau,
         "resonance_speed": model.speed(1.0),
-        "static_force": (dims, model.mean_forces * force) if dims else force,
+        "static_force": (dims, model.mean_forces * force_scale) if dims else force_scale,
         "dynamic_factor": (dims, factor.values),
-        "mesh_force_max": (dims, force * run.dynamic_force_max.values),
-        "mesh_force_min": (dims, force * run.dynamic_force_min.values),
-        "error_peak_to_peak": (dims, length * peak_to_peak),
-        "error_rms": (dims, length * error.std(axis=0)),
+        "mesh_force_max": (dims, force_scale * run.dynamic_force_max.values),
+        "mesh_force_min": (dims, force_scale * run.dynamic_force_min.values),
+        "error_peak_to_peak": (dims, static_deflection * peak_to_peak),
+        "error_rms": (dims, static_deflection * error.std(axis=0)),
         "lost_share": (dims, (run.fraction_backlash + run.fraction_inverse).values),
     }
 
@@ -222,18 +215,18 @@ def in_units(run: xr.Dataset, model: Any) -> dict:
 def bearing_forces(run: xr.Dataset, model: Any) -> tuple:
     """Return (names of the bearings, largest force of each in N) in a run of `simulate`.
 
-    Rigid bearings carry the mesh force together: the result is (None, largest mesh force).
+    A model with rigid bearings has no names: the result is (None, largest mesh force).
     """
-    force, length = float(run.force_scale), float(run.static_deflection)
+    force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     if "bearing_force_y3" in run:
         names = ["gear 3", "gear 2"]
         forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
-        return names, [force * float(time_history.max()) for time_history in forces]
+        return names, [force_scale * float(time_history.max()) for time_history in forces]
     if "body_motion" not in run:
-        return None, force * float(run.dynamic_force_max)
+        return None, force_scale * float(run.dynamic_force_max)
     stiffness = np.array([body.support_stiffness for body in model.bodies])
-    motion = run.body_motion.values[:, :, :2]
-    with np.errstate(invalid="ignore"):
-        components = np.where(np.isfinite(stiffness), stiffness * length * motion, math.nan)
-    sizes = np.hypot(components[..., 0], components[..., 1])
-    return list(model.body_names), sizes.max(axis=0)
+    displacements = run.body_motion.values[:, :, :2]
+    stiffness[~np.isfinite(stiffness)] = math.nan
+    components = stiffness * static_deflection * displacements
+    forces = np.hypot(components[..., 0], components[..., 1])
+    return list(model.body_names), forces.max(axis=0)

@@ -1,6 +1,6 @@
-"""Lyapunov exponents of motions, and whether rounding decides where they go.
+"""Lyapunov exponents of motions, and whether rounding errors determine where they go.
 
-The maps of `Model.propagator` propagate a small deviation, which is scaled back to length one after
+The linearised maps of `Model.propagator` propagate a small perturbation, which is normalised after
 each mesh period; the mean of the logarithms of its growth is the largest exponent, per mesh period.
 Lengths are those of (dx, nu dx'): displacements, and velocities over the mean eigenfrequency.
 """
@@ -22,7 +22,7 @@ from gearlib.engines.growth import propagate_deviation
 from gearlib.integrators import choose
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
-from gearlib.runs.sweeping import CARRIED
+from gearlib.runs.sweeping import WARM_STARTED
 
 #: Largest number of linearised maps that are held in memory at a time.
 MAX_MAPS = 512
@@ -30,20 +30,20 @@ MAX_MAPS = 512
 BATCHES = 20
 #: Ratio of an exponent to its uncertainty above which it is significant.
 _MIN_SIGNIFICANCE = 3.0
-#: Logarithm of the growth, beyond that of a quasi-periodic motion, above which it is exponential.
-_MIN_EXCESS_GROWTH = 7.0
-#: Logarithm of the growth, 1e10, beyond which rounding decides where a motion goes.
+#: Growth is exponential if its logarithm exceeds that of linear growth by more than this.
+_MIN_EXCESS_LOG_GROWTH = 7.0
+#: Logarithm of the growth, 1e10, above which rounding errors determine where a motion goes.
 MAX_LOG_GROWTH = 10.0 * math.log(10.0)
 #: CF flags of a variable "settled" of single motions.
 SETTLED_FLAGS = status.flags_of(("unsettled", "settled"))
-#: Difference of states of one orbit, relative to its height: far above the error of settling.
+#: Largest difference of states on the same orbit, relative to its displacement range.
 _SAME_ORBIT_TOLERANCE = 1e-3
 
 
 class Exponent(NamedTuple):
     """Largest Lyapunov exponent per mesh period, with its uncertainty."""
 
-    value: float  #: NaN: the run could not go on, or the motion grows without bound
+    value: float  #: NaN if the run failed or the motion grows without bound
     uncertainty: float  #: standard error of the mean over batches
     growth: float  #: logarithm of the growth over all periods, value times periods
     periods: int
@@ -51,67 +51,67 @@ class Exponent(NamedTuple):
 
     @property
     def exceeds_linear(self) -> bool:
-        """Whether deviations have grown by more than in a quasi-periodic motion.
-
-        There they grow in proportion to time, by log(periods).
-        """
-        return self.growth > math.log(self.periods) + _MIN_EXCESS_GROWTH
+        """Whether perturbations have grown faster than linearly, as in quasi-periodic motions."""
+        return self.growth > math.log(self.periods) + _MIN_EXCESS_LOG_GROWTH
 
     @property
     def positive(self) -> bool:
-        """Whether deviations grow exponentially and significantly."""
+        """Whether perturbations grow exponentially and the exponent is significantly > 0."""
         return self.exceeds_linear and self.value > _MIN_SIGNIFICANCE * self.uncertainty
 
 
-class Deviation:
-    """A small deviation from a motion, which is propagated along it from one run to the next."""
+class Perturbation:
+    """A small perturbation of a motion, which is propagated along it from one run to the next."""
 
     def __init__(self, model: Any, max_events: int = MAX_EVENTS):
-        """Start with an arbitrary deviation; runs stop at more contact events in a mesh period."""
+        """Start with an arbitrary direction; `max_events` limits contact events per mesh period."""
         self.model, self.max_events = model, max_events
-        #: Direction of the deviation, shape (n,), or None before the first run.
+        #: Direction of the perturbation, shape (n,), or None before the first run.
         self.vector: np.ndarray | None = None
-        #: Logarithm of the length of the deviation, 0 for a deviation as small as rounding.
+        #: Logarithm of its length; 0 is the length of a rounding error.
         self.log_length = 0.0
 
-    def propagate(self, propagator: Any, state: np.ndarray, periods: int, first: int = 0) -> tuple:
-        """Propagate the deviation along the motion from a full state, over mesh periods.
+    def propagate(
+        self, propagator: Any, state: np.ndarray, periods: int, first_period: int = 0
+    ) -> tuple:
+        """Propagate the perturbation along the motion that starts at a full state.
 
-        Return (final state, logarithm of the growth in each mesh period, status code); a logarithm
-        is -inf where the deviation has vanished. `first` is the number of the first mesh period.
+        Return (final state, logarithm of the growth in each of the mesh periods, status code); the
+        logarithms are -inf where the perturbation has vanished.
         """
-        logs = np.full(periods, -math.inf)
+        log_growths = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
         vector = np.ones(len(reduction)) if self.vector is None else self.vector.copy()
         weights, self.vector = np.repeat([1.0, propagator.tuning], vector.size // 2), None
-        for done in range(0, periods, MAX_MAPS):
-            logs_of_batch = logs[done : done + MAX_MAPS]
-            period = (first + done) % self.model.repeats
-            state, maps, code = propagator.maps(state, logs_of_batch.size, self.max_events, period)
+        for i in range(0, periods, MAX_MAPS):
+            batch = log_growths[i : i + MAX_MAPS]  # a view, filled below
+            period = (first_period + i) % self.model.repeats
+            state, maps, code = propagator.maps(state, batch.size, self.max_events, period)
             if code != status.OK:
-                return state, logs, code
-            # The free rotation of a model is left out: it neither grows nor decays.
-            if not propagate_deviation(reduction @ maps @ lift, weights, vector, logs_of_batch):
-                logs[done:] = -math.inf
-                return state, logs, status.OK
+                return state, log_growths, code
+            # The free rotation of a model is removed: it neither grows nor decays.
+            if not propagate_deviation(reduction @ maps @ lift, weights, vector, batch):
+                log_growths[i:] = -math.inf
+                return state, log_growths, status.OK
         self.vector = vector
-        return state, logs, status.OK
+        return state, log_growths, status.OK
 
-    def exceeds_limit(self, tuning: float, state: Any, periods: int, first: int = 0) -> bool:
-        """Return whether rounding decides where the motion from a state goes, over mesh periods.
+    def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
+        """Return whether a rounding error grows beyond `MAX_LOG_GROWTH` in the next mesh periods.
 
-        The deviation goes on from the last run. `first` is the number of the first mesh period.
+        The motion starts at `state`; the perturbation is that at the end of the last run.
         """
         propagator = self.model.propagator(tuning)
         self.vector = self.vector if self.log_length else None
-        _, logs, code = self.propagate(propagator, propagator.start(state), periods, first)
-        growth = np.cumsum(logs) if code == status.OK else np.full(periods, math.inf)
+        start = propagator.start(state)
+        _, log_growths, code = self.propagate(propagator, start, periods, first_period)
+        growth = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
         exceeds = self.log_length + max(float(growth.max()), 0.0) > MAX_LOG_GROWTH
         self.log_length = min(max(self.log_length + float(growth[-1]), 0.0), MAX_LOG_GROWTH)
         return exceeds
 
 
-def largest(
+def largest_exponent(
     model: Any,
     tuning: float,
     *,
@@ -122,82 +122,84 @@ def largest(
 ) -> Exponent:
     """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
 
-    It is averaged over `periods` mesh periods after `settle` others. The run stops at more than
-    `max_events` contact events in a mesh period.
+    It is averaged over `periods` mesh periods after a transient of `settle` mesh periods. The run
+    stops if a mesh period has more than `max_events` contact events.
     """
-    strobe = Stroboscope(model, tuning, max_events=max_events)
-    deviation, current = Deviation(model, max_events), strobe.propagator.start(state)
-    bound = UNBOUNDED_FACTOR * np.maximum(model.extent, strobe.size(current[None]))
-    # The settling periods turn any direction into the growing one.
-    for first, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):
-        size_before = strobe.size(current[None])
-        current, logs, code = deviation.propagate(strobe.propagator, current, count, first)
+    stroboscope = Stroboscope(model, tuning, max_events=max_events)
+    propagator = stroboscope.propagator
+    perturbation, state = Perturbation(model, max_events), propagator.start(state)
+    bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
+    # During the transient any perturbation turns into the direction of fastest growth.
+    for first_period, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):
+        previous_size = stroboscope.size(state[None])
+        state, log_growths, code = perturbation.propagate(propagator, state, count, first_period)
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods, code)
-        if deviation.vector is None:
-            # Strong damping has reduced the deviation to zero.
+        if perturbation.vector is None:
+            # Strong damping has reduced the perturbation to zero.
             return Exponent(-math.inf, 0.0, -math.inf, periods)
-    if strobe.follow_growth(current[None], size_before, bound, periods)[0].any():
+    if stroboscope.follow_growth(state[None], previous_size, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
-    batches = np.array([batch.mean() for batch in np.array_split(logs, min(BATCHES, periods))])
-    error = batches.std(ddof=1) / math.sqrt(batches.size) if batches.size > 1 else math.inf
-    return Exponent(float(logs.mean()), float(error), float(logs.sum()), periods)
+    batches = np.array_split(log_growths, min(BATCHES, periods))
+    means = np.array([batch.mean() for batch in batches])
+    error = means.std(ddof=1) / math.sqrt(means.size) if means.size > 1 else math.inf
+    return Exponent(float(log_growths.mean()), float(error), float(log_growths.sum()), periods)
 
 
-def rounding_decides(
+def rounding_sensitive(
     model: Any, tunings: Any, start: tuple, periods: int, final_states: Any = None
 ) -> np.ndarray:
-    """Return a mask, shape (n,), of the tunings at which rounding decides where the motion goes.
+    """Return a mask, shape (n,), of the tunings at which rounding errors grow to a visible size.
 
-    A run over `periods` mesh periods begins at the state `start` at each tuning. If the final
-    states of a sweep are given, shape (n, components), each run begins where the last one ended,
-    or at `start` after a NaN.
+    A run over `periods` mesh periods starts at the state `start` at each tuning. If the final
+    states of a sweep are given, shape (n, components), each run starts from the final state of the
+    last one, or from `start` if that is NaN.
     """
-    deviation, decided = Deviation(model), np.zeros(len(tunings), bool)
+    perturbation, is_sensitive = Perturbation(model), np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
-        state, first = start, 0 if final_states is None else i * periods
+        state, first_period = start, 0 if final_states is None else i * periods
         if i and final_states is not None and np.isfinite(final_states[i - 1]).all():
             state = final_states[i - 1]
         else:
-            deviation = Deviation(model)
-        decided[i] = deviation.exceeds_limit(float(tuning), tuple(state), periods, first)
-    return decided
+            perturbation = Perturbation(model)
+        state = tuple(state)
+        is_sensitive[i] = perturbation.exceeds_limit(float(tuning), state, periods, first_period)
+    return is_sensitive
 
 
-def settled(model: Any, diagrams: list, directions: list, starts: list) -> np.ndarray:
-    """Return a mask, shape (diagram, tuning), of periodic motions that rounding does not choose.
+def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: list) -> np.ndarray:
+    """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
     `diagrams` are results of `gearlib.bifurcation_diagram` over the same tunings, `directions` and
     `starts` are the direction and initial state of each. After chaos the orbit of a warm-started
-    sweep depends on rounding, until all other motions reach the same orbit.
+    sweep depends on rounding errors, until all cold runs settle on the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
-    states = np.array([diagram.displacement.values for diagram in diagrams])
-    is_sweep = np.isin(directions, CARRIED)
-    decided_by_rounding = np.zeros(periods.shape, bool)
-    rising = np.argsort(diagrams[0].tuning.values)
-    orders = [rising[::-1] if direction == "down" else rising for direction in directions]
+    displacements = np.array([diagram.displacement.values for diagram in diagrams])
+    is_warm_started = np.isin(directions, WARM_STARTED)
+    is_sensitive = np.zeros(periods.shape, bool)
+    ascending = np.argsort(diagrams[0].tuning.values)
+    orders = [ascending[::-1] if direction == "down" else ascending for direction in directions]
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
-        ends = diagram.final_state.values[order] if is_sweep[k] else None
-        run_periods = int(diagram.strobe.values[-1]) + 1
-        tunings = diagram.tuning.values[order]
-        decided_by_rounding[k, order] = rounding_decides(
-            model, tunings, starts[k], run_periods, ends
+        final_states = diagram.final_state.values[order] if is_warm_started[k] else None
+        run_periods, tunings = int(diagram.strobe.values[-1]) + 1, diagram.tuning.values[order]
+        is_sensitive[k, order] = rounding_sensitive(
+            model, tunings, starts[k], run_periods, final_states
         )
-    is_settled = (periods > 0) & ~decided_by_rounding
-    others_settled = np.all(is_settled[~is_sweep], axis=0) & np.any(~is_sweep)
-    for k in np.flatnonzero(is_sweep):
+    is_reproducible = (periods > 0) & ~is_sensitive
+    cold_reproducible = np.all(is_reproducible[~is_warm_started], axis=0) & ~is_warm_started.all()
+    for k in np.flatnonzero(is_warm_started):
         after_chaos = False
-        compared_diagrams = ~is_sweep | (np.arange(len(diagrams)) == k)
+        compared_diagrams = ~is_warm_started | (np.arange(len(diagrams)) == k)
         for i in orders[k]:
-            compared = np.sort(states[compared_diagrams, i], axis=1)
+            compared = np.sort(displacements[compared_diagrams, i], axis=1)
             spread = np.ptp(compared, axis=0).max()
             is_same_orbit = spread <= _SAME_ORBIT_TOLERANCE * max(1.0, np.ptp(compared))
-            after_chaos = after_chaos or decided_by_rounding[k, i]
-            if others_settled[i] and is_same_orbit:
+            after_chaos = after_chaos or is_sensitive[k, i]
+            if cold_reproducible[i] and is_same_orbit:
                 after_chaos = False
-            is_settled[k, i] = periods[k, i] > 0 and not after_chaos
-    return is_settled
+            is_reproducible[k, i] = periods[k, i] > 0 and not after_chaos
+    return is_reproducible
 
 
 def lyapunov_exponents(
@@ -212,30 +214,30 @@ def lyapunov_exponents(
     max_events=MAX_EVENTS,
     threads=None,
 ):
-    """Return the largest Lyapunov exponents of motions over a parameter, with their errors.
+    """Return the largest Lyapunov exponents of motions over a parameter, with standard errors.
 
-    Small deviations follow the exact maps of `Model.propagator`, with saltation at the flank lines.
-    On a periodic attractor the exponent is ln|multiplier| / period; without damping a motion with a
-    positive exponent is chaotic, one with exponent zero regular.
+    Perturbations follow the exact linearised maps of the motion, with saltation matrices at contact
+    events. On a periodic attractor the exponent is ln|multiplier| / period; without damping a
+    motion with a positive exponent is chaotic, and one with a zero exponent is regular.
 
     Parameters
     ----------
     pair, values, parameter, tuning, max_events
         The same arguments as those of `gearlib.bifurcation_diagram`.
     states : array_like of float, shape (2,) or (n, 2)
-        Displacement in static deflections and dx/dtau at tau = 0, for all or for each value: the
-        final states of a diagram follow its branch.
+        Displacement in static deflections and dx/dtau at tau = 0, for all values or for each. The
+        final states of a bifurcation diagram follow its branch.
     settle, periods : int
-        Mesh periods before the count, and counted (at least 20).
+        Mesh periods of the transient, and of the average (at least 20).
     threads : int, optional
         Number of processors; all by default. The result does not depend on it.
 
     Returns
     -------
     xarray.Dataset
-        Over the parameter under its name: exponent, per mesh period, and uncertainty, the
-        standard error of its mean over 20 batches; status, where it is not 0 both are NaN: the
-        run could not go on, the motion grows without bound, or its start has no numbers.
+        Over a dimension with the name of the parameter: exponent, per mesh period; uncertainty, the
+        standard error of its mean over 20 batches; status: if it is not 0, both are NaN because the
+        run failed, the motion grows without bound, or the initial state is not finite.
 
     Raises
     ------
@@ -262,17 +264,17 @@ def lyapunov_exponents(
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
     settings = {"settle": settle, "periods": periods, "max_events": max_events}
 
-    def value_error_status(i: int) -> tuple:
-        """Return (exponent, standard error, status code) of the motion at the value of index i."""
-        model, nu = cases[i]
+    def exponent_row(i: int) -> tuple:
+        """Return (exponent, standard error, status code) at the parameter value of index i."""
+        model, tuning_of_case = cases[i]
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START
-        exponent = largest(model, nu, state=tuple(starts[i]), **settings)
+        exponent = largest_exponent(model, tuning_of_case, state=tuple(starts[i]), **settings)
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads) as pool:
-        results = pool.map(value_error_status, range(values.size))
-        table = np.array(list(notebook.counted("values", results, values.size)))
+        rows = pool.map(exponent_row, range(values.size))
+        table = np.array(list(notebook.counted("values", rows, values.size)))
     data = {
         "exponent": (parameter, table[:, 0]),
         "uncertainty": (parameter, table[:, 1]),

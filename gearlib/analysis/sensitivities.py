@@ -14,78 +14,77 @@ from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
 
-#: Half widths of the differences, as shares of a parameter's scale.
-WIDTHS = 3e-3 / 3.0 ** np.arange(9)
-MAX_RICHARDSON_STEPS = 3
+#: Steps of the difference quotients, relative to the scale of the parameter.
+STEPS = 3e-3 / 3.0 ** np.arange(9)
+MAX_RICHARDSON_ORDER = 3
 MIN_DIFFERENCES = 4
-#: Factor on the last change of the Richardson value that gives the error estimate.
+#: Factor on the last change of the extrapolated value that gives the error estimate.
 ERROR_FACTOR = 5.0
-#: Changes of an array below this share of its largest number are rounding.
-ROUNDING = 1e-13
-#: Error, as a share of the derivative, above which a warning is given.
+#: Changes of an array below this, relative to its largest entry, are rounding errors.
+ROUNDING_TOLERANCE = 1e-13
+#: Relative error of the derivative above which a warning is given.
 MAX_ERROR = 1e-6
 
 
 def richardson(function: Callable, value: float, scale: float) -> tuple:
-    """Return (derivative, estimate of its error) of an array that depends on a number.
+    """Return (derivative, error estimate) of an array-valued function at a parameter value.
 
-    `function(value)` returns the array. Differences of several widths, shares of `scale`, are
-    extrapolated by up to three Richardson steps (Ridders, Advances in Engineering Software 4 (1982)
-    75-76). The width and the step with the smallest change are chosen for all numbers of the array
-    together, because single differences may agree by chance. Differences are one-sided where the
-    function raises ValueError, left out where it returns None; with fewer than four the result is
-    NaN.
+    Difference quotients with several steps, relative to `scale`, are extrapolated up to the third
+    order (Ridders, Advances in Engineering Software 4 (1982) 75-76). Step and order with the
+    smallest change are chosen for all entries of the array together, because single entries may
+    agree by chance. Differences are one-sided where the function raises ValueError and omitted
+    where it returns None; with fewer than four the result is NaN.
     """
-    middle = np.asarray(function(value), float)
-    widths, quotients = [], []
-    for width in scale * WIDTHS:
-        quotient = _difference(function, value, width, middle)
+    centre = np.asarray(function(value), float)
+    steps, quotients = [], []
+    for step in scale * STEPS:
+        quotient = _difference_quotient(function, value, step, centre)
         if quotient is not None:
-            widths.append(width)
+            steps.append(step)
             quotients.append(quotient)
-    if len(widths) < MIN_DIFFERENCES:
-        return np.full(middle.shape, math.nan), np.full(middle.shape, math.nan)
-    differences = table = np.array(quotients)
-    best_score, best, error = math.inf, table[0], math.inf
-    size = np.abs(middle).max(initial=0.0)
-    for step in range(1, min(MAX_RICHARDSON_STEPS, len(widths) - 2) + 1):
-        table = (9.0**step * table[1:] - table[:-1]) / (9.0**step - 1.0)
+    if len(steps) < MIN_DIFFERENCES:
+        return np.full(centre.shape, math.nan), np.full(centre.shape, math.nan)
+    table = np.array(quotients)
+    best_score, derivative, error = math.inf, table[0], math.inf
+    max_entry = np.abs(centre).max(initial=0.0)
+    for order in range(1, min(MAX_RICHARDSON_ORDER, len(steps) - 2) + 1):
+        table = (9.0**order * table[1:] - table[:-1]) / (9.0**order - 1.0)
         changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
-        # Rounding grows by 3 from width to width, so small widths need smaller changes to win.
-        scores = np.nan_to_num(changes * 3.0 ** (step + np.arange(len(changes))), nan=np.inf)
+        # Rounding errors grow by 3 from step to step, so changes of small steps weigh more.
+        scores = np.nan_to_num(changes * 3.0 ** (order + np.arange(len(changes))), nan=np.inf)
         i = int(scores.argmin())
         if scores[i] < best_score:
-            best_score, best = scores[i], table[i]
+            best_score, derivative = scores[i], table[i]
             error = ERROR_FACTOR * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
-            error += np.spacing(size) / widths[i + step + 1]
-    is_constant = 2.0 * widths[0] * np.abs(differences[0]) <= ROUNDING * size
+            error += np.spacing(max_entry) / steps[i + order + 1]
+    is_constant = 2.0 * steps[0] * np.abs(quotients[0]) <= ROUNDING_TOLERANCE * max_entry
     error = 0.0 if is_constant.all() else error
-    return np.where(is_constant, 0.0, best), np.full(middle.shape, error)
+    return np.where(is_constant, 0.0, derivative), np.full(centre.shape, error)
 
 
-def _difference(function: Callable, value: float, width: float, middle: np.ndarray) -> Any:
-    """Return the central difference quotient of `function` at a value, None without a result.
+def _difference_quotient(function: Callable, value: float, step: float, centre: np.ndarray) -> Any:
+    """Return the central difference quotient of `function`, or None if the function returns None.
 
-    It is one-sided if the function raises ValueError on one side; `middle` is its array there.
+    It is one-sided if the function raises ValueError on one side; `centre` is function(value).
     """
     try:
-        ahead = function(value + width)
+        forward = function(value + step)
     except ValueError:
-        width = -width
-        ahead = function(value + width)
+        step = -step
+        forward = function(value + step)
     try:
-        behind, weights = function(value - width), (1.0, -1.0, 0.0)
+        backward, weights = function(value - step), (1.0, -1.0, 0.0)
     except ValueError:
-        behind, weights = function(value + 2.0 * width), (4.0, -1.0, -3.0)
-    if ahead is None or behind is None:
+        backward, weights = function(value + 2.0 * step), (4.0, -1.0, -3.0)
+    if forward is None or backward is None:
         return None
-    return (weights[0] * ahead + weights[1] * behind + weights[2] * middle) / (2.0 * width)
+    return (weights[0] * forward + weights[1] * backward + weights[2] * centre) / (2.0 * step)
 
 
 def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
-    """Differentiate the results of a call by parameters of a model and by its other arguments.
+    """Differentiate the results of a call with respect to parameters of a model or arguments.
 
-    It warns if contacts change at all widths, and of errors above 1e-6 of the derivative.
+    Warn if contact events change with every step, or if the relative error exceeds 1e-6.
 
     Parameters
     ----------
@@ -93,15 +92,15 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         ``call(model, **arguments)`` returns a number, an array, a DataArray or a Dataset.
     model : Model
     parameters : str or sequence of str
-        Names in ``model.settable``, or of `arguments` that are numbers, like tuning and speed.
+        Names in ``model.settable``, or of numbers among the `arguments`, such as tuning or speed.
     **arguments
-        Other arguments of the call.
+        Keyword arguments of the call.
 
     Returns
     -------
     xarray.Dataset
-        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; the variable of a result
-        without a name is ``value``.
+        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; a result without a name is
+        the variable ``value``.
 
     Raises
     ------
@@ -109,23 +108,23 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         Naming the argument, its value and the allowed range.
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
-    described = {name: DESCRIPTIONS.get(name, ("1", name)) for name in arguments}
-    known = model.settable | {
-        name: (units, model.long_names.get(name, long_name))
-        for name, (units, long_name) in described.items()
-    }
+    descriptions = dict(model.settable)  # name -> (units, long name)
+    for name in arguments:
+        units, long_name = DESCRIPTIONS.get(name, ("1", name))
+        descriptions[name] = units, model.long_names.get(name, long_name)
     data: dict = {}
     for name in (parameters,) if isinstance(parameters, str) else parameters:
-        parameter_units, parameter = known[checks.one_of("parameters", name, known)]
+        parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
         run = _run_function(call, model, name, arguments)
-        is_ratio = parameter_units == "1"
-        scale = abs(value) or (1.0 if is_ratio else natural_scale(model, parameter_units))
+        is_dimensionless = parameter_units == "1"
+        scale = abs(value) or (1.0 if is_dimensionless else natural_scale(model, parameter_units))
         for variable, array in run(value)[0].items():
             long_name = array.attrs.get("long_name", variable)
             title = f"derivative of the {long_name} by {parameter}"
-            units = array.attrs.get("units", "1") + ("" if is_ratio else f"/({parameter_units})")
+            divisor = "" if is_dimensionless else f"/({parameter_units})"
+            units = array.attrs.get("units", "1") + divisor
             derivative, error = _derivative(run, variable, title, value, scale)
             label, attrs = f"d_{variable}_d_{name}", {"units": units, "long_name": title}
             data[label] = array.copy(data=derivative).assign_attrs(attrs)
@@ -135,15 +134,14 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return a function from a value of the parameter `name` to (result, contact events).
+    """Return a cached function from a value of the parameter `name` to (variables, contacts).
 
-    The parameter is an argument of `call(model, **arguments)`, or one of the model. The result is
-    a dictionary of the variables of the call.
+    The parameter is one of the `arguments` of `call(model, **arguments)`, or one of the model.
     """
 
     @cache
     def run(value: float) -> tuple:
-        """Return (variables of the call with a value of the parameter, its contact events)."""
+        """Return ({name: DataArray} of the call, list of its contact event counts)."""
         with counting_contacts() as contacts:
             if name in arguments:
                 result = call(model, **arguments | {name: value})
@@ -158,16 +156,16 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
 
 
 def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
-    """Return (derivative, its error) of a variable, and warn if they are not reliable.
+    """Return (derivative, error) of a variable at a parameter value; warn if they are unreliable.
 
-    `run` is a result of `_run_function`, `value` that of the parameter, `scale` its natural size;
+    `run` is a result of `_run_function`, `scale` is the order of magnitude of the parameter;
     `title` names the derivative in warnings.
     """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
-        """Return the variable at a value of the parameter, None if its contacts are others."""
+        """Return the variable at a parameter value, or None if contact events or shape change."""
         variables, new_contacts = run(parameter)
         array = variables[variable].values
         if same_contacts and contacts and new_contacts and new_contacts != contacts:
@@ -175,7 +173,7 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
         return array if array.shape == shape else None
 
     derivative, error = richardson(array_at, value, scale)
-    # Differences across a change of contacts are better than none.
+    # Differences across a change of contact events are better than none.
     if np.isnan(error).any():
         warnings.warn(f"contact events appear or vanish at all widths: {title}", stacklevel=3)
         derivative, error = richardson(lambda x: array_at(x, False), value, scale)

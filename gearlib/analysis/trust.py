@@ -1,21 +1,21 @@
-"""`trust`: chaos or artefact? One point is run in several ways, and their results are compared.
+"""`trust`: chaos or artefact? The motion at one tuning is computed in several ways and compared.
 
-A settled motion of a damped mesh does not depend on how it was computed, started and how long it
-ran. `trust` runs a point again, longer, from a disturbed state, by another method, with another
-tolerance and, for a truncated stiffness, with more harmonics, and computes the largest Lyapunov
-exponent of the motion from its variational maps. Its label follows from stated rules:
+The steady state of a damped mesh does not depend on the method and length of the run or on small
+changes of the initial state. `trust` repeats a run for a longer time, from a disturbed state, by
+another method, with another tolerance and, for a truncated stiffness, with more harmonics, and
+computes the largest Lyapunov exponent of the motion. Its label follows from these rules:
 
 =================  ===========================================================================
 label              rule
 =================  ===========================================================================
-periodic           the longer run repeats, and the others, as far as they have settled, after the
-                   same number of mesh periods; deviations decay, and the extrema of all agree in
+periodic           the longer run, and all others that have settled, repeat after the same number
+                   of mesh periods; perturbations decay, and the extrema of all runs agree in
                    at least `MIN_DIGITS` digits
-unbounded          the motion grows beyond all bounds, see `Model.bound`, or it is large and still
-                   grows, and no run repeats
-chaotic            deviations grow: exponent above three times its uncertainty, and a growth
-                   beyond what linear growth would reach in the counted periods
-quasi-periodic     no run repeats, and deviations neither grow nor decay exponentially
+unbounded          the motion exceeds `Model.bound`, or it is large and still grows, and no run
+                   repeats
+chaotic            perturbations grow: the exponent exceeds three times its uncertainty, and the
+                   growth exceeds linear growth
+quasi-periodic     no run repeats, and perturbations neither grow nor decay exponentially
 undecided          everything else; the message says why and what to do
 =================  ===========================================================================
 """
@@ -40,19 +40,17 @@ from gearlib.runs.simulation import run
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
 
-#: Digits in which the extrema of all runs must agree if the motion is periodic.
+#: Decimal digits in which the extrema of all runs must agree if the motion is periodic.
 MIN_DIGITS = 4
-
-#: Largest number of digits in a scan: more would depend on the rounding of the runs.
+#: Largest number of digits in a scan: more would depend on rounding errors.
 _MAX_DIGITS = 10.0
-
-#: Logarithm of the growth of deviations, over the counted periods, below which they decay.
-_MAX_DECAYING_GROWTH = -3.0
+#: Perturbations decay if the logarithm of their total growth is below this.
+_MAX_LOG_DECAY = -3.0
 
 
 @dataclass(frozen=True)
 class Trust:
-    """Label of the motion at one point, with the runs and the exponent that decide it."""
+    """Label of the motion at one tuning, with the runs and the exponent that determine it."""
 
     label: str  #: one of `LABELS`
     message: str  #: the reason in one sentence
@@ -60,7 +58,7 @@ class Trust:
     digits: float  #: decimal digits to which the extrema of all runs agree; NaN unless periodic
     exponent: float  #: largest Lyapunov exponent per mesh period; NaN if unbounded
     uncertainty: float  #: standard error of the exponent
-    runs: xr.Dataset  #: displacement_max, displacement_min, period, status over run
+    runs: xr.Dataset  #: displacement_max, displacement_min, period and status of each run
 
 
 def trust(
@@ -73,7 +71,7 @@ def trust(
     disturbance=1e-3,
     exponent_periods=4000,
 ):
-    """Run one point in several ways and say what its motion is.
+    """Classify the motion at one tuning by runs with several methods and settings.
 
     Parameters
     ----------
@@ -81,15 +79,15 @@ def trust(
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     periods, record_periods : int
-        Mesh periods of a run, and of its recorded end; the longer run takes four times the periods.
-        With run-out at least one repeat of it is recorded, and `periods` must be longer than two
-        repeats and the transient.
+        Mesh periods of a run, and of the record at its end; the longer run takes four times as
+        many. With run-out at least one period of the run-out is recorded, and `periods` must exceed
+        two of them and the transient.
     initial_state : tuple of float
         Displacement in static deflections and dx/dtau at tau = 0.
     disturbance : float
-        Added to the initial displacement in the disturbed run, static deflections.
+        Change of the initial displacement in the disturbed run, in static deflections.
     exponent_periods : int
-        Mesh periods over which the Lyapunov exponent is averaged, after `periods` to settle.
+        Mesh periods over which the Lyapunov exponent is averaged, after a transient of `periods`.
 
     Returns
     -------
@@ -114,16 +112,16 @@ def trust(
     }
     initial_state = pair.check_state(initial_state)
     names, methods, runs = [], [], []
-    for name, model, changes in (
+    for name, model, changed_arguments in (
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
         ("disturbed", pair, {"initial_state": pair.disturbed_state(initial_state, disturbance)}),
         *_other_methods(pair),
     ):
         names.append(name)
-        methods.append(integrators.choose(model, changes.get("method"), None)[0])
-        runs.append(run(model, tuning, **arguments | changes))
-    exponent = lyapunov.largest(
+        methods.append(integrators.choose(model, changed_arguments.get("method"), None)[0])
+        runs.append(run(model, tuning, **arguments | changed_arguments))
+    exponent = lyapunov.largest_exponent(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
     )
     summaries = np.array([run.summary for run in runs])
@@ -149,20 +147,20 @@ def trust(
 
 
 def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
-    """Return the labels of `trust` over tunings, with its options, as a dataset over ``tuning``.
+    """Return the results of `trust` (label, period, digits, exponent, ...) along ``tuning``.
 
-    It has label (index in `LABELS`, CF flags), period, digits (at most 10), exponent, uncertainty.
+    Labels are indices in `LABELS` with CF flags; `options` are keyword arguments of `trust`.
     """
 
     def variables(tuning: float) -> dict:
-        """Return the variables of the dataset at a tuning."""
-        point = trust(model, tuning, **options)
+        """Return {variable name: value} of the dataset at a tuning."""
+        motion = trust(model, tuning, **options)
         return {
-            "label": np.int8(LABELS.index(point.label)),
-            "period": np.int32(point.period),
-            "digits": min(point.digits, _MAX_DIGITS),
-            "exponent": point.exponent,
-            "uncertainty": point.uncertainty,
+            "label": np.int8(LABELS.index(motion.label)),
+            "period": np.int32(motion.period),
+            "digits": min(motion.digits, _MAX_DIGITS),
+            "exponent": motion.exponent,
+            "uncertainty": motion.uncertainty,
         }
 
     title = "Labels of the motion of a gear mesh"
@@ -174,9 +172,9 @@ def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
 
 def _other_methods(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments of `run`) of the runs that check a model.
+    """Yield (name, model, changed arguments of `run`) for comparison runs of a model.
 
-    They use another method, a finer tolerance and, for a truncated stiffness, more harmonics.
+    They use another method, a smaller tolerance and, for a truncated stiffness, more harmonics.
     """
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
@@ -190,10 +188,10 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
 
 def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Return the `Trust` that follows from runs and a Lyapunov exponent by the stated rules.
+    """Return the `Trust` that follows from a dataset of runs and a Lyapunov exponent.
 
-    `runs` has displacement_max, displacement_min, period, status over run; `repeats` is the number
-    of mesh periods after which the excitation repeats.
+    `runs` has displacement_max, displacement_min, period and status of each run; `repeats` is the
+    number of mesh periods after which the excitation repeats.
     """
     label, message = _label_and_message(runs, exponent, repeats)
     period, digits = 0, math.nan
@@ -202,10 +200,8 @@ def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> T
     return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
 
 
-def _label_and_message(
-    runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int
-) -> tuple[str, str]:
-    """Return (label, message) of `Trust` by the first rule that fits.
+def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
+    """Return (label, message) of `Trust` by the first rule that applies.
 
     `repeats` is the number of mesh periods after which the excitation repeats.
     """
@@ -223,26 +219,26 @@ def _label_and_message(
         return "undecided", f"could not go on: {', '.join(names[failed]) or variational}"
     if exponent.positive:
         length = f"{1.0 / exponent.value:.3g} mesh periods"
-        return "chaotic", f"deviations grow by a factor e every {length}"
-    if exponent.growth < _MAX_DECAYING_GROWTH:
-        return _label_of_decay(runs, periods, repeats)
-    neither = "deviations neither grow nor decay"
+        return "chaotic", f"perturbations grow by a factor e every {length}"
+    if exponent.growth < _MAX_LOG_DECAY:
+        return _label_of_stable_motion(runs, periods, repeats)
+    neither = "perturbations neither grow nor decay"
     if periods == {0}:
         return "quasi-periodic", f"no run repeats; {neither} exponentially"
     return "undecided", f"{neither}, yet some run repeats: run more periods"
 
 
-def _label_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of `Trust` for runs in which small deviations decay.
+def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
+    """Return (label, message) of `Trust` for a motion whose perturbations decay.
 
-    `periods` are the different periods of the runs, 0 for one that does not repeat; the excitation
+    `periods` are the distinct periods of the runs, 0 for a run that does not repeat; the excitation
     repeats after `repeats` mesh periods.
     """
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
-        # Runs that have not settled yet need only agree with the longer run in their extrema.
+        # Runs that have not settled yet only need the same extrema as the longer run.
         periods = periods - {0}
     if periods == {0} or len(periods) > 1:
-        message = "deviations decay, but not all runs repeat: run more periods to settle"
+        message = "perturbations decay, but not all runs repeat: run more periods to settle"
         if repeats > 1:
             message += f", and beyond that two repeats of the run-out, of {repeats} periods each"
         return "undecided", message
@@ -259,9 +255,9 @@ def _label_of_decay(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, 
 def _common_digits(runs: xr.Dataset) -> float:
     """Return the number of decimal digits in which the displacement extrema of all runs agree.
 
-    Differences are relative to the height of the first orbit.
+    Differences are relative to the displacement range of the first run.
     """
-    highest, lowest = runs.displacement_max.values, runs.displacement_min.values
-    height = np.maximum(highest[0] - lowest[0], np.finfo(float).tiny)
-    spread = np.maximum(np.ptp(highest, axis=0), np.ptp(lowest, axis=0)) / height
+    maxima, minima = runs.displacement_max.values, runs.displacement_min.values
+    displacement_range = np.maximum(maxima[0] - minima[0], np.finfo(float).tiny)
+    spread = np.maximum(np.ptp(maxima, axis=0), np.ptp(minima, axis=0)) / displacement_range
     return -math.log10(max(np.max(spread), np.finfo(float).eps))

@@ -100,13 +100,13 @@ def _at_largest(dataset, name, over):
 @command("simulate", _RUN, over="phase", use="one speed")
 def simulate(gears, model, tuning, samples, **settings):
     """Run the gears at one speed: time course, contact events, orbit."""
-    from gearlib.analysis.duty_point import in_units
+    from gearlib.analysis.duty_point import si_variables
     from gearlib.data.result import result
 
     run = gearlib.simulate(model, tuning, samples_per_period=samples, **settings)
     output.show(run)
     if not model.mesh_names:
-        duty = result("Duty point of a gear mesh", model, in_units(run, model), method="run")
+        duty = result("Duty point of a gear mesh", model, si_variables(run, model), method="run")
         output.show(duty.drop_vars(["tuning", "speed"]))
     return run, lambda plot: plot.time_course(run)
 
@@ -130,7 +130,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
     if is_wide and direction == "down":
-        lowest = sweeping.LOWEST_SHARE * first
+        lowest = sweeping.EXTENSION_RATIO * first
         curve, jumped = sweeping.sweep_down(model, grid, lowest, **settings)
         has = "has jumped down above" if jumped else "has not jumped down at"
         click.echo(f"The motion {has} {float(curve.speed[0]):.0f} rpm, the lowest speed.")
@@ -145,10 +145,10 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 @command("run-up", "start stop duration acceleration back initial_state driver", over="revolution")
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
-    from gearlib.runs.run_up import speeds_of
+    from gearlib.runs.run_up import speed_profile
 
     start, stop = in_rpm("start", start), in_rpm("stop", stop)
-    course = speeds_of(start, stop, duration, acceleration).tolist()
+    course = speed_profile(start, stop, duration, acceleration).tolist()
     course += [[2.0 * course[-1][0], start]] if back else []
     run = gearlib.run_up(model, speed=course, **settings)
     click.echo(f"{run.revolution.size} revolutions; that of the largest force:")

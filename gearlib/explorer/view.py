@@ -14,7 +14,7 @@ from gearlib.data.motions import without_growth
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
-from gearlib.runs.sweeping import LOWEST_SHARE, sweep, sweep_down
+from gearlib.runs.sweeping import EXTENSION_RATIO, sweep, sweep_down
 
 #: Mesh periods of a time course that is drawn, and samples of each.
 SHOWN, SAMPLES = 3, 256
@@ -84,7 +84,7 @@ def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> 
 
     def curve(direction):
         if moving is not pair and direction == "down":
-            swept, jumped = sweep_down(pair, grid, LOWEST_SHARE * grid[0], **settings)
+            swept, jumped = sweep_down(pair, grid, EXTENSION_RATIO * grid[0], **settings)
         else:
             swept, jumped = sweep(pair, grid, direction=direction, **settings), True
         return without_growth(swept, pair.extent), jumped

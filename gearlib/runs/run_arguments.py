@@ -7,25 +7,25 @@ from gearlib.engines.orbit import Rows, Span
 
 #: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
-#: Range of tunings: rounding spoils all digits of motions beyond it.
+#: Range of tunings: outside it rounding errors are as large as the motion.
 MIN_TUNING, MAX_TUNING = 1e-12, 1e5
 #: Largest memory of the record of a run or of the rows of a sweep, bytes.
 MAX_MEMORY = 2_000_000_000
 
 
 def check_tuning(name: str, value: float) -> float:
-    """Return the tuning nu, the argument `name`, or raise ValueError if it is out of range."""
+    """Return the tuning given as argument `name`; raise ValueError if it is out of range."""
     tuning = checks.finite_positive(name, value)
-    return checks.number(name, tuning, f"from {MIN_TUNING:g} to {MAX_TUNING:g}", allowed)
+    return checks.number(name, tuning, f"from {MIN_TUNING:g} to {MAX_TUNING:g}", is_valid_tuning)
 
 
-def allowed(tuning):
-    """Return whether tunings, a float or an array, lie in the allowed range; NaN does not."""
+def is_valid_tuning(tuning):
+    """Return whether a tuning, or each tuning of an array, lies in the allowed range."""
     return (tuning >= MIN_TUNING) & (tuning <= MAX_TUNING)
 
 
 def tuning_of(model, tuning: float | None, speed: float | None) -> float:
-    """Return the tuning of a run from a tuning or a speed in rpm, of which the other is None."""
+    """Return the checked tuning of a run for a tuning or a speed in rpm; the other one is None."""
     check_either(model, "tuning", tuning, "speed", speed)
     if speed is None:
         return check_tuning("tuning", tuning)
@@ -33,9 +33,9 @@ def tuning_of(model, tuning: float | None, speed: float | None) -> float:
 
 
 def check_speed(model, name: str, speed: float) -> float:
-    """Return the tuning of a model at a speed in rpm, the argument `name`, if it is in range.
+    """Return the tuning of a model at a speed in rpm; raise ValueError for an invalid speed.
 
-    Otherwise raise ValueError.
+    `name` is the name of the argument in the message.
     """
     speed_at_resonance = float(model.speed(1.0))
     return float(model.tuning_at(checks.speed(name, speed, speed_at_resonance)))
@@ -44,8 +44,8 @@ def check_speed(model, name: str, speed: float) -> float:
 def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     """Raise ValueError unless exactly one of a tuning and a speed is given (the other is None).
 
-    The error message calls these arguments `tuning_name` and `speed_name`. A speed is refused for a
-    model that has no rotating body or no scale of time.
+    `tuning_name` and `speed_name` are the names of these arguments in the error message. A speed is
+    refused for a model without rotating bodies or without a time scale.
     """
     if (tuning is None) == (speed is None):
         raise ValueError(
@@ -57,7 +57,7 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
             f"{tuning_name}"
         )
-    # A pair made by `GearPair.from_ratios` has these scales.
+    # These are the scales of a pair made by `GearPair.from_ratios`.
     if speed is not None and model.static_deflection == model.mesh_frequency(1.0) == 1.0:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: the model is dimensionless, without a scale "
@@ -68,8 +68,8 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
 def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: str):
     """Raise ValueError if a table of `row_count` rows needs more than `MAX_MEMORY` bytes.
 
-    For the message, `argument` describes the argument that causes the size of the table and
-    `row_name` says what its rows are, such as "samples".
+    In the message, `argument` describes the argument that determines the size of the table, and
+    `row_name` is the name of its rows, such as "samples".
     """
     max_rows = MAX_MEMORY // (8 * numbers_per_row)
     if row_count > max_rows:
@@ -80,7 +80,7 @@ def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: 
 
 
 def check_rows(model, argument: str, tuning_count: int):
-    """Raise ValueError if a sweep over `tuning_count` tunings needs too much memory.
+    """Raise ValueError if the results of a sweep over `tuning_count` tunings need too much memory.
 
     `argument` describes the sweep in the error message.
     """
@@ -90,9 +90,9 @@ def check_rows(model, argument: str, tuning_count: int):
 
 
 class RunArguments(NamedTuple):
-    """Checked arguments of a run."""
+    """Validated arguments of a run."""
 
-    span: Span  #: mesh periods of the run and of its record, limit of arcs in a period
+    span: Span  #: mesh periods of the run, of its record, and the limit of arcs per mesh period
     state: tuple  #: initial state
     method: str
     module: Any  #: module of `gearlib.integrators` that implements the method
@@ -113,10 +113,7 @@ class RunArguments(NamedTuple):
 def check_run(
     model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
-    """Return the arguments of a run of a model as `RunArguments`, or raise ValueError.
-
-    The arguments are those of `simulate`. The message of an error names the argument and its range.
-    """
+    """Validate the arguments of `simulate` for a model and return them as `RunArguments`."""
     method_name, module, options = integrators.choose(model, method, options)
     periods = checks.integer("periods", periods, 1)
     recorded = checks.integer("record_periods", record_periods, 1, periods)

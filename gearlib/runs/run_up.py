@@ -14,7 +14,7 @@ from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
 
-#: Maps names of variables that only run-ups have in SI units to (CF units, long_name).
+#: Names of the variables that are in SI units in run-ups only -> (CF units, long_name).
 _SI_VARIABLES = {
     "time": ("s", "time"),
     "load_ratio": ("1", "load over that of the model"),
@@ -35,7 +35,7 @@ _SI_VARIABLES = {
     "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
     "mean_force": ("N", "mean of the mesh force over the revolution"),
 }
-#: Numbers stored for a mesh period of one mesh, apart from samples: its summary and events.
+#: Estimate of the numbers stored per mesh and mesh period, without samples: summary and events.
 _NUMBERS_PER_PERIOD = 40
 #: Columns of a summary that hold maxima and minima; the others are sums.
 _MAXIMUM_COLUMNS, _MINIMUM_COLUMNS = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
@@ -60,10 +60,9 @@ def run_up(
     """Run a model up, down, or along any piecewise linear profile of speed and load.
 
     At constant acceleration the stiffness switches at roots of a quadratic equation, and between
-    these switches the motion is solved in closed form, as at constant speed. Run-out and deviations
-    are solved by power series to rounding error; the attribute ``source`` says so. The mesh
-    transmits the load and the inertia torque of the acceleration, see
-    `gearlib.models.acceleration`.
+    these switches the solution has a closed form, as at constant speed. With run-out or profile
+    deviations it is a power series, accurate to rounding error; the attribute ``source`` says so.
+    The mesh transmits the load and the inertia torque, see `gearlib.models.acceleration`.
 
     Parameters
     ----------
@@ -78,37 +77,37 @@ def run_up(
     acceleration : float
         Magnitude of the constant acceleration in rpm/s, finite, > 0.
     speed : sequence of (float, float), optional
-        Speed profile, instead of the four arguments above: pairs of time in seconds, rising from 0,
-        and speed in rpm. The speed is linear between them.
+        Speed profile, instead of the four arguments above: pairs of time in seconds, increasing
+        from 0, and speed in rpm. The speed is linear between them.
     load : sequence of (float, float), optional
-        Load profile: pairs of time in seconds, not falling, and load over the load of the model (of
-        a train, over all its torques), finite. The load is linear between them and constant before
-        the first and after the last; two pairs at the same time make a step. By default constant.
+        Load profile: pairs of time in seconds, non-decreasing, and ratio of the load to that of the
+        model (a factor on all torques of a train), finite. The load is linear between them and
+        constant before the first and after the last; two pairs at the same time are a step.
     driver : str, optional
-        Name of the body of a train on which the torque of the acceleration acts. By default the
-        body that supplies most of the power.
+        Name of the body of a train on which the accelerating torque acts. By default the body that
+        supplies most of the power.
     driven_mass, base_radius : float, optional
-        For models with one degree of freedom: J_2 / r_b2^2 of all driven inertia, in kg, and the
-        base radius in m of the gear to which the speed refers. By default nothing is accelerated.
+        For models with one degree of freedom: J_2 / r_b2^2 of the driven inertia, in kg, and the
+        base radius in m of the gear to which the speed refers. By default there is no inertia.
     initial_state : tuple of float or "static", default (0, 0)
         State at time 0 and the first speed, as in `simulate`.
     samples_per_period : int, default 0
         Number of samples of the time history in each mesh period, at equal steps of time. With 0
         there is no time history.
     max_events : int
-        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
-        more is stopped.
+        Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
+        needs more is stopped.
 
     Returns
     -------
     xarray.Dataset
-        Variables in SI units, with a dimension `mesh` for trains. Along ``revolution`` (revolutions
-        of the gear above in whole mesh periods, the last possibly incomplete): revolution_time,
-        revolution_speed, extrema of displacement and dynamic_force, mean_force, fractions of time,
-        bounces. Along ``event``: event_time, event_speed, event_from, event_to, event_velocity.
-        With samples, along ``time``: speed, load_ratio, phase, displacement, velocity,
-        acceleration, dynamic_force, contact, and body_motion for trains. If status is not 0, the
-        numbers are NaN and ``status.attrs["message"]`` says what to do.
+        Variables in SI units, with a dimension `mesh` for trains. Along ``revolution`` (of the gear
+        to which the speed refers, in whole mesh periods; the last may be incomplete):
+        revolution_time, revolution_speed, extrema of displacement and dynamic_force, mean_force,
+        fractions of time, bounces. Along ``event``: event_time, event_speed, event_from, event_to,
+        event_velocity. With samples, along ``time``: speed, load_ratio, phase, displacement,
+        velocity, acceleration, dynamic_force, contact, and body_motion for trains. If status is not
+        0, the numbers are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -120,33 +119,33 @@ def run_up(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     _check_model(model)
-    speeds = speeds_of(start, stop, duration, acceleration, speed)
-    fastest = "speed" if speed is not None else "stop" if stop >= start else "start"
-    check_speed(model, fastest, float(speeds[:, 1].max()))
+    speeds = speed_profile(start, stop, duration, acceleration, speed)
+    fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
+    check_speed(model, fastest_argument, float(speeds[:, 1].max()))
     loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
-    limit = checks.integer("max_events", max_events, 1)
-    inertia_forces = inertia_of(model, driver, driven_mass, base_radius)
+    max_events = checks.integer("max_events", max_events, 1)
+    inertia_forces = _inertia_forces(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     runner, pieces, start_state = courses.start_course(model, speeds, loads, state)
-    meshes, end = runner.meshes, pieces[-1]
-    last_phase = end.phase + end.length * (end.speed + 0.5 * end.acceleration * end.length)
-    numbers_per_period = samples * (meshes * 6 + model.size) + _NUMBERS_PER_PERIOD * meshes
+    mesh_count, last = runner.meshes, pieces[-1]
+    final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
+    numbers_per_period = samples * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
-    check_memory(description, int(last_phase / math.tau) + 1, numbers_per_period, "mesh periods")
+    check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth = model.periods_per_revolution
-    stretches = list(
-        courses.run_course(runner, pieces, start_state, samples, limit, inertia_forces, teeth)
+    records = list(
+        courses.run_course(runner, pieces, start_state, samples, max_events, inertia_forces, teeth)
     )
-    code = stretches[-1].status
-    if code == status.OK and summary.reach(stretches[-1].summary) > model.bound(1.0, state):
+    code = records[-1].status
+    if code == status.OK and summary.reach(records[-1].summary) > model.bound(1.0, state):
         code = status.OVERFLOW
-    data = _statistics(model, stretches, omega) | _events(model, stretches, omega)
+    data = _revolution_variables(model, records, omega) | _event_variables(model, records, omega)
     if samples:
-        data |= _time_variables(model, stretches, omega, samples)
+        data |= _time_variables(model, records, omega, samples)
     if code != status.OK:
-        data = {name: _failed(*variable) for name, variable in data.items()}
+        data = {name: _without_numbers(*variable) for name, variable in data.items()}
     data = {name: _with_units(name, *variable) for name, variable in data.items()}
     coordinates = model.coordinates()
     used_dims = {dim for variable in data.values() for dim in variable[0]}
@@ -180,11 +179,11 @@ def _check_model(model):
         )
 
 
-def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=None):
-    """Return the speed profile, rows of time in s and speed in rpm, shape (n, 2).
+def speed_profile(start=None, stop=None, duration=None, acceleration=None, speed=None):
+    """Return the speed profile as rows of time in s and speed in rpm, shape (n, 2).
 
-    Either `speed` is the profile, or it leads from `start` to `stop`, in rpm, in a `duration` in s
-    or at an `acceleration` in rpm/s. Wrong arguments raise ValueError.
+    Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
+    or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
     """
     allowed_speed = "a finite number >= 0"
     if speed is not None:
@@ -218,11 +217,12 @@ def speeds_of(start=None, stop=None, duration=None, acceleration=None, speed=Non
     return profile
 
 
-def _check_profile(name: str, pairs, allowed_values: str, is_allowed, steps=False) -> np.ndarray:
-    """Return the speed or load profile `pairs`, (time in s, value), as an array, shape (n, 2).
+def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) -> np.ndarray:
+    """Return the profile `pairs`, (time in s, speed or load), as an array, shape (n, 2).
 
-    Raise ValueError for the argument `name` if times fall or `is_allowed(value)` is false;
-    `allowed_values` describes the allowed values. Equal times are allowed with `steps` only.
+    Raise ValueError, with the argument's `name`, if a time decreases or `is_allowed(value)` is
+    false; `allowed_values` describes the allowed values in the message. With `steps` two pairs may
+    have the same time.
     """
     profile = []
     for i, pair in enumerate(checks.many(name, pairs)):
@@ -240,11 +240,11 @@ def _check_profile(name: str, pairs, allowed_values: str, is_allowed, steps=Fals
     return np.array(profile)
 
 
-def inertia_of(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the inertia force of each mesh per acceleration, for `courses.run_course`.
+def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
+    """Return the inertia force of each mesh per unit of acceleration, for `courses.run_course`.
 
-    The arguments are those of `run_up`: a train has a `driver`, the name of the accelerating body;
-    a model with one mesh has a `driven_mass` in kg and a `base_radius` in m.
+    The arguments are those of `run_up`: a train may have a `driver`, the name of the accelerated
+    body; a model with one mesh may have a `driven_mass` in kg and a `base_radius` in m.
     """
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
@@ -262,30 +262,30 @@ def inertia_of(model, driver, driven_mass, base_radius) -> np.ndarray:
     )
 
 
-def _statistics(model, stretches: list, omega: float) -> dict:
-    """Return the variables along revolutions of a run-up, a dict of name to (dims, values).
+def _revolution_variables(model, records: list, omega: float) -> dict:
+    """Return {name: (dims, values)} of the variables along the revolutions of a run-up.
 
-    `stretches` are its records, `courses.Stretch`, in order of time, whose blocks of mesh periods
-    are the revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
+    `records` are its `courses.Stretch`es in order of time, whose blocks of mesh periods are the
+    revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
     """
-    revolutions = np.concatenate([stretch.block for stretch in stretches])
-    first = np.flatnonzero(np.diff(revolutions, prepend=-1))
-    start_time = np.concatenate([stretch.theta[:-1] for stretch in stretches])[first]
-    time_steps = np.concatenate([np.diff(stretch.theta) for stretch in stretches])
-    phase_steps = np.concatenate([np.diff(stretch.phase) for stretch in stretches])
-    time, phase = np.add.reduceat(time_steps, first), np.add.reduceat(phase_steps, first)
-    # A revolution that spans several stretches has a summary in each of them.
-    table = np.concatenate([stretch.summary for stretch in stretches])
-    summary_blocks = np.concatenate([np.unique(stretch.block) for stretch in stretches])
-    block = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
-    summaries = np.add.reduceat(table, block)
-    summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], block)
-    summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], block)
+    revolutions = np.concatenate([record.block for record in records])
+    starts = np.flatnonzero(np.diff(revolutions, prepend=-1))
+    start_theta = np.concatenate([record.theta[:-1] for record in records])[starts]
+    theta_steps = np.concatenate([np.diff(record.theta) for record in records])
+    phase_steps = np.concatenate([np.diff(record.phase) for record in records])
+    duration, phase = np.add.reduceat(theta_steps, starts), np.add.reduceat(phase_steps, starts)
+    # A revolution that extends over several records has a summary in each of them.
+    table = np.concatenate([record.summary for record in records])
+    summary_blocks = np.concatenate([np.unique(record.block) for record in records])
+    rows = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
+    summaries = np.add.reduceat(table, rows)
+    summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], rows)
+    summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], rows)
     length, force = model.static_deflection, model.scales()["force_scale"]
-    # The total time is the sum of the times in each contact state, so that fractions sum up to 1.
+    # The total time is the sum of the times in each contact state, so that fractions add up to 1.
     times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
     total_time = times.sum(axis=-1)
-    # No time is counted after a run has stopped.
+    # Revolutions after the end of a failed run have no duration.
     total_time[total_time == 0.0] = np.nan
     columns = {
         "displacement_max": summaries[..., orbit.X_MAX] * length,
@@ -300,21 +300,21 @@ def _statistics(model, stretches: list, omega: float) -> dict:
     }
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
     variables = {
-        "revolution": (("revolution",), revolutions[first]),
-        "revolution_time": (("revolution",), (start_time + 0.5 * time) / omega),
-        "revolution_speed": (("revolution",), np.asarray(model.speed(phase / time))),
+        "revolution": (("revolution",), revolutions[starts]),
+        "revolution_time": (("revolution",), (start_theta + 0.5 * duration) / omega),
+        "revolution_speed": (("revolution",), np.asarray(model.speed(phase / duration))),
     }
-    shape = (first.size, -1) if model.mesh_names else (first.size,)
+    shape = (starts.size, -1) if model.mesh_names else (starts.size,)
     return variables | {name: (dims, values.reshape(shape)) for name, values in columns.items()}
 
 
-def _events(model, stretches: list, omega: float) -> dict:
-    """Return the variables along contact events of a run-up, a dict of name to (dims, values).
+def _event_variables(model, records: list, omega: float) -> dict:
+    """Return {name: (dims, values)} of the variables along the contact events of a run-up.
 
-    The arguments are those of `_statistics`.
+    `records` are its `courses.Stretch`es; their dimensionless time is omega t, `omega` in rad/s.
     """
-    rows = np.concatenate([stretch.events for stretch in stretches])
-    speeds = [stretch.piece.by(stretch.events[:, 0])[0] for stretch in stretches]
+    rows = np.concatenate([record.events for record in records])
+    speeds = [record.piece.by(record.events[:, 0])[0] for record in records]
     columns = {
         "event_time": rows[:, 0] / omega,
         "event_speed": np.asarray(model.speed(np.concatenate(speeds))),
@@ -327,26 +327,20 @@ def _events(model, stretches: list, omega: float) -> dict:
     return {name: (("event",), values) for name, values in columns.items()}
 
 
-def _time_variables(model, stretches: list, omega: float, samples: int) -> dict:
-    """Return the time history of a run-up, a dict of variable name to (dims, values).
+def _time_variables(model, records: list, omega: float, samples: int) -> dict:
+    """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `samples` is the number of samples in a mesh period; other arguments as in `_statistics`.
+    `records` are its `courses.Stretch`es, with `samples` in each mesh period; their dimensionless
+    time is theta = omega t, `omega` in rad/s.
     """
-    steps = np.arange(samples) / samples
-    theta = np.concatenate(
-        [
-            (stretch.theta[:-1, None] + steps * np.diff(stretch.theta)[:, None]).ravel()
-            for stretch in stretches
-        ]
-    )
-    counts = [len(stretch.samples) for stretch in stretches]
-    stretch_times = np.split(theta, np.cumsum(counts)[:-1])
-    excitation = [
-        np.array(stretch.piece.by(times))
-        for stretch, times in zip(stretches, stretch_times, strict=True)
-    ]
-    tuning, phase, load = np.hstack(excitation)
-    table = np.concatenate([stretch.samples for stretch in stretches])
+    fractions = np.arange(samples) / samples
+    thetas, excitations = [], []
+    for record in records:
+        steps = fractions * np.diff(record.theta)[:, None]
+        thetas.append((record.theta[:-1, None] + steps).ravel())
+        excitations.append(record.piece.by(thetas[-1]))
+    theta, (tuning, phase, load) = np.concatenate(thetas), np.hstack(excitations)
+    table = np.concatenate([record.samples for record in records])
     length, force = model.static_deflection, model.scales()["force_scale"]
     mesh_columns = {
         "displacement": table[..., orbit.SAMPLE_X] * length,
@@ -365,19 +359,18 @@ def _time_variables(model, stretches: list, omega: float, samples: int) -> dict:
         **{name: (dims, values.reshape(shape)) for name, values in mesh_columns.items()},
     }
     if model.mesh_names:
-        coordinates = [stretch.states[:, : model.size // 2] for stretch in stretches]
-        q = np.concatenate(coordinates)
+        q = np.concatenate([record.states[:, : model.size // 2] for record in records])
         body_displacements = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), body_displacements)
     return data
 
 
-def _failed(dims, values):
-    """Return a variable of the same `dims` and shape with NaN, or with 0 if it holds integers."""
+def _without_numbers(dims, values):
+    """Return (dims, values) of a variable of a failed run: NaN, or 0 if it holds integers."""
     return dims, np.full(values.shape, np.nan) if values.dtype.kind == "f" else 0 * values
 
 
 def _with_units(name, dims, values):
-    """Return (dims, values, attributes) of a variable of a run-up, with its SI units if any."""
+    """Return (dims, values, attributes) of a variable of a run-up, with SI units if it has any."""
     units, long_name = _SI_VARIABLES.get(name, (None, None))
     return (dims, values, {"units": units, "long_name": long_name} if units else {})

@@ -10,12 +10,7 @@ from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH
 from gearlib.engines.stable_repeats import settled_period
-from gearlib.runs.run_arguments import (
-    MAX_EVENTS,
-    check_memory,
-    check_run,
-    tuning_of,
-)
+from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_run, tuning_of
 
 
 def simulate(
@@ -36,8 +31,8 @@ def simulate(
 
     For a `GearPair` the equation is x'' + (2 beta / nu) x' + (c(tau) / nu^2) g(x) = 1 / nu^2 in
     static deflections and mesh phase, with beta_m instead of beta during contact loss; tau = 0 is
-    the middle of the segment of maximum stiffness. The modules of the other models give their
-    equations. Piecewise linear models are solved in closed form between switches, without a step
+    the middle of the segment of maximum stiffness. The equations of other models are in their
+    modules. Piecewise linear models are solved in closed form between switches, without a step
     size, other models by Taylor steps to rounding error.
 
     Parameters
@@ -61,16 +56,16 @@ def simulate(
         just touch. For a `SixDegreePair`, all components as in `Orbit.state` are allowed as well.
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods serve for comparison: they give extrema of step ends and samples
-        and find events between step ends.
+        "taylor". The other methods are for comparison: their extrema are those at step ends and
+        samples, and they locate events between step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
-        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
-        more is stopped.
+        Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
+        needs more is stopped.
     until_settled : bool, default False
-        Whether the motion is followed beyond the recorded periods until its period is proven, for
-        at most twenty times `periods` or 5000 periods more. The record does not change.
+        Whether the run goes on after the recorded periods until the period of the motion is proven,
+        for at most twenty times `periods` or 5000 periods more. The record does not change.
 
     Returns
     -------
@@ -79,10 +74,10 @@ def simulate(
         modified_stiffness, dynamic_force, contact (1 drive side, 0 contact loss, -1 back side);
         samples at a switch have the value just after it. Along ``event``, for all contact events in
         the recorded periods: event_phase, event_from, event_to, event_velocity. Scalars:
-        final_state (component), the orbit summary described in `gearlib.sweep`, evaluations (of the
+        final_state (component), the summary described in `gearlib.sweep`, evaluations (of the
         right-hand side in the whole run), the scales to SI, and status. ``period`` is 0 if the
-        motion has not settled; ``followed`` is the number of mesh periods after which this was
-        decided. If status is not 0, the run failed: all results are NaN and
+        motion has not settled; ``followed`` is the number of mesh periods of the run with those of
+        `until_settled`. If status is not 0, the run failed: all results are NaN and
         ``status.attrs["message"]`` says what to do.
 
     Raises
@@ -102,8 +97,8 @@ def simulate(
     first_sample = (checked.span.periods - recorded) * samples_per_period
     sample_numbers = first_sample + np.arange(len(record.samples))
     data = {
-        **_time_course(pair, record.samples, record.status),
-        **_event_table(record.events),
+        **_time_history(pair, record.samples, record.status),
+        **_event_variables(record.events),
         **summary.variables(
             pair,
             (),
@@ -129,19 +124,18 @@ def simulate(
 
 
 def run(pair, tuning: float, samples_per_period: int, **settings):
-    """Run a model at one tuning as `simulate` does, and return its `Record`.
+    """Run a model at one tuning with keyword arguments of `simulate`; return the `Record`.
 
-    `settings` are other keyword arguments of `simulate`, such as `periods`. If the status of the
-    record is not 0, its numbers are NaN and it has no events.
+    If its status is not 0, its numbers are NaN and it has no events.
     """
     return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
 
 
-def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=False):
-    """Return the `Record` of a run of a model, and the number of mesh periods that it was followed.
+def _run(pair, tuning, checked, samples_per_period, prove_period=False, until_settled=False):
+    """Return (`Record` of a run of a model, number of its mesh periods with those of the proof).
 
-    `checked` are its `RunArguments`. With `prove` the period of the orbit is proven; with
-    `until_settled` the motion is followed beyond the recorded periods for this proof.
+    `checked` are its `RunArguments`. With `prove_period` the period of the orbit is proven; with
+    `until_settled` the run goes on after the recorded periods until this succeeds.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = checked.span.recorded
@@ -159,25 +153,25 @@ def _run(pair, tuning, checked, samples_per_period, prove=False, until_settled=F
             table[...] = math.nan
         record = record._replace(events=record.events[:0])
     periods = checked.span.periods
-    if prove and checked.method in integrators.AUTOMATIC and record.status == status.OK:
-        engine = pair.propagator(tuning, checked.method, **checked.options)
-        period, periods = settled_period(engine, record, checked.span, until_settled)
+    if prove_period and checked.method in integrators.AUTOMATIC and record.status == status.OK:
+        propagator = pair.propagator(tuning, checked.method, **checked.options)
+        period, periods = settled_period(propagator, record, checked.span, until_settled)
         record = record._replace(period=period)
     return record, periods
 
 
-def _time_course(pair, samples: np.ndarray, code: int) -> dict:
-    """Return the time history of a model along ``phase``, a dict of name to (dims, values).
+def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
+    """Return the time history of a model along ``phase`` as {variable name: (dims, values)}.
 
-    `samples`, shape (n, columns), is the sample table of its record, `code` the status of the run.
+    `samples`, shape (n, columns), is the table of samples of a run with this status code.
     """
     dims, table = ("phase",), samples[:, : orbit.SAMPLE_COLUMNS]
-    if pair.mesh_names:
-        dims, meshes = ("phase", "mesh"), len(pair.mesh_names)
-        table = samples[:, : meshes * orbit.SAMPLE_COLUMNS]
-        table = table.reshape(-1, meshes, orbit.SAMPLE_COLUMNS)
+    if model.mesh_names:
+        dims, mesh_count = ("phase", "mesh"), len(model.mesh_names)
+        table = samples[:, : mesh_count * orbit.SAMPLE_COLUMNS]
+        table = table.reshape(-1, mesh_count, orbit.SAMPLE_COLUMNS)
     contact_codes = np.zeros(table.shape[:-1], np.int8)
-    if code == status.OK:
+    if status_code == status.OK:
         contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
     stiffness = table[..., orbit.SAMPLE_STIFFNESS]
     columns = {
@@ -190,16 +184,16 @@ def _time_course(pair, samples: np.ndarray, code: int) -> dict:
         "contact": contact_codes,
     }
     variables = {name: (dims, values) for name, values in columns.items()}
-    return variables | pair.extra_sample_variables(samples)
+    return variables | model.extra_sample_variables(samples)
 
 
-def _event_table(events: np.ndarray) -> dict:
-    """Return the variables along ``event``, a dict of name to (dims, values).
+def _event_variables(events: np.ndarray) -> dict:
+    """Return the contact events of a run along ``event`` as {variable name: (dims, values)}.
 
-    `events`, shape (n, columns), is the event table of a record, with the columns of `orbit`.
+    `events`, shape (n, columns), is the table of events, with the columns of `engines.orbit`.
     """
     phase = 2.0 * math.pi * events[:, orbit.EVENT_PERIOD] + events[:, orbit.EVENT_PHASE]
-    # Rounding of the sum must not put an event before the last one.
+    # Rounding of the sum must not change the order of the events.
     phase = np.maximum.accumulate(phase)
     columns = {
         "event_phase": phase,

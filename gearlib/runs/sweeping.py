@@ -14,24 +14,24 @@ from gearlib.runs.run_arguments import (
     MAX_EVENTS,
     Rows,
     RunArguments,
-    allowed,
     check_either,
     check_rows,
     check_run,
     check_speed,
     check_tuning,
+    is_valid_tuning,
 )
 
 DIRECTIONS = ("cold", "up", "down")
-#: Directions in which runs are warm-started: each starts from the final state of the last one.
-CARRIED = DIRECTIONS[1:]
+#: Directions of warm-started sweeps: each run starts from the final state of the previous one.
+WARM_STARTED = DIRECTIONS[1:]
 
-#: Limits of the number of tunings that a thread gets at a time: larger chunks have less overhead,
+#: Limits of the number of tunings in a chunk for a thread: larger chunks have less overhead,
 #: smaller chunks balance the load of the threads.
 _MIN_CHUNK, _MAX_CHUNK = 16, 128
-#: Lowest tuning of the extension of a downward sweep, as a share of its first tuning.
-LOWEST_SHARE = 0.2
-#: Motions count as equal if their extrema differ by less than this share of their height.
+#: A downward sweep is extended to this fraction of its lowest tuning.
+EXTENSION_RATIO = 0.2
+#: Motions are equal if their extrema differ by less than this, relative to the displacement range.
 _SAME_MOTION_TOLERANCE = 1e-3
 
 
@@ -62,23 +62,23 @@ def sweep(
         Speeds in rpm, finite, > 0, all different, of the gear whose teeth define the mesh frequency
         (of a train, the reference pinion).
     periods, record_periods : int
-        Number of mesh periods of each run, and of those that are summarised at its end.
+        Number of mesh periods of each run, and of the mesh periods at its end that are summarised.
     initial_state : tuple of float, default (0, 0)
         Displacement in static deflections and velocity dx/dtau at tau = 0.
     direction : {"cold", "up", "down"}
         "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: they run from
         the lowest tuning up or from the highest down, and each run starts from the final state of
-        the last one, or from `initial_state` if that has failed. Tunings must rise for "up", and
-        rise or fall for "down". With run-out the gears keep their angles from run to run, as in a
-        slow run-up; six degrees of freedom need the method "exact".
+        the last one, or from `initial_state` if that has failed. Tunings must increase for "up",
+        and increase or decrease for "down". With run-out the gears keep their angles from run to
+        run, as in a slow run-up; six degrees of freedom need the method "exact".
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
-        "taylor". The other methods serve for comparison and give extrema of step ends.
+        "taylor". The other methods are for comparison; their extrema are those at the step ends.
     options : dict, optional
         Options of the method, see `gearlib.methods`.
     max_events : int
-        Largest number of arcs (phases of contact and flights) in one mesh period. A run that needs
-        more is stopped.
+        Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
+        needs more is stopped.
     threads : int, optional
         Number of threads of a cold sweep, by default one for each processor. The result does not
         depend on it.
@@ -87,13 +87,13 @@ def sweep(
     -------
     xarray.Dataset
         Along ``tuning``, in the order of the argument: displacement_max, displacement_min,
-        dynamic_force_max, dynamic_force_min, extrema of the closed forms (not of samples);
+        dynamic_force_max, dynamic_force_min, the extrema of the closed-form solution;
         fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (contact at
-        C_min), shares of time; bounces, losses of drive-side contact per mesh period; period, the
-        number of mesh periods, up to 16, after which the settled orbit repeats, proven by its
+        C_min), fractions of time; bounces, losses of drive-side contact per mesh period; period,
+        the number of mesh periods, up to 16, after which the steady state repeats, proven by its
         Floquet multipliers and its distance from grazing; 0 without a proof, see `until_settled` of
         `simulate`. With run-out, period may also be 1 to 16 times the period of the run-out. The
-        methods for comparison compare states, to 1e-6 of the height of the orbit. final_state
+        methods for comparison compare states, to 1e-6 of the displacement range. final_state
         (tuning, component); status, with NaN in all other variables where it is not 0; the scales
         to SI.
 
@@ -120,33 +120,36 @@ def sweep(
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _rows(pair, tunings, checked, direction, threads)
+    rows = _run_sweep(pair, tunings, checked, direction, threads)
     data = {
         **summary.variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
         **pair.scales(),
-        **{name: (("tuning",), x) for name, x in pair.speed_scales(tunings).items()},
+        **{name: ("tuning", scale) for name, scale in pair.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, **pair.coordinates()}
     attributes = checked.attributes() | {"direction": direction}
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **attributes)
 
 
-def _rows(pair, tunings: np.ndarray, checked: RunArguments, direction: str, threads: int) -> Rows:
-    """Run a sweep of a model with the arguments `checked`; return its `Rows`, one per tuning.
+def _run_sweep(
+    model, tunings: np.ndarray, arguments: RunArguments, direction: str, threads: int
+) -> Rows:
+    """Run a sweep of a model in the direction "cold", "up" or "down"; return a row per tuning.
 
-    `direction` is "cold", "up" or "down", see `sweep`; a cold sweep uses several threads.
+    Only a cold sweep uses several threads.
     """
     rows = Rows(
-        pair.bound(float(tunings.max()), checked.state),
-        np.empty((tunings.size, *pair.empty_record()[2].shape)),
-        np.empty((tunings.size, len(pair.components))),
+        model.bound(float(tunings.max()), arguments.state),
+        np.empty((tunings.size, *model.empty_record()[2].shape)),
+        np.empty((tunings.size, len(model.components))),
         np.full((tunings.size, 2), -1),  # -1: not yet computed
     )
     is_warm_started = direction != "cold"
+    run_arguments = arguments.state, is_warm_started, arguments.span, rows
 
-    def run_tunings(order):
-        arguments = checked.state, is_warm_started, checked.span, rows
-        checked.module.sweep(pair, tunings, order, *arguments, **checked.options)
+    def run_tunings(indices):
+        """Fill the rows at these indices of the tunings, in this order."""
+        arguments.module.sweep(model, tunings, indices, *run_arguments, **arguments.options)
 
     order = np.argsort(tunings)
     if direction == "down":
@@ -164,42 +167,44 @@ def _rows(pair, tunings: np.ndarray, checked: RunArguments, direction: str, thre
 
 
 def _check_order(direction: str, tunings: np.ndarray, name: str):
-    """Raise ValueError, naming the argument `name`, unless the tunings suit the sweep direction.
+    """Raise ValueError unless the tunings, the argument `name`, suit the sweep direction.
 
-    They must rise for "up", rise or fall for "down", and may have any order for "cold".
+    They must increase for "up", be monotonic for "down", and may have any order for "cold".
     """
-    rises, falls = (np.diff(tunings) > 0.0).all(), (np.diff(tunings) < 0.0).all()
-    is_allowed = {"cold": True, "up": rises, "down": rises or falls}
+    steps = np.diff(tunings)
+    increasing, decreasing = (steps > 0.0).all(), (steps < 0.0).all()
+    is_allowed = {"cold": True, "up": increasing, "down": increasing or decreasing}
     if not is_allowed[direction]:
         order = "rising" if direction == "up" else "rising or falling"
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
 def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
-    """Sweep down until the motion agrees with an upward sweep; return (dataset, agree).
+    """Sweep down until the motion agrees with an upward sweep; return (dataset, whether it does).
 
-    `tunings`, shape (n,), rise in equal steps; the sweep continues below them in the same steps, to
-    the tuning `lowest` at most. `settings` are other arguments of `sweep`. The tunings of the
-    dataset rise and begin where both motions agree; `agree` is False if they agree nowhere.
+    `tunings`, shape (n,), increase in equal steps; the sweep continues in these steps below the
+    first of them, at most to the tuning `lowest`. `settings` are other arguments of `sweep`. The
+    dataset starts at the highest tuning <= `tunings[0]` at which both sweeps agree, if any.
     """
     first, step = float(tunings[0]), float(tunings[1] - tunings[0])
     count = max(0, math.floor((first - lowest) / step + 1e-9))
-    below = np.round(first - step * np.arange(count, 0, -1), 12)
-    curve = sweep(pair, np.concatenate([below, tunings]), direction="down", **settings)
+    extension = np.round(first - step * np.arange(count, 0, -1), 12)
+    curve = sweep(pair, np.concatenate([extension, tunings]), direction="down", **settings)
     down = curve.isel(tuning=slice(count + 1))
     up = sweep(pair, down.tuning.values, direction="up", **settings)
-    height = up.displacement_max - up.displacement_min
+    displacement_range = up.displacement_max - up.displacement_min
     errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
-    same = np.flatnonzero(np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * height)
-    first_index = same[-1] if same.size else 0
-    return curve.isel(tuning=slice(first_index, None)), bool(same.size)
+    agrees = np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * displacement_range
+    agreeing_indices = np.flatnonzero(agrees)
+    start = agreeing_indices[-1] if agreeing_indices.size else 0
+    return curve.isel(tuning=slice(start, None)), bool(agreeing_indices.size)
 
 
 def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray:
-    """Return the tunings or speeds of a sweep as a float array, shape (n,), or raise ValueError.
+    """Return the distinct tunings or speeds of a sweep as a float array, shape (n,).
 
-    `name` is the name of the argument for messages. `check(name, value)` raises ValueError for a
-    wrong value; `tuning_at` converts an array of speeds to tunings. All values must be different.
+    Raise ValueError with the argument's `name` if they are invalid; `check(name, value)` does so
+    for a single value. `tuning_at` converts an array of speeds to tunings.
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
@@ -209,7 +214,7 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
         raise ValueError(
             f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
         )
-    if values.dtype.kind not in "iuf" or not allowed(tuning_at(values.astype(float))).all():
+    if values.dtype.kind not in "iuf" or not is_valid_tuning(tuning_at(values.astype(float))).all():
         # The check of each value raises an error that names the first wrong value.
         for i, value in enumerate(values.tolist()):
             check(f"{name}[{i}]", value)

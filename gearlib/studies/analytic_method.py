@@ -25,7 +25,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.tongues.meissner import linear_pair
 from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
-from gearlib.runs.sweeping import CARRIED, sweep
+from gearlib.runs.sweeping import WARM_STARTED, sweep
 
 #: Samples per mesh period of the displayed time histories, and of those that start a search.
 _SAMPLES, _GUESS_SAMPLES = 128, 1024
@@ -43,7 +43,7 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
     """
     model = GearPair(**pair)
     data = stacked(
-        {"direction": CARRIED},
+        {"direction": WARM_STARTED},
         lambda direction: _resonance_curve(model, direction, tunings, settings, run),
         "tuning",
     )
@@ -57,7 +57,7 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
         "tuning": np.asarray(tunings, float),
         "balance_harmonics": np.array(settings["balance_harmonics"], np.int32),
         "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
-        "direction": list(CARRIED),
+        "direction": list(WARM_STARTED),
     }
     histories = [_iteration_history(model, tuning, settings) for tuning in settings["shown"]]
     dataset = xr.Dataset(data, coords).merge(xr.concat(histories, "shown"))

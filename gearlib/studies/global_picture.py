@@ -87,7 +87,7 @@ def bifurcation(
         diagrams.append(diagram)
         datasets.append(diagram.assign(exponents.data_vars).assign(status=codes))
     data = xr.concat(datasets, xr.IndexVariable("direction", names), combine_attrs="drop")
-    settled = lyapunov.settled(model, diagrams, directions, starts).astype(np.int8)
+    settled = lyapunov.reproducible_orbits(model, diagrams, directions, starts).astype(np.int8)
     data = data.assign(settled=(("direction", "tuning"), settled, {}))
     data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
@@ -116,11 +116,11 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
         model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
         run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
         section = poincare_section(model, tuning, states, phase=phase, **run)
-        exponents = [lyapunov.largest(model, tuning, state=tuple(state), **run) for state in states]
+        exponents = [lyapunov.largest_exponent(model, tuning, state=tuple(state), **run) for state in states]
         total_periods = settle + periods
         unpredictable = np.array(
             [
-                lyapunov.rounding_decides(model, [tuning], state, total_periods)[0]
+                lyapunov.rounding_sensitive(model, [tuning], state, total_periods)[0]
                 for state in states
             ]
         )

@@ -14,7 +14,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_maps import Turning
-from gearlib.runs.run_up import run_up, speeds_of
+from gearlib.runs.run_up import run_up, speed_profile
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.observation import (
     MIN_RELATIVE_JUMP,
@@ -93,7 +93,7 @@ def _speed_profile(facts: dict) -> tuple[list, dict]:
     for name in options:
         checks.one_of("known.options", name, _RUN_UP_OPTIONS)
     try:
-        return speeds_of(speed=facts["course"]).tolist(), options
+        return speed_profile(speed=facts["course"]).tolist(), options
     except ValueError as error:
         raise ValueError(f"known.course: {error}") from None
 

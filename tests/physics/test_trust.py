@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
-from gearlib.analysis.lyapunov import Exponent, largest
+from gearlib.analysis.lyapunov import Exponent, largest_exponent
 from gearlib.analysis.trust import LABELS, decide, scan
 from tests.paper import PAPER
 from tests.properties.known_models import gears

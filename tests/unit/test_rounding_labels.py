@@ -20,10 +20,10 @@ def test_growth_is_that_of_two_runs_side_by_side():
         for x in (0.0, beside)
     ]
     away = np.hypot(*((ends[1] - ends[0]) * (1.0, 0.665)))
-    growth = lyapunov.largest(LIGHT, 0.665, settle=0, periods=periods).growth
+    growth = lyapunov.largest_exponent(LIGHT, 0.665, settle=0, periods=periods).growth
     assert growth == pytest.approx(np.log(away / beside), abs=0.01)
-    assert not lyapunov.rounding_decides(LIGHT, [0.665], (0.0, 0.0), periods)
-    assert lyapunov.rounding_decides(LIGHT, [0.66], (0.0, 0.0), 400)
+    assert not lyapunov.rounding_sensitive(LIGHT, [0.665], (0.0, 0.0), periods)
+    assert lyapunov.rounding_sensitive(LIGHT, [0.66], (0.0, 0.0), 400)
 
 
 def test_a_carried_motion_is_lost_behind_chaos_until_all_are_on_one_orbit():
@@ -37,7 +37,7 @@ def test_a_carried_motion_is_lost_behind_chaos_until_all_are_on_one_orbit():
         for name, start in zip(directions, starts, strict=True)
     ]
     # At 0.7 the two cold starts end on two orbits, at 0.9 all on one.
-    settled = lyapunov.settled(third, diagrams, directions, starts)
+    settled = lyapunov.reproducible_orbits(third, diagrams, directions, starts)
     assert settled.tolist() == [[False, False, True], [False, True, True], [True, True, True]]
 
 

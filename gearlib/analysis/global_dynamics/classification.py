@@ -149,7 +149,7 @@ class _Motions:
         if not self.remaining.size:
             return None
         for i in self.remaining[self.sample()]:
-            exponent = lyapunov.largest(
+            exponent = lyapunov.largest_exponent(
                 stroboscope.model,
                 stroboscope.tuning,
                 state=tuple(self.states[i]),
