@@ -18,16 +18,16 @@ CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
 
 def test_exponent_of_constant_damping():
     # Multipliers off the real axis have the modulus that Liouville gives: exp(-2 pi beta / nu).
-    found = largest(DAMPED, 0.9, settle=200, periods=2000)
+    found = largest_exponent(DAMPED, 0.9, settle=200, periods=2000)
     expected = -2.0 * math.pi * DAMPED.damping_ratio / 0.9
     # A vector that turns has the modulus in the mean, up to its ellipse over the count.
     assert found.value == pytest.approx(expected, abs=2e-3)
 
 
 def test_exponents_of_the_models_agree():
-    one = largest(DAMPED, 0.9, settle=200, periods=500)
-    nonlinear = largest(OneDegreePair(pair=DAMPED), 0.9, settle=200, periods=500)
-    six = largest(gears(math.inf, 3953.7, 3953.7), 0.9, settle=200, periods=500)
+    one = largest_exponent(DAMPED, 0.9, settle=200, periods=500)
+    nonlinear = largest_exponent(OneDegreePair(pair=DAMPED), 0.9, settle=200, periods=500)
+    six = largest_exponent(gears(math.inf, 3953.7, 3953.7), 0.9, settle=200, periods=500)
     assert nonlinear.value == pytest.approx(one.value, abs=1e-9)
     assert six.value == pytest.approx(one.value, abs=1e-6)
 
