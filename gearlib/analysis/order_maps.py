@@ -1,14 +1,14 @@
 """`order_map`: orders of run-ups and signals in blocks; `orders`: of runs at constant speed.
 
-The shaft angle is known, so that no window and no leakage enter: Fourier integrals over the angle
-are sums over samples. Between switches of the stiffness and contact events a motion is smooth. The
-weights of the samples integrate cubic polynomials through neighbouring samples; no polynomial
-reaches across a jump. Sums over every second sample give an estimate of the error.
+The shaft angle is known, so neither a window nor leakage is involved: Fourier integrals over the
+angle are weighted sums of samples. Motions are smooth between switches of the stiffness and contact
+events. The weights integrate cubic polynomials through neighbouring samples, and no polynomial
+extends across a jump. Sums over every second sample give an estimate of the error.
 
 Signals over time are interpolated at equal angles of the shaft by cubic splines. The angle is the
-integral of the speed, or that of a tacho of one pulse a revolution. Blocks of `order_map` are whole
-revolutions, so that orders on its grid do not leak into each other; the amplitude of an order
-between two of them comes out up to 3.9 dB too small.
+integral of the speed, or follows from a tacho with one pulse per revolution. Blocks of `order_map`
+are whole revolutions, so orders on its grid do not leak into each other; the amplitude of an order
+between two grid points is up to 3.9 dB too small.
 """
 
 import json
@@ -30,10 +30,10 @@ from gearlib.models.harmonics import Harmonics
 
 #: Phases, and revolutions, closer than this count as equal.
 PHASE_TOLERANCE = 1e-9
-#: Samples through which a polynomial goes, and a rule of Gauss that integrates it exactly.
+#: Number of samples of an interpolating polynomial, and a Gauss rule that integrates it exactly.
 STENCIL = 4
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(2)
-#: Amplitude of an order above 0 by the absolute value of its Fourier coefficient.
+#: Functions from the magnitude of a complex Fourier coefficient to the amplitude of its order > 0.
 _AMPLITUDES = {
     "rms": lambda c: math.sqrt(2.0) * c,
     "peak": lambda c: 2.0 * c,
@@ -41,7 +41,7 @@ _AMPLITUDES = {
 }
 #: Highest mesh order by default.
 _DEFAULT_MESH_ORDERS = 5
-#: Variables of runs that have orders -> (their scale in a run at constant speed, units).
+#: Variables of runs -> (function from a run of `simulate` to their scale in SI units, units).
 _VARIABLES = {
     "displacement": (lambda run: run.static_deflection, "m"),
     "velocity": (lambda run: run.static_deflection * run.mesh_frequency, "m s-1"),
@@ -50,8 +50,8 @@ _VARIABLES = {
 }
 #: Largest change of a coefficient with half of the samples, relative to the root mean square.
 MAX_CHANGE = 0.05
-#: Samples that the shortest wave of a signal must have. A cubic spline lowers it by the factor
-#: 3 sinc(f)^4 / (2 + cos(2 pi f)), f = 1 / samples: with four by 1.5 %, with ten by 0.02 %.
+#: Smallest number of samples per wave of a signal. A cubic spline reduces the amplitude by a factor
+#: 3 sinc(f)^4 / (2 + cos(2 pi f)), f = 1 / samples: by 1.5 % with four, by 0.02 % with ten samples.
 _MIN_SAMPLES_PER_WAVE = 4.0
 #: Largest number of interpolated samples of a signal in a revolution.
 _MAX_SAMPLES_PER_REVOLUTION = 2**16
@@ -59,16 +59,16 @@ _MAX_SAMPLES_PER_REVOLUTION = 2**16
 
 @dataclass
 class Motion:
-    """Samples of one variable over the mesh phase, with the speed profile."""
+    """Samples of a variable over the mesh phase, with the speed profile."""
 
-    phase: np.ndarray  #: mesh phase from the first sample on, shape (k,)
-    values: np.ndarray  #: shape (k,), of trains (k, m)
-    jumps: np.ndarray | None  #: rising phases at which values or slopes jump; None: not known
-    speeds: np.ndarray  #: speed profile from the first sample on, rows of s and rpm
-    teeth: float  #: mesh periods in a revolution
-    highest: float  #: highest order by default
+    phase: np.ndarray  #: mesh phase since the first sample, shape (k,)
+    values: np.ndarray  #: shape (k,), for trains (k, m)
+    jumps: np.ndarray | None  #: sorted phases at which values or slopes jump; None: unknown
+    speeds: np.ndarray  #: speed profile since the first sample, rows of s and rpm
+    teeth: float  #: mesh periods per revolution
+    default_max_order: float
     units: str
-    coords: dict = field(default_factory=dict)  #: dimensions of the values beside the phase
+    coords: dict = field(default_factory=dict)  #: dimensions of the values other than the phase
     attrs: dict = field(default_factory=dict)  #: attributes of the order map
     start_time: float = 0.0  #: time of the first sample, s
 
@@ -77,42 +77,42 @@ class Motion:
 class FourierSums:
     """Fourier coefficients of blocks of a motion, and their changes with half of the samples."""
 
-    coefficients: np.ndarray  #: complex, shape (blocks, count, ...)
-    changes: np.ndarray  #: absolute values of the changes, the same shape
+    coefficients: np.ndarray  #: complex, shape (blocks, orders, ...)
+    changes: np.ndarray  #: absolute values of the changes, same shape
     mean_squares: np.ndarray  #: mean squares of the samples, shape (blocks, ...)
 
     @property
     def rms(self) -> float:
-        """Largest root mean square of the values, with which changes are compared."""
+        """Largest root mean square of the samples of a block."""
         return math.sqrt(self.mean_squares.max())
 
 
-class Turning:
-    """Revolutions of a shaft with a piecewise linear speed profile, rows of s and rpm."""
+class ShaftRotation:
+    """Rotation of a shaft with a piecewise linear speed profile, rows of s and rpm."""
 
     def __init__(self, speed_profile: ArrayLike):
         self._time, speed = np.array(speed_profile, float).T
-        #: Speed in revolutions per second, its slope, and revolutions since the first row.
-        self._rate = speed / 60.0
-        self._slope = np.diff(self._rate) / np.diff(self._time)
-        self._turned = cumulative_trapezoid(self._rate, self._time, initial=0.0)
+        #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
+        self._speed = speed / 60.0
+        self._slope = np.diff(self._speed) / np.diff(self._time)
+        self._revolutions = cumulative_trapezoid(self._speed, self._time, initial=0.0)
 
     def revolutions(self, time: np.ndarray) -> np.ndarray:
         """Return the revolutions at times in s; the speed is constant after the last row."""
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
-        t = time - self._time[i]
-        return self._turned[i] + (self._rate[i] + 0.5 * np.append(self._slope, 0.0)[i] * t) * t
+        t, slope = time - self._time[i], np.append(self._slope, 0.0)[i]
+        return self._revolutions[i] + (self._speed[i] + 0.5 * slope * t) * t
 
-    def at(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (time in s, speed in rpm) after numbers of revolutions."""
-        i = np.searchsorted(self._turned, revolutions, "right") - 1
+    def time_and_speed(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (time in s, speed in rpm) after the given numbers of revolutions."""
+        i = np.searchsorted(self._revolutions, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
-        first_rate, turned = self._rate[i], revolutions - self._turned[i]
-        rate = np.sqrt(np.maximum(first_rate**2 + 2.0 * self._slope[i] * turned, 0.0))
-        # This form of the solution of the quadratic equation is accurate at a start from rest.
-        mean_rate, zeros = first_rate + rate, np.zeros(turned.shape)
-        time = np.divide(2.0 * turned, mean_rate, where=turned > 0.0, out=zeros)
-        return self._time[i] + time, 60.0 * rate
+        start_speed, angle = self._speed[i], revolutions - self._revolutions[i]
+        speed = np.sqrt(np.maximum(start_speed**2 + 2.0 * self._slope[i] * angle, 0.0))
+        # This form of the root of the quadratic equation is accurate for a start from standstill.
+        duration = np.zeros(angle.shape)
+        np.divide(2.0 * angle, start_speed + speed, where=angle > 0.0, out=duration)
+        return self._time[i] + duration, 60.0 * speed
 
 
 def order_map(
@@ -132,41 +132,42 @@ def order_map(
     ----------
     run : xarray.Dataset
         A result of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. With 128
-        samples in a mesh period the error is about 1e-6 of the largest amplitude of the
-        displacement, and 1e-4 of that of the force, which jumps where the stiffness does. Times and
-        phases count from the first sample.
-        Or any signal over ``time`` (s) with ``speed`` (min-1), for instance from
-        `gearlib.read_measured`: it is interpolated at equal angles by cubic splines.
+        samples per mesh period the error is about 1e-6 of the largest amplitude of the
+        displacement, and 1e-4 of that of the force, which jumps with the stiffness. Times and
+        phases count from the first sample. Alternatively any signal over ``time`` (s) with
+        ``speed`` (min-1), such as a result of `gearlib.read_measured`: it is interpolated at equal
+        angles by cubic splines.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
-        For a signal the name of its variable.
+        Name of the variable; a signal may have any other.
     resolution : float, default 1
-        Distance of orders, > 0 and <= 1: a block has as many revolutions as it takes, so that the
-        distance obtained, ``order_resolution``, is 1 over a whole number.
+        Largest order spacing, > 0 and <= 1. Blocks have a whole number of revolutions, and the
+        actual spacing, ``order_resolution``, is its reciprocal.
     highest : float, optional
-        Highest order; by default 5 per tooth, for a signal the highest with four samples a wave.
+        Highest order. By default the fifth mesh order, or for a signal the highest order with four
+        samples per wave.
     amplitude : {"rms", "peak", "power"}
         Root mean square, amplitude or mean square of a sine. Order 0 is the mean, or its square.
     tacho : sequence of float, optional
-        For a signal without speed: times of pulses, one in each revolution, s.
+        For a signal without speed: times of tacho pulses in s, one per revolution.
     teeth : int, default 1
-        For a signal: mesh periods in a revolution.
+        For a signal: mesh periods per revolution.
     orders : sequence of float, optional
-        Single orders, multiples of the distance of orders; by default all up to the highest.
+        Selected orders, multiples of the order spacing. By default all up to the highest.
 
     Returns
     -------
     xarray.Dataset
         Over ``time`` (s, the middle of each block of whole revolutions) and ``order`` (waves per
-        revolution of the gear whose teeth count): amplitude; phase (rad, of a cosine of order times
-        the shaft angle from the start of the run); amplitude_error, an estimate. Over ``time``:
-        rpm, the mean speed, and overall, the root mean square of the variable without its mean.
-        For trains over ``mesh`` too. Scalars order_resolution and teeth.
+        revolution of the gear to which the speed refers): amplitude; phase (rad, of a cosine of
+        order times the shaft angle since the start of the run); amplitude_error, an estimate. Over
+        ``time``: rpm, the mean speed, and overall, the root mean square of the variable without its
+        mean. Trains have the dimension ``mesh`` as well. Scalars order_resolution and teeth.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range; or if a coefficient changes by more
-        than 5 % of the root mean square when every second sample is left out.
+        If an argument is invalid, or if a coefficient changes by more than 5 % of the root mean
+        square when every second sample is omitted.
     """
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
@@ -179,41 +180,42 @@ def order_map(
         "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
     )
     revolutions = math.ceil(1.0 / resolution - 1e-12)
-    turned = np.trapezoid(motion.speeds[:, 1], motion.speeds[:, 0]) / 60.0
-    blocks = int(turned / revolutions + PHASE_TOLERANCE)
+    run_revolutions = np.trapezoid(motion.speeds[:, 1], motion.speeds[:, 0]) / 60.0
+    blocks = int(run_revolutions / revolutions + PHASE_TOLERANCE)
     if blocks < 1:
         raise ValueError(
             f"resolution = {resolution!r} is not allowed for this run: a block must have "
-            f"{revolutions} whole revolutions, and the run has {turned:.4g}"
+            f"{revolutions} whole revolutions, and the run has {run_revolutions:.4g}"
         )
-    highest = checks.finite_positive("highest", motion.highest if highest is None else highest)
-    per_period = _samples_per_period(motion.phase)
-    max_order = 0.25 * per_period * motion.teeth
+    highest = motion.default_max_order if highest is None else highest
+    highest = checks.finite_positive("highest", highest)
+    samples_per_period = _samples_per_period(motion.phase)
+    max_order = 0.25 * samples_per_period * motion.teeth
     if highest > max_order * (1.0 + PHASE_TOLERANCE):
         raise ValueError(
-            f"highest = {highest:g} is not allowed with samples_per_period = {per_period}: it must "
-            f"be at most {max_order:.4g}, orders with four samples a wave"
+            f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
+            f"it must be at most {max_order:.4g}, orders with four samples a wave"
         )
     count = int(highest * revolutions + 1e-9) + 1
     step = 1.0 / (motion.teeth * revolutions)
     sums = fourier(motion.phase, motion.values, motion.jumps, math.tau / step, blocks, step, count)
-    # Noise changes the coefficients of a measured signal: their changes are not checked.
+    # The coefficients of a measured signal are not checked, because noise changes them.
     if motion.jumps is not None:
         _check_changes(sums, motion.phase)
     indices = np.arange(count)
     if orders is not None:
         indices = np.array([_order_index(order, revolutions, count) for order in orders])
     block_revolutions = revolutions * np.arange(blocks + 1.0)
-    bounds = motion.start_time + Turning(motion.speeds).at(block_revolutions)[0]
+    bounds = motion.start_time + ShaftRotation(motion.speeds).time_and_speed(block_revolutions)[0]
     return _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds)
 
 
 def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
     """Return the samples of a variable of a run-up, a run at constant speed or a signal.
 
-    The arguments are those of `order_map`, which are checked.
+    The arguments are those of `order_map`; invalid ones raise ValueError.
     """
-    names = set(getattr(run, "variables", ()))  # empty if it is no dataset
+    names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
         return _motion_of_signal(run, variable, highest, tacho, teeth)
     checks.one_of("variable", variable, tuple(_VARIABLES))
@@ -231,12 +233,12 @@ def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: i
 
 
 def _name_of_run(run: Any) -> Any:
-    """Return the name of a run for an error message: its title, or its type."""
+    """Return the title or type of a run for an error message."""
     return run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
 
 
 def _check_status(run: xr.Dataset) -> None:
-    """Raise ValueError if a run could not go on."""
+    """Raise ValueError if a run has failed."""
     if int(run.status):
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
 
@@ -245,13 +247,13 @@ def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
     """Return the samples of a variable in a dataset of `gearlib.run_up`."""
     speed, time, phase = (run[name].values for name in ("speed", "time", "phase"))
     profiles = json.loads(run.attrs["parameters"])
-    # Corners of the profiles and contact events, where the variable or its slope may jump.
+    # The variable or its slope may jump at corners of the profiles and at contact events.
     jump_times = [row[0] for row in (*profiles["speed"], *profiles["load"])]
     if "event_time" in run:
         jump_times.extend(run.event_time.values)
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
     teeth = _periods_per_revolution(phase, angle)
-    phases = math.tau * teeth * Turning(profiles["speed"]).revolutions(np.array(jump_times))
+    phases = math.tau * teeth * ShaftRotation(profiles["speed"]).revolutions(np.array(jump_times))
     return Motion(
         phase,
         run[variable].values,
@@ -287,48 +289,45 @@ def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
 
 
 def _event_phases(run: xr.Dataset) -> np.ndarray:
-    """Return the phases of both ends and of the events of a run of `simulate`.
-
-    Phases are those after the first sample, in rad.
-    """
+    """Return [start, end, *contact events] of a run as phases (rad) since the first sample."""
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"]
     return np.array([0.0, end, *(run.event_phase.values - run.phase.values[0])])
 
 
 def _periods_per_revolution(phase: np.ndarray, angle: float) -> float:
-    """Return the mesh periods in a revolution: a whole number unless it is far from one.
+    """Return the mesh periods per revolution, rounded to an integer if they are close to one.
 
-    `phase` are the mesh phases of the samples, `angle` is how far the shaft turns in them, in rad.
+    `phase` are the mesh phases of the samples, `angle` is the rotation of the shaft from the first
+    to the last sample, rad.
     """
-    # One sample has no ratio; it gives no block either.
     ratio = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     return float(round(ratio)) if abs(ratio - round(ratio)) < 1e-6 * ratio else ratio
 
 
 def _attributes(run: xr.Dataset, *names: str) -> dict:
-    """Return the attributes of a run among the given names that exist."""
+    """Return {name: attribute} of the named attributes that a run has."""
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
 def _profiles_json(speeds: np.ndarray) -> str:
-    """Return a speed profile, rows of s and rpm, with a constant load as JSON."""
+    """Return a speed profile, rows of s and rpm, and a constant load profile as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 
 def _motion_of_signal(
     data: xr.Dataset, variable: str, highest: float | None, tacho: Any, teeth: int
 ) -> Motion:
-    """Return a signal over time as samples at equal angles of the shaft.
+    """Resample a signal over time at equal angles of the shaft.
 
     The angle follows from the speed in the dataset, or from the times of tacho pulses. `highest` is
-    the highest order that is needed, `teeth` the mesh periods in a revolution.
+    the highest required order, `teeth` the mesh periods per revolution.
     """
     time, values = _signal(data, variable)
     angle_at, profile = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
-    inside = (time >= profile[0, 0]) & (time <= profile[-1, 0])
-    if inside.sum() < 4:
+    in_profile = (time >= profile[0, 0]) & (time <= profile[-1, 0])
+    if in_profile.sum() < 4:
         raise ValueError("tacho is not allowed: it must have four samples or more between pulses")
-    time, values = time[inside], values[inside]
+    time, values = time[in_profile], values[in_profile]
     angles = angle_at(time)
     steps = np.diff(angles)
     if not (steps > 0.0).all():
@@ -339,18 +338,20 @@ def _motion_of_signal(
             f"highest = {highest!r} is not allowed: it must be at most {max_order:.4g}, orders "
             f"with {_MIN_SAMPLES_PER_WAVE:g} samples a wave at the highest speed"
         )
-    count = min(2 * math.ceil(0.5 / float(steps.min())), _MAX_SAMPLES_PER_REVOLUTION)
-    turned = np.arange(int((angles[-1] - angles[0]) * count) + 1) / count
+    samples_per_revolution = 2 * math.ceil(0.5 / float(steps.min()))
+    samples_per_revolution = min(samples_per_revolution, _MAX_SAMPLES_PER_REVOLUTION)
+    sample_count = int((angles[-1] - angles[0]) * samples_per_revolution) + 1
+    revolutions = np.arange(sample_count) / samples_per_revolution
     speeds = profile[profile[:, 0] > time[0]]
     first_speed = float(np.interp(time[0], profile[:, 0], profile[:, 1]))
     speeds = np.vstack([[time[0], first_speed], speeds])
     speeds[:, 0] -= time[0]
-    # The piecewise linear speed is scaled to the angle of the spline, so that blocks agree.
+    # The piecewise linear speed is scaled to the angle of the spline, so that both agree.
     total_angle = float(angle_at(profile[-1, 0]) - angles[0])
     speeds[:, 1] *= total_angle / (np.trapezoid(speeds[:, 1], speeds[:, 0]) / 60.0)
     return Motion(
-        math.tau * teeth * turned,
-        CubicSpline(angles, values)(angles[0] + turned),
+        math.tau * teeth * revolutions,
+        CubicSpline(angles, values)(angles[0] + revolutions),
         None,
         speeds,
         float(teeth),
@@ -362,7 +363,7 @@ def _motion_of_signal(
 
 
 def _signal(data: xr.Dataset, variable: str) -> tuple:
-    """Return (time, values) of a signal in a dataset; raise ValueError unless both are usable."""
+    """Return (time, values) of a signal in a dataset; raise ValueError if they are invalid."""
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
     time = np.asarray(data["time"].values, float)
@@ -379,21 +380,21 @@ def _signal(data: xr.Dataset, variable: str) -> tuple:
 def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
     """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
 
-    Both follow from the speeds in a dataset at rising times.
+    Both are derived from the variable "speed" (rpm) of a dataset at increasing times.
     """
     if "speed" not in data.variables or data["speed"].shape != time.shape:
         raise ValueError("tacho = None is not allowed for a dataset without speed")
     speed = np.asarray(data["speed"].values, float)
     if not (np.isfinite(speed).all() and (speed > 0.0).all()):
         raise ValueError("speed is not allowed: it must be > 0 at all samples")
-    turned = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
-    return CubicSpline(time, turned), np.column_stack([time, speed])
+    revolutions = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
+    return CubicSpline(time, revolutions), np.column_stack([time, speed])
 
 
 def _angle_by_tacho(tacho: Any) -> tuple:
     """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
 
-    Both follow from the times of tacho pulses in s, one in each revolution.
+    Both are derived from the times (s) of tacho pulses, one per revolution.
     """
     pulses = np.array(checks.finite("tacho", tacho))
     if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
@@ -403,32 +404,32 @@ def _angle_by_tacho(tacho: Any) -> tuple:
 
 
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
-    """Return the rising phases at which a variable of a run or its slope jumps.
+    """Return the sorted phases, since the first sample, at which a variable of a run may jump.
 
-    These are `event_phases` and, if the run names its model, switches of the stiffness. Phases
-    count from the first sample.
+    These are `event_phases` and, if the attributes describe the model, switches of its stiffness.
+    Displacement and velocity are treated as smooth.
     """
     if variable in ("displacement", "velocity"):
         return np.empty(0)
     phases = event_phases
     model = model_from_json(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
-        # Phases of run-ups count from the mesh phase 0.
-        begin = 0.0 if "time" in run.dims else float(run.phase[0])
-        end = float(run.phase[-1])
+        # The mesh phase of a run-up starts at 0.
+        start = 0.0 if "time" in run.dims else float(run.phase[0])
+        stop = float(run.phase[-1])
         switches, period = _stiffness_switches(model)
-        first, last = (begin - math.tau) // period, (end + math.tau) // period
-        starts = period * np.arange(first, last + 1.0)
-        phases = np.concatenate([phases, (starts[:, None] + switches).ravel() - begin])
+        first, last = (start - math.tau) // period, (stop + math.tau) // period
+        period_starts = period * np.arange(first, last + 1.0)
+        phases = np.concatenate([phases, (period_starts[:, None] + switches).ravel() - start])
     phases = np.sort(phases)
     return phases[np.diff(phases, prepend=-np.inf) > PHASE_TOLERANCE]
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (phases at which mesh forces of a model may jump, phase after which they repeat)."""
+    """Return (mesh phases at which the stiffness of a model may jump, phase of its period)."""
     if model.equation is None:
-        starts = model.system(1.0).starts
-        return starts[:-1], starts[-1]
+        segment_bounds = model.system(1.0).starts
+        return segment_bounds[:-1], segment_bounds[-1]
     switches = [[0.0]]
     for side in (model.equation.drive_stiffness, model.equation.coast_stiffness):
         ends = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
@@ -437,88 +438,73 @@ def _stiffness_switches(model: Any) -> tuple:
     return np.unique(np.concatenate(switches)), math.tau
 
 
-def fourier(
-    phase: np.ndarray,
-    values: np.ndarray,
-    jumps: np.ndarray | None,
-    span: float,
-    blocks: int,
-    step: float,
-    count: int,
-) -> FourierSums:
-    """Return the Fourier coefficients 0 ... count - 1 of samples, in blocks of a span of phase.
+def fourier(phase, values, jumps, block_length, blocks, step, count) -> FourierSums:
+    """Return the Fourier coefficients 0 ... count - 1 of samples in consecutive blocks of phase.
 
-    `phase` has shape (k,), `values` (k,) or (k, m). Block b begins at phase b span, and coefficient
-    n belongs to the wave number n step. Values or slopes jump at the rising phases `jumps`, None if
-    these are not known.
+    `values`, shape (k,) or (k, m), are samples at the phases `phase`, shape (k,). Block b starts at
+    the phase b * block_length, and coefficient n belongs to the wave number n * step. Values or
+    slopes jump at the sorted phases `jumps`, None if these are unknown.
     """
-    sums, mean_squares = _block_sums(phase, values, jumps, span, blocks, step, count)
-    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, span, blocks, step, count)
+    sums, mean_squares = _block_sums(phase, values, jumps, block_length, blocks, step, count)
+    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, block_length, blocks, step, count)
     return FourierSums(sums, np.abs(sums - coarse_sums), mean_squares)
 
 
-def _block_sums(
-    phase: np.ndarray,
-    values: np.ndarray,
-    jumps: np.ndarray | None,
-    span: float,
-    blocks: int,
-    step: float,
-    count: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (coefficients, mean squares) of the blocks, for the arguments of `fourier`.
+def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tuple:
+    """Return (Fourier coefficients, mean squares) of the blocks for the arguments of `fourier`.
 
-    Without known jumps the samples are integrated by the trapezoidal rule.
+    If the jumps are unknown, the samples are integrated by the trapezoidal rule.
     """
     table, inner_shape = values.reshape(len(values), -1), values.shape[1:]
     sums = np.zeros((blocks, count, table.shape[1]), complex)
     squares = np.zeros((blocks, table.shape[1]))
     if jumps is not None:
-        # A sample at a jump may belong to either side, so it is left out.
+        # A sample at a jump may belong to either side, so it is omitted.
         ends = np.concatenate([[-np.inf], jumps, [np.inf]])
-        after = np.searchsorted(jumps, phase)
-        distances = np.minimum(phase - ends[after], ends[after + 1] - phase)
+        segments = np.searchsorted(jumps, phase)
+        distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
         phase, table = phase[distances > PHASE_TOLERANCE], table[distances > PHASE_TOLERANCE]
     for b in range(blocks):
-        bounds = b * span - PHASE_TOLERANCE, (b + 1) * span - PHASE_TOLERANCE
+        start = b * block_length
+        bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
         first, last = np.searchsorted(phase, bounds)
         if jumps is None:
-            # The next block begins where this one ends, unless the signal is over.
+            # The block ends with the first sample of the next one, or with the last of the signal.
             indices = np.append(np.arange(first, last), min(last, len(phase) - 1))
-            block_phase = np.append(phase[first:last] - b * span, span)
+            block_phase = np.append(phase[first:last] - start, block_length)
             weights = np.gradient(block_phase)
             weights[[0, -1]] *= 0.5
         else:
             indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
-            block_phase = phase[indices] - b * span
-            weights = _integration_weights(block_phase, jumps - b * span, span)
-        samples, weights = table[indices], weights / span
-        weighted, wave = weights[:, None] * samples, np.exp(-1j * step * block_phase)
-        power = np.ones(block_phase.size, complex)
+            block_phase = phase[indices] - start
+            weights = _integration_weights(block_phase, jumps - start, block_length)
+        samples, weights = table[indices], weights / block_length
+        weighted, rotation = weights[:, None] * samples, np.exp(-1j * step * block_phase)
+        wave = np.ones(block_phase.size, complex)
         for n in range(count):
             # A matrix product would start the threads of BLAS for small sums.
-            sums[b, n] = np.einsum("i,im->m", power, weighted)
-            power *= wave
+            sums[b, n] = np.einsum("i,im->m", wave, weighted)
+            wave *= rotation
         squares[b] = np.einsum("im,im->m", weighted, samples)
     return sums.reshape(blocks, count, *inner_shape), squares.reshape(blocks, *inner_shape)
 
 
-def _integration_weights(phase: np.ndarray, jumps: np.ndarray, span: float) -> np.ndarray:
-    """Return the weights (n,) with which samples at phases (n,) add up to the integral.
+def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) -> np.ndarray:
+    """Return quadrature weights, shape (n,), of samples at sorted phases for 0 ... `length`.
 
-    The integral goes from phase 0 to `span`. Cubic polynomials interpolate neighbouring samples;
-    none reaches across one of the rising phases `jumps`.
+    Cubic polynomials interpolate neighbouring samples; no polynomial extends across one of the
+    sorted phases `jumps`.
     """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
-    ends = np.concatenate([[0.0, span], phase, jumps])
-    bounds = np.unique(ends[(ends >= 0.0) & (ends <= span)])
+    ends = np.concatenate([[0.0, length], phase, jumps])
+    bounds = np.unique(ends[(ends >= 0.0) & (ends <= length)])
     half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-    # Smooth segments are numbered by the jumps before them.
+    # The number of a smooth segment is the number of jumps before it.
     segment_of_sample = np.searchsorted(jumps, phase)
     segment_of_interval = np.searchsorted(jumps, middle)
     low = np.searchsorted(segment_of_sample, segment_of_interval, side="left")
     high = np.searchsorted(segment_of_sample, segment_of_interval, side="right")
-    # In a segment without samples the neighbours on both sides are used.
+    # A segment without samples uses the neighbouring samples on both sides.
     is_empty = (low == high).astype(int)
     low, high = np.maximum(low - is_empty, 0), np.minimum(high + is_empty, phase.size)
     size = np.minimum(high - low, STENCIL)
@@ -558,7 +544,7 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
 
 
 def _order_index(order: float, revolutions: int, count: int) -> int:
-    """Return the index of an order among the `count` multiples of 1 / revolutions, checked."""
+    """Return the index of an order in the grid 0, 1 / revolutions, ... of `count` orders."""
     index = round(order * revolutions)
     if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
         raise ValueError(
@@ -568,44 +554,33 @@ def _order_index(order: float, revolutions: int, count: int) -> int:
     return index
 
 
-def _dataset(
-    motion: Motion,
-    variable: str,
-    amplitude: str,
-    sums: FourierSums,
-    indices: np.ndarray,
-    revolutions: int,
-    bounds: np.ndarray,
-) -> xr.Dataset:
+def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bounds) -> xr.Dataset:
     """Return the order map of a variable as a dataset.
 
-    `indices` are those of its orders in `sums`, `amplitude` is a key of `_AMPLITUDES`. Each block
-    has `revolutions`; `bounds` are the times of their ends, shape (blocks + 1,), s.
+    `amplitude` is a key of `_AMPLITUDES`, `indices` select the orders in the `FourierSums` `sums`.
+    A block has a whole number of `revolutions`; `bounds` are the times (s) between the blocks,
+    shape (blocks + 1,).
     """
     mean = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
     coefficients, changes = sums.coefficients[:, indices], sums.changes[:, indices]
-    size, unit, label = np.abs(coefficients), motion.units, variable.replace("_", " ")
-    is_wave = (indices > 0).reshape(1, -1, *[1] * (size.ndim - 2))
-    constant_level, level_unit = size, unit
+    magnitudes, unit, label = np.abs(coefficients), motion.units, variable.replace("_", " ")
+    is_wave = (indices > 0).reshape(1, -1, *[1] * (magnitudes.ndim - 2))  # all orders but 0
+    mean_level, level_unit = magnitudes, unit
     if amplitude == "power":
-        constant_level, level_unit = size**2, f"({unit})2" if " " in unit else f"{unit}2"
-    levels = np.where(is_wave, _AMPLITUDES[amplitude](size), constant_level)
+        mean_level, level_unit = magnitudes**2, f"({unit})2" if " " in unit else f"{unit}2"
+    levels = np.where(is_wave, _AMPLITUDES[amplitude](magnitudes), mean_level)
     errors = np.where(is_wave, 2.0, 1.0) * changes
     times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
     dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
-    angle = "of a cosine of the order times the shaft angle"
-    table = {
+    phase_name = "of a cosine of the order times the shaft angle"
+    overall_name = f"root mean square of the {label} without its mean"
+    variables = {
         "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
-        "phase": (dims, np.angle(coefficients), "rad", angle),
+        "phase": (dims, np.angle(coefficients), "rad", phase_name),
         "amplitude_error": (dims, errors, unit, "estimated error, of a peak"),
         "rpm": ("time", rpm, "min-1", "mean speed in the block"),
-        "overall": (
-            block_dims,
-            overall,
-            unit,
-            f"root mean square of the {label} without its mean",
-        ),
+        "overall": (block_dims, overall, unit, overall_name),
         "order_resolution": ((), 1.0 / revolutions, "1", "order spacing"),
         "teeth": ((), motion.teeth, "1", "mesh periods in a revolution"),
         "time": ("time", times, "s", "middle of the block"),
@@ -613,7 +588,7 @@ def _dataset(
     }
     data = {
         name: (dims, values, {"units": units, "long_name": long_name})
-        for name, (dims, values, units, long_name) in table.items()
+        for name, (dims, values, units, long_name) in variables.items()
     }
     coords = {name: data.pop(name) for name in ("time", "order")} | motion.coords
     title, method = f"Order map of the {label}", "Fourier sums over the shaft angle"
@@ -622,29 +597,29 @@ def _dataset(
 
 
 def orders(run, *, count=None):
-    """Compute the order spectrum of the mesh force and of the transmission error of a run.
+    """Compute the order spectrum of the mesh force and the transmission error of a run.
 
     Parameters
     ----------
     run : xarray.Dataset
-        A result of `gearlib.simulate`, with a record of whole revolutions or whole orbits.
+        A result of `gearlib.simulate` that records whole revolutions or whole periods of an orbit.
     count : int, optional
-        Highest mesh order; by default 10, at most a quarter of the samples per period.
+        Highest mesh order, at most a quarter of the samples per period. By default 10.
 
     Returns
     -------
     xarray.Dataset
-        Over ``order`` (per revolution of the gear whose teeth count, from 0): mesh_order (order
-        over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
+        Over ``order`` (waves per revolution of the gear to which the speed refers, from 0):
+        mesh_order (order over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
-        order); force_amplitude_error and error_amplitude_error, estimates (not bounds) by the
-        change with half of the samples; mean squares. For trains over ``mesh`` too.
+        order); force_amplitude_error and error_amplitude_error, estimated from the changes with
+        half of the samples; mean squares. Trains have the dimension ``mesh`` as well.
 
     Raises
     ------
     ValueError
-        If the run could not go on, has no whole revolutions, or a coefficient changes by more than
-        5 % of the root mean square when every second sample is left out.
+        If the run failed or has no whole revolutions, or if a coefficient changes by more than 5 %
+        of the root mean square when every second sample is omitted.
     """
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
@@ -653,15 +628,15 @@ def orders(run, *, count=None):
     mesh_orders, sums = record_sums(run, count)
     dims = ("order", *run.displacement.dims[1:])
     shape = -1, *[1] * (len(dims) - 1)
-    # Phases of the orders count from the mesh phase 0, not from the first sample.
-    turn = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(shape)
+    # Phases of the orders refer to the mesh phase 0, not to the first sample.
+    rotation = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(shape)
     peak_factor = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(shape)
     data: dict = {"mesh_order": ("order", mesh_orders)}
-    for name, (values, block) in sums.items():
-        _check_changes(block, run.phase.values)
-        coefficients, changes = block.coefficients[0], block.changes[0]
+    for name, (values, block_sums) in sums.items():
+        _check_changes(block_sums, run.phase.values)
+        coefficients, changes = block_sums.coefficients[0], block_sums.changes[0]
         data[f"{name}_amplitude"] = dims, peak_factor * np.abs(coefficients)
-        data[f"{name}_phase"] = dims, np.angle(coefficients * turn)
+        data[f"{name}_phase"] = dims, np.angle(coefficients * rotation)
         data[f"{name}_amplitude_error"] = dims, peak_factor * changes
         data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     data |= {name: run[name].values for name in ("tuning", "speed", "mesh_frequency", "period")}
@@ -677,7 +652,7 @@ def orders(run, *, count=None):
 
 
 def _teeth_of(run: xr.Dataset) -> int:
-    """Return the mesh periods in a revolution of the gear that turns with the run's speed."""
+    """Return the mesh periods per revolution of the gear to which the speed of a run refers."""
     return round(float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed)))
 
 
@@ -687,11 +662,11 @@ def _record_periods(run: xr.Dataset) -> int:
 
 
 def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = True) -> tuple:
-    """Return (mesh orders, {"force": ..., "error": ...}) of a run of `simulate`.
+    """Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) of a run.
 
-    The mesh force (N) and the transmission error (m) have (values at the samples, `FourierSums` of
-    one block). Mesh orders go up to `count`, in steps of 1 over the recorded mesh periods, or of 1
-    without `fractions`.
+    These are samples and `FourierSums` of the mesh force (N) and the transmission error (m) of a
+    run of `simulate`. Mesh orders go up to `count`, with `fractions` in steps of 1 over the number
+    of recorded mesh periods.
     """
     _check_status(run)
     periods, teeth = _record_periods(run), _teeth_of(run)
@@ -705,39 +680,37 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = Tru
         )
     max_count = max(run.phase.size // periods // 4, 1)
     count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
-    steps_per_order, span = periods if fractions else 1, math.tau * periods
+    steps_per_order, length = periods if fractions else 1, math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]
     margin = 2 * STENCIL
     if repeats:
-        # The record is continued periodically, so that polynomials at both ends are central.
-        phase = np.concatenate([phase[-margin:] - span, phase, phase[:margin] + span])
+        # The record is extended periodically, so that samples surround its first and last phase.
+        phase = np.concatenate([phase[-margin:] - length, phase, phase[:margin] + length])
     sums = {}
     for name, values, variable in (
         ("force", run.dynamic_force.values * float(run.force_scale), "dynamic_force"),
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
-        record, jumps = values, _jumps(run, variable, _event_phases(run))
+        extended, jumps = values, _jumps(run, variable, _event_phases(run))
         if repeats:
-            record = np.concatenate([values[-margin:], values, values[:margin]])
-        sums[name] = (
-            values,
-            fourier(phase, record, jumps, span, 1, 1.0 / steps_per_order, order_count),
-        )
+            extended = np.concatenate([values[-margin:], values, values[:margin]])
+        step = 1.0 / steps_per_order
+        sums[name] = values, fourier(phase, extended, jumps, length, 1, step, order_count)
     return np.arange(order_count) / steps_per_order, sums
 
 
 def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
-    """Return (mesh orders from 1 on, amplitudes of the mesh force, of the transmission error).
+    """Return (mesh orders >= 1, amplitudes of the mesh force in N, of the transmission error in m).
 
-    The amplitudes are in N and m, NaN if half of the samples gives a different one.
+    An amplitude is NaN if it differs too much from that of half of the samples.
     """
     mesh_orders, sums = record_sums(run, fractions=False)
     amplitudes = []
     for name in ("force", "error"):
-        _, block = sums[name]
-        is_unreliable = block.changes[0] > MAX_CHANGE * block.rms
-        peaks = np.where(is_unreliable, math.nan, 2.0 * np.abs(block.coefficients[0]))
+        _, block_sums = sums[name]
+        is_unreliable = block_sums.changes[0] > MAX_CHANGE * block_sums.rms
+        peaks = np.where(is_unreliable, math.nan, 2.0 * np.abs(block_sums.coefficients[0]))
         amplitudes.append(peaks[1:])
     return mesh_orders[1:], *amplitudes
 
@@ -745,8 +718,7 @@ def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
 def transmission_error(run: xr.Dataset) -> np.ndarray:
     """Return the transmission error at the samples of a run, in static deflections.
 
-    If the model has a deviation of the flanks, the run's displacement is that of the flanks, and
-    the deviation is subtracted.
+    It is the displacement less the profile deviation of the flanks, if the model has one.
     """
     displacement = run.displacement.values
     model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 
 import gearlib
-from gearlib.analysis.order_maps import Turning
+from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.models.profiles import Tabulated
 from gearlib.uncertainty.course_observations import regress_mesh_orders
 from gearlib.uncertainty.observations import observations_of
@@ -42,7 +42,7 @@ def run_up(start, seed, gain=1.0, rate=20e3, **known):
     )
     times = np.arange(0.0, 0.6, 1.0 / rate)
     signal = CubicSpline(run.time.values, run.displacement.values)(times + wait)
-    turns = Turning(course).revolutions(times)
+    turns = ShaftRotation(course).revolutions(times)
     return seen(times, signal, turns, seed, gain, course=course, **known)
 
 

@@ -1,12 +1,12 @@
 """Attractors: candidates among final states, refined by shooting, with their trapping ellipses.
 
 Every point of a stable periodic orbit lies in a *trapping ellipse* that no sampled motion leaves.
-The ellipses are level lines of a quadratic form that the linearised map contracts; how far the
-nonlinear map still does so is sampled on nested rings: it maps 32 states of each ring (with more
-than two coordinates, 128 of each ellipsoid, in random directions) into the next smaller one. If
-this held for the whole of each ring, all states within would lead to the orbit, for two
-coordinates, as the map is one-to-one and continuous; between the samples it is not proved. A run
-ends inside a trapping ellipse; `gearlib.basins` with ``stop_early=False`` goes on.
+The ellipses are level lines of a quadratic form that the linearised map contracts. Nested rings
+show how far the nonlinear map does so, too: it maps 32 states of each ring (with more than two
+coordinates, 128 states of each ellipsoid, in random directions) into the next smaller one. If this
+held for all states of the rings, all states inside would converge to the orbit, at least with two
+coordinates, because the map is one-to-one and continuous; it is not proved between the samples. A
+run ends in a trapping ellipse, except in `gearlib.basins` with ``stop_early=False``.
 """
 
 from dataclasses import dataclass, field
@@ -22,18 +22,17 @@ from gearlib.engines import orbit as columns
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 
-#: Longest period of the orbits that are searched for, in cycles.
+#: Longest period of an orbit in the search, in cycles.
 MAX_CYCLES = 32
-#: Largest distance between states one period apart from which shooting starts, relative to the
-#: size of the motion.
+#: Shooting starts if states one period apart are closer than this, relative to the motion's size.
 _GUESS_TOLERANCE = 1e-2
-#: Points closer than this count as equal, in static deflections (relative to larger motions).
+#: Points closer than this are equal, in static deflections (relative for larger motions).
 _SAME_POINT_TOLERANCE = 1e-6
-#: Multipliers closer to the unit circle than this neither attract nor repel.
+#: Orbits with multipliers closer to the unit circle than this are neither stable nor unstable.
 _MIN_DECAY = 1e-6
-#: Factor by which the linearised map contracts the quadratic form of an ellipse.
+#: Factor by which the linearised map contracts the radius of an ellipse.
 _CONTRACTION = 0.5
-#: Ratio of the radii of neighbouring rings, and number of rings, from the motion's size down.
+#: Ratio of the radii of successive rings, and number of rings; the first has the motion's size.
 _RING_RATIO, _RING_COUNT = 0.7, 40
 #: Number of sampled directions of ellipses with two coordinates, and with more.
 _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
@@ -45,10 +44,10 @@ class TrappingEllipses:
 
     points: np.ndarray  #: shape (m, n), in the coordinates of `Stroboscope.scaled`
     forms: np.ndarray  #: quadratic forms, shape (m, n, n)
-    radii: np.ndarray  #: shape (m,): form of the difference <= radius^2; static deflections
+    radii: np.ndarray  #: shape (m,), static deflections: (x - point)^T form (x - point) <= radius^2
 
     def contain(self, scaled_states: np.ndarray) -> np.ndarray:
-        """Return a mask of the scaled states, shape (k, n), that lie in any of the ellipses."""
+        """Return a mask, shape (k,), of the scaled states (k, n) inside any of the ellipses."""
         inside = np.zeros(len(scaled_states), bool)
         for point, form, radius in zip(self.points, self.forms, self.radii, strict=True):
             difference = scaled_states - point
@@ -83,14 +82,14 @@ class Attractor:
 
 
 def find_attractors(stroboscope: Stroboscope, states: np.ndarray, known_attractors: list) -> list:
-    """Return the periodic attractors near settled states that are not among the known ones.
+    """Return the periodic attractors near settled states (k, n) that are not yet known.
 
-    `states` has shape (k, n); each state is followed over 64 more cycles of the excitation.
+    Each state is propagated over 64 more cycles of the excitation.
     """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(stroboscope(series[-1], 1)[0])
-    # The latest states come first, because they have settled best.
+    # The last states come first, because they have settled best.
     series = np.array(series[::-1])
     scaled_series, attractors = stroboscope.scaled(series), list(known_attractors)
     for k in range(len(states)):
@@ -117,7 +116,7 @@ def _attractor_at(
 ) -> Attractor | None:
     """Return the periodic attractor at a settled state, or None.
 
-    `scaled_series` holds the scaled states of successive cycles up to this state, latest first.
+    `scaled_series` are the scaled states of successive cycles that end in this state, last first.
     """
     size = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
@@ -137,7 +136,7 @@ def _attractor_at(
         if largest_multiplier < 1.0 - _MIN_DECAY:
             return attractor_of(stroboscope, orbit)
         if largest_multiplier <= 1.0 + _MIN_DECAY:
-            # Without damping in contact neither the orbit nor its neighbours attract.
+            # Without damping in contact neither this orbit nor its neighbours are attractors.
             return None
     return None
 
@@ -174,33 +173,34 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     radii = size * _RING_RATIO ** np.arange(_RING_COUNT)
     count, n = centres.shape
     directions = _unit_vectors(n)
-    to_boundary = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
+    # Matrices that map the unit sphere to the ellipse of radius 1.
+    to_ellipse = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
-    offsets = np.einsum("jab,db->jda", to_boundary, directions)[:, None] * radii[:, None, None]
+    offsets = np.einsum("jab,db->jda", to_ellipse, directions)[:, None] * radii[:, None, None]
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
-    base = np.repeat(points, radii.size * len(directions), axis=0)
-    deviations = samples - stroboscope.scaled(base) / stroboscope.weights
-    ends, _ = stroboscope(base + deviations @ stroboscope.lift.T, return_cycles)
-    scaled_ends = stroboscope.scaled(ends).reshape(count, radii.size, -1, n)
-    end_offsets = scaled_ends - centres[:, None, None]
-    end_squares = np.einsum("jrda,jab,jrdb->jrd", end_offsets, forms, end_offsets)
-    # A NaN, from a run that could not go on, is not inside.
-    is_inside = np.sqrt(end_squares).max(axis=2) <= _RING_RATIO * radii
+    orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
+    perturbations = samples - stroboscope.scaled(orbit_states) / stroboscope.weights
+    final_states, _ = stroboscope(orbit_states + perturbations @ stroboscope.lift.T, return_cycles)
+    scaled_states = stroboscope.scaled(final_states).reshape(count, radii.size, -1, n)
+    final_offsets = scaled_states - centres[:, None, None]
+    squared_radii = np.einsum("jrda,jab,jrdb->jrd", final_offsets, forms, final_offsets)
+    # The NaN of a failed run is not inside.
+    is_inside = np.sqrt(squared_radii).max(axis=2) <= _RING_RATIO * radii
     trapping_radii = np.empty(count)
     for j in range(count):
         failed = np.flatnonzero(~is_inside[j])
         outermost = failed[-1] + 1 if failed.size else 0
-        # Rounding dominates below the smallest ring: only the states of the orbit itself remain.
+        # Rounding errors dominate inside the smallest ring: only the orbit itself remains.
         is_ring = outermost < radii.size
         trapping_radii[j] = radii[outermost] if is_ring else _SAME_POINT_TOLERANCE * size
     return TrappingEllipses(centres, forms, trapping_radii)
 
 
 def _contracted_forms(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return (quadratic forms, cycles in which the linearised map contracts them to a quarter).
+    """Return (quadratic forms, cycles in which the linearised map reduces them to a quarter).
 
-    `cycle_maps`, shape (m, n, n), are the derivatives of the cycles of a stable orbit, and each of
-    its m points has a form, shape (m, n, n).
+    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the m cycles of a stable orbit; the
+    forms of its points have the same shape.
     """
     count, n = cycle_maps.shape[:2]
     spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()

@@ -1,4 +1,4 @@
-"""`basins`: to which attractor initial states come; `basin_stability`: shares over the tuning."""
+"""`basins`: attractors of initial states on a grid; `basin_stability`: their shares by tuning."""
 
 import math
 
@@ -21,12 +21,12 @@ from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Attributes of an attractor that are variables of the same name in a dataset.
+#: Attributes of `Attractor` that are dataset variables of the same name.
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
 #: CF attributes of the variable attractor_kind.
 KIND_FLAGS = flags_of(KINDS)
-#: Attractors at neighbouring tunings are one family if their extrema differ by less than this,
-#: relative to the height of the orbit, or to a static deflection if that is larger.
+#: Attractors at neighbouring tunings belong to a family if their extrema differ by less than this,
+#: relative to the displacement range or one static deflection, whichever is larger.
 _FAMILY_TOLERANCE = 0.25
 
 
@@ -43,32 +43,31 @@ def basins(
 ):
     """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
 
-    States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, with run-out
-    as many as it repeats after), a candidate is refined by `gearlib.periodic_orbit`, and all n
-    points of a period-n orbit are one attractor, whatever the phase in which a motion comes.
-    Each point lies in a trapping ellipse that no sampled motion leaves (32 directions, or 128 with
-    more than two coordinates; no proof for those between): a run ends when it is in one of them.
+    States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, or the period
+    of the run-out), a candidate is refined by `gearlib.periodic_orbit`, and all n points of a
+    period-n orbit are the same attractor, whichever of them a motion approaches. Each point lies in
+    a trapping ellipse that no sampled motion leaves (in 32 directions, or 128 with more than two
+    coordinates; this is no proof for other directions): a run ends when it enters one of them.
     See `gearlib.analysis.global_dynamics.attractors`.
 
     Parameters
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-        With damping. Grids of a `GearPair` are fast; of the others take thousands of states, not
-        millions; a `DeadZoneOscillator` has its own unit of length instead of the static
-        deflection. Of six degrees the grid is the plane of states in which the bearings are in
-        their initial deflection, like in `gearlib.simulate`.
+        A model with damping. A `GearPair` allows millions of states, the others thousands; a
+        `DeadZoneOscillator` has its own unit of length instead of the static deflection. With six
+        degrees of freedom the bearings start with the same deflection as in `gearlib.simulate`.
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     grid : tuple
         Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
         last, count) or an array of different values.
     periods : int, default 500
-        Mesh periods of a run, rounded up to cycles; a motion that has no attractor by then gets
-        as many again.
+        Mesh periods of a run, rounded up to cycles; a motion that has not reached an attractor by
+        then gets as many again.
     stop_early : bool, default True
-        Whether a run ends in a trapping ellipse. False runs all periods, as a check of these.
+        Whether a run ends in a trapping ellipse. False always runs all periods, as a check.
     seed : int, default 0
-        Seed of the random choice of states from which attractors are searched for first.
+        Seed of the random choice of the states that are examined first.
     max_events : int
         Largest number of contact events in one mesh period.
     threads : int, optional
@@ -78,23 +77,22 @@ def basins(
     -------
     xarray.Dataset
         basin (displacement, velocity), the number of the attractor. Over ``attractor``, sorted by
-        kind, period and height: attractor_kind (CF flags: periodic, chaotic, unbounded, undecided;
-        the last three are classes, not single attractors), period (mesh periods, 0 if none), share
-        of the grid and share_error, the standard error of a share of as many random states;
-        displacement_max and displacement_min (of other than periodic motions those of a few over
-        256 periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, of a
-        periodic orbit from its multipliers); state (attractor, point, coordinate), the points of
-        the orbit in its order, tau = 0 in every cycle; multiplier_real, multiplier_imaginary;
-        contact_pattern, the contact codes in the order met; grazing; trap_radius, the smallest of
-        its trapping ellipses in static deflections. NaN where there is none.
+        kind, period and displacement range: attractor_kind (CF flags: periodic, chaotic, unbounded,
+        undecided; the last three are classes, not single attractors), period (mesh periods, 0 if
+        none), share of the grid and share_error, the standard error for as many random states;
+        displacement_max and displacement_min (for aperiodic motions those of a few samples over 256
+        periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, for a periodic
+        orbit from its multipliers); state (attractor, point, coordinate), the successive points of
+        the orbit at tau = 0 of each cycle; multiplier_real, multiplier_imaginary; contact_pattern,
+        the sequence of contact codes; grazing; trap_radius, the smallest radius of its trapping
+        ellipses in static deflections. Missing values are NaN.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range; without any damping there are no
-        attractors.
+        If an argument is invalid, or if the model has no damping and so no attractors.
     RuntimeError
-        If a run met more than `max_events` events in a mesh period.
+        If a run has more than `max_events` contact events in a mesh period.
 
     References
     ----------
@@ -119,11 +117,11 @@ def basins(
         "tuning": stroboscope.tuning,
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
-    numbers = ("attractor", "point", "coordinate", "multiplier")
+    index_dims = ("attractor", "point", "coordinate", "multiplier")
     dataset = result(
         "Basins of attraction of a gear mesh",
         pair,
-        dataset.assign_coords({n: np.arange(dataset.sizes[n]) for n in numbers}),
+        dataset.assign_coords({dim: np.arange(dataset.sizes[dim]) for dim in index_dims}),
         method=stroboscope.propagator.description,
         tuning=stroboscope.tuning,
         periods=cycles * stroboscope.mesh_periods_per_cycle,
@@ -135,7 +133,7 @@ def basins(
 
 
 def _attractor_variables(attractors: list[Attractor]) -> dict:
-    """Return the properties of attractors as variables of a dataset: name -> (dims, values).
+    """Return the properties of attractors as dataset variables {name: (dims, values)}.
 
     Attractors have different numbers of points; missing entries are NaN.
     """
@@ -181,21 +179,21 @@ def basin_stability(
     max_events=MAX_EVENTS,
     threads=None,
 ):
-    """Return what share of a region of initial states comes to each attractor, over the tuning.
+    """Compute which share of a region of initial states leads to each attractor, by tuning.
 
     Parameters
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-        With damping.
+        A model with damping.
     tunings : array_like of float, shape (n,)
-        All different.
+        Tunings nu, all different.
     region : tuple
         ((lowest, highest displacement), (lowest, highest dx/dtau)) of the initial states.
     samples : int, default 400
-        Initial states at each tuning, rounded up to a square: one at random in each of as many
-        equal cells, so that shares err less than with states that are all random.
+        Number of initial states at each tuning, rounded up to a square number: one random state in
+        each of as many equal cells (stratified sampling), so that shares are more accurate.
     periods, max_events, threads
-        The same arguments as those of `gearlib.basins`.
+        As in `gearlib.basins`.
     seed : int, default 0
         Seed of the random initial states.
 
@@ -203,9 +201,10 @@ def basin_stability(
     -------
     xarray.Dataset
         share, share_error (the binomial standard error, an upper bound here), displacement_max,
-        displacement_min, exponent (tuning, attractor_family): share 0 and else NaN where a family
-        is not met. A family holds the attractors of one kind and period whose extrema change
-        little from a tuning to the next; over attractor_family: attractor_kind, period.
+        displacement_min, exponent (tuning, attractor_family): where a family does not exist, its
+        share is 0 and the others are NaN. A family is a sequence of attractors of the same kind and
+        period whose extrema change little between tunings. Over attractor_family: attractor_kind,
+        period.
 
     Raises
     ------
@@ -221,8 +220,8 @@ def basin_stability(
     cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
     attractors_and_shares = []
-    for i, nu in notebook.counted("tunings", enumerate(values), values.size):
-        stroboscope = Stroboscope(pair, nu, max_events=max_events, threads=threads)
+    for i, tuning in notebook.counted("tunings", enumerate(values), values.size):
+        stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
         corners = grid_states(np.arange(cells), np.arange(cells))
         states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
@@ -251,8 +250,8 @@ def _assign_families(
 ) -> tuple[list[Attractor], list[np.ndarray]]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
-    The tunings are visited in the given order of their indices. Return (latest attractor of each
-    family, family number of each attractor at each tuning).
+    `order` are the indices of the tunings in increasing order. Return (last attractor of each
+    family, arrays of the family numbers of the attractors at each tuning).
     """
     latest: list[Attractor] = []
     family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
@@ -306,7 +305,7 @@ def _family_variables(
 
 
 def _distance(first: Attractor, second: Attractor) -> float:
-    """Return the largest difference of the extrema of two attractors, relative to their height.
+    """Return the largest difference of the extrema of two attractors, relative to the first range.
 
     It is infinite for different kinds or periods, and 0 for two attractors that are not periodic.
     """

@@ -12,16 +12,16 @@ from gearlib.data import status
 from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
 
-#: Number of random states from which attractors are searched for first.
-_SCOUT_COUNT = 128
-#: Number of states without an attractor that are examined at a time, and of such samples.
+#: Number of random states near whose final states attractors are searched for first.
+_PILOT_COUNT = 128
+#: Number of unclassified states in a sample, and largest number of samples.
 _SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
-#: Cycles of the first round, after which states in a trapping ellipse are classified.
+#: Cycles after which states are compared with the trapping ellipses for the first time.
 _FIRST_CYCLES = 24
-#: Mesh periods of exponents, and of the extrema of motions that are not periodic.
+#: Mesh periods over which exponents and extrema of aperiodic motions are computed.
 _EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
-#: Mesh periods that settle before an exponent is measured.
-_SETTLING_PERIODS = 500
+#: Mesh periods of the transient before an exponent is computed.
+_TRANSIENT_PERIODS = 500
 #: Labels of states that are not yet classified, and of those that grow beyond their bounds.
 _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
@@ -48,15 +48,15 @@ def classify(
     """Return (attractors, index of the attractor of each initial state, shape (k,)).
 
     `states` are displacements and velocities, shape (k, 2). Attractors are sorted by kind, period
-    and height; each kind but periodic occurs at most once. A run takes `cycles` cycles, twice as
-    many if it has no attractor by then; with `stop_early` it ends in a trapping ellipse. `seed` is
-    that of the random choice of the states that are examined first.
+    and displacement range; each kind except periodic occurs at most once. A run takes `cycles`
+    cycles, twice as many if it has not reached an attractor by then; with `stop_early` it ends in a
+    trapping ellipse. `seed` is that of the random choice of the states that are examined first.
     """
     rng = np.random.default_rng(seed)
     motions = _Motions(stroboscope, states, rng)
-    scouts = rng.choice(len(states), min(_SCOUT_COUNT, len(states)), replace=False)
-    scout_ends, _ = stroboscope(stroboscope.start(states[np.sort(scouts)]), cycles)
-    motions.add_attractors(scout_ends)
+    pilots = rng.choice(len(states), min(_PILOT_COUNT, len(states)), replace=False)
+    final_states, _ = stroboscope(stroboscope.start(states[np.sort(pilots)]), cycles)
+    motions.add_attractors(final_states)
     motions.propagate(cycles, stop_early)
     bounds = motions.bounds[motions.remaining]
     is_unbounded, motions.current = stroboscope.follow_growth(
@@ -73,38 +73,38 @@ def classify(
 
 
 class _Motions:
-    """The motions from all initial states, with the attractors that are known so far."""
+    """Motions from all initial states, with the attractors that are known so far."""
 
     def __init__(self, stroboscope: Stroboscope, states: np.ndarray, rng: np.random.Generator):
-        """Start a motion at each of the displacements and velocities `states`, shape (k, 2)."""
+        """Start a motion at each state (displacement, velocity), shape (k, 2)."""
         self.stroboscope, self.states, self.rng = stroboscope, states, rng
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
-        #: Indices of the states without a label, and their current full states.
+        #: Indices of the initial states without a label, and their current full states.
         self.remaining, self.current = np.arange(len(states)), stroboscope.start(states)
-        #: Sizes beyond which a motion is unbounded, as in `Model.bound`.
+        #: Size of each motion above which it is unbounded, as in `Model.bound`.
         sizes = stroboscope.size(self.current)
         self.bounds = UNBOUNDED_FACTOR * np.maximum(stroboscope.model.extent, sizes)
 
-    def add_attractors(self, ends: np.ndarray) -> bool:
-        """Add the attractors near full states, shape (m, n); return whether one of them is new."""
-        count_before = len(self.attractors)
-        ends = ends[np.isfinite(ends).all(axis=1)]
-        while len(ends):
+    def add_attractors(self, states: np.ndarray) -> bool:
+        """Add new attractors near full states, shape (m, n); return whether there are any."""
+        count_before, stroboscope = len(self.attractors), self.stroboscope
+        states = states[np.isfinite(states).all(axis=1)]
+        while len(states):
             # After a few states, most of the others lie in the ellipses of known attractors.
-            sample, ends = ends[:_SAMPLE_SIZE], ends[_SAMPLE_SIZE:]
-            self.attractors += attractors.find_attractors(self.stroboscope, sample, self.attractors)
+            sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
+            self.attractors += attractors.find_attractors(stroboscope, sample, self.attractors)
             for attractor in self.attractors:
-                ends = ends[~attractor.ellipses.contain(self.stroboscope.scaled(ends))]
+                states = states[~attractor.ellipses.contain(stroboscope.scaled(states))]
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
-        """Give a label, the index of an attractor, to the remaining states under a mask."""
+        """Give a label, such as the index of an attractor, to a mask of the remaining states."""
         self.labels[self.remaining[mask]] = label
         self.remaining, self.current = self.remaining[~mask], self.current[~mask]
 
     def label_classified(self) -> None:
-        """Label the states that are in a trapping ellipse or beyond their bounds."""
+        """Label the remaining states that lie in a trapping ellipse or exceed their bounds."""
         sizes = self.stroboscope.size(self.current)
         self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
         for i, attractor in enumerate(self.attractors):
@@ -112,28 +112,28 @@ class _Motions:
             self.set_label(attractor.ellipses.contain(scaled_states), i)
 
     def propagate(self, cycles: int, stop_early: bool) -> None:
-        """Propagate the states without a label over cycles, and label them where they end.
+        """Propagate the states without a label over cycles and label those near an attractor.
 
-        With `stop_early` they are labelled after 24, 48, 96 ... cycles, too.
+        With `stop_early` they are also labelled after 24, 48, 96 ... cycles.
         """
-        done, step = 0, _FIRST_CYCLES if stop_early else cycles
-        while done < cycles and self.remaining.size:
-            step = min(step, cycles - done)
+        total, step = 0, _FIRST_CYCLES if stop_early else cycles
+        while total < cycles and self.remaining.size:
+            step = min(step, cycles - total)
             self.current, codes = self.stroboscope(self.current, step)
             errors = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
             if errors.size:
                 raise RuntimeError(status.MESSAGES[int(errors[0])])
             self.label_classified()
-            done += step
-            step = done
+            total += step
+            step = total
 
     def sample(self) -> np.ndarray:
-        """Return sorted random indices of at most 8 of the remaining states."""
+        """Return random sorted indices of at most 8 of the remaining states."""
         count = min(_SAMPLE_SIZE, self.remaining.size)
         return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
     def examine_samples(self) -> None:
-        """Search for attractors near samples of the remaining states until none is new."""
+        """Search for attractors near random samples of the remaining states until none is new."""
         for _ in range(_MAX_SAMPLES):
             if not self.remaining.size or not self.add_attractors(self.current[self.sample()]):
                 return
@@ -142,8 +142,8 @@ class _Motions:
     def chaotic_attractor(self) -> Attractor | None:
         """Return the chaotic attractor of the remaining states, or None.
 
-        Deviations must grow exponentially in each sample, and the mean exponent must be positive
-        beyond its error.
+        Perturbations must grow in each sampled motion, and the mean exponent must be significantly
+        positive.
         """
         stroboscope, exponents = self.stroboscope, []
         if not self.remaining.size:
@@ -153,7 +153,7 @@ class _Motions:
                 stroboscope.model,
                 stroboscope.tuning,
                 state=tuple(self.states[i]),
-                settle=_SETTLING_PERIODS,
+                settle=_TRANSIENT_PERIODS,
                 periods=_EXPONENT_PERIODS,
                 max_events=stroboscope.max_events,
             )
@@ -161,8 +161,7 @@ class _Motions:
                 return None
             exponents.append(exponent)
         values, uncertainties, growths, periods, _ = np.array(exponents).T
-        # The exponents are averaged, because that of one weakly chaotic motion may not be
-        # significant.
+        # The exponent of a single weakly chaotic motion may not be significant.
         error = float(np.sqrt((uncertainties**2).sum()) / len(exponents))
         mean = lyapunov.Exponent(float(values.mean()), error, growths.sum(), int(periods.sum()))
         if not mean.positive:
@@ -170,23 +169,22 @@ class _Motions:
         return self.aperiodic_attractor(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
     def aperiodic_attractor(self, kind: int, **exponent: float) -> Attractor:
-        """Return an attractor of a kind other than periodic, with the extrema of sampled motions.
+        """Return an attractor of an aperiodic kind, with the extrema of sampled motions.
 
-        `exponent` may give its fields exponent and uncertainty.
+        `exponent` are its fields exponent and uncertainty, if known.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
         samples = self.current[self.sample()]
         summaries = np.array(
             [record(state, _EXTREMA_PERIODS, max_events).summary for state in samples]
         )
-        highest, lowest = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
-        return Attractor(kind, float(highest), float(lowest), **exponent)
+        maximum, minimum = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
+        return Attractor(kind, float(maximum), float(minimum), **exponent)
 
     def sorted_attractors(self, chaos: Attractor | None) -> tuple[list[Attractor], np.ndarray]:
-        """Return (attractors, labels of the initial states), sorted by kind, period and height.
+        """Return (sorted attractors, index of the attractor of each initial state).
 
-        The remaining states belong to the chaotic attractor `chaos`; without one, they are
-        undecided.
+        The remaining states belong to the chaotic attractor `chaos`, or are undecided without one.
         """
         unsorted = list(self.attractors)
         if self.remaining.size:

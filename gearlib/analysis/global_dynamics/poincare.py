@@ -1,4 +1,4 @@
-"""`poincare_section`: states at one mesh phase; `bifurcation_diagram`: these over a parameter."""
+"""`poincare_section`: states at a fixed mesh phase; `bifurcation_diagram`: by a parameter."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ MAX_POINTS = 50_000_000
 
 
 def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_events=MAX_EVENTS):
-    """Record the states of orbits at one mesh phase of every period.
+    """Record the states of motions at a fixed mesh phase of every mesh period.
 
     Parameters
     ----------
@@ -29,13 +29,13 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     states : array_like of float, shape (n, 2)
-        Initial displacements in static deflections and dx/dtau at tau = 0, one row per orbit.
+        Initial displacements in static deflections and dx/dtau at tau = 0, one row per motion.
     periods : int
-        Mesh periods that are recorded.
+        Number of recorded mesh periods.
     settle : int, default 0
-        Mesh periods before them.
+        Number of mesh periods before the record.
     phase : float, default 0
-        Mesh phase of the section, from 0 to less than 2 pi. Of models other than a `GearPair` a
+        Mesh phase of the section, from 0 to less than 2 pi; for models other than a `GearPair` a
         multiple of one degree.
     max_events : int
         Largest number of contact events in one mesh period.
@@ -44,8 +44,8 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
     -------
     xarray.Dataset
         displacement, velocity (orbit, strobe); final_state (orbit, component) at the end of the
-        last period, where tau is a multiple of 2 pi; status (orbit): if it is not 0, the states
-        are NaN from where the run could not go on.
+        last period, where tau is a multiple of 2 pi; status (orbit): if it is not 0, the run
+        failed, and the states after the failure are NaN.
 
     Raises
     ------
@@ -104,24 +104,18 @@ def _check_phase(phase: float) -> float:
 
 
 def _section(
-    model: Any,
-    tuning: float,
-    starts: np.ndarray,
-    settle: int,
-    periods: int,
-    phase: float,
-    max_events: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (recorded states, final states, status codes) of the motions from initial states.
+    model: Any, tuning: float, starts: np.ndarray, settle: int, periods: int, phase, max_events
+) -> tuple:
+    """Return (recorded states, final states, status codes) of motions from initial states.
 
-    The shapes are (n, periods, 2), (n, 2), (n,). States are recorded at a mesh phase, in rad, of
-    each of `periods` mesh periods after `settle`; `starts` has shape (n, 2). A run stops at more
-    than `max_events` contact events in a mesh period.
+    `starts` has shape (n, 2), the results (n, periods, 2), (n, 2), (n,). States are recorded at the
+    mesh phase `phase` (rad) of each of `periods` mesh periods after a transient of `settle`. A run
+    stops if a mesh period has more than `max_events` contact events.
     """
     check_one_mesh(model)
     states = np.full((len(starts), periods, 2), math.nan)
     ends, codes = np.empty((len(starts), 2)), np.zeros(len(starts), np.int64)
-    # The propagator fills the last three arrays.
+    # This fills the last three arrays.
     model.propagator(tuning).sections(starts, settle, phase, max_events, states, ends, codes)
     for i, start in enumerate(starts):
         if codes[i] == status.OK and np.abs(states[i, :, 0]).max() > model.bound(tuning, start):
@@ -143,7 +137,7 @@ def bifurcation_diagram(
     initial_state=(0.0, 0.0),
     max_events=MAX_EVENTS,
 ):
-    """Record the stroboscopic states in which a mesh settles, over a parameter.
+    """Record the stroboscopic states of the steady state for each value of a parameter.
 
     Parameters
     ----------
@@ -152,17 +146,16 @@ def bifurcation_diagram(
         Values of the parameter, all different.
     parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
 "stiffness_ratio"}
-        Parameter that varies; only a `GearPair` has others than the tuning, one of which varies
-        while all others keep their values.
+        Parameter that is varied; models other than a `GearPair` only have the tuning.
     tuning : float, optional
-        Mesh frequency over mean eigenfrequency, if another parameter varies.
+        Mesh frequency over mean eigenfrequency, if another parameter is varied.
     direction : {"cold", "up", "down"}
-        Whether each run starts from the initial state, or where the last one ended, for rising or
-        falling values; six degrees of freedom start cold.
+        Whether each run starts from the initial state, or from the final state of the last one for
+        increasing or decreasing values; six degrees of freedom allow "cold" only.
     settle, strobes : int
-        Mesh periods before the record, and recorded.
+        Number of mesh periods before the record, and in the record.
     phase : float, default 0
-        Mesh phase at which states are recorded, like in `gearlib.poincare_section`.
+        Mesh phase at which states are recorded, as in `gearlib.poincare_section`.
     initial_state : tuple of float
         Displacement in static deflections and dx/dtau.
     max_events : int
@@ -171,8 +164,8 @@ def bifurcation_diagram(
     Returns
     -------
     xarray.Dataset
-        Over the parameter under its name, in the order given: displacement, velocity
-        (parameter, strobe); period in mesh periods, 0 if none; final_state; status.
+        Over a dimension with the name of the parameter, in the order of `values`: displacement,
+        velocity (parameter, strobe); period in mesh periods, 0 if none; final_state; status.
 
     Raises
     ------
@@ -193,9 +186,8 @@ def bifurcation_diagram(
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
     cases = varied(pair, tuning, parameter, values)
-    states, ends, codes = _diagram(
-        cases, values, direction, (settle, strobes, phase, max_events), initial_state
-    )
+    section_arguments = settle, strobes, phase, max_events
+    states, ends, codes = _diagram(cases, values, direction, section_arguments, initial_state)
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
@@ -226,17 +218,13 @@ def bifurcation_diagram(
 
 
 def _diagram(
-    cases: list,
-    values: np.ndarray,
-    direction: str,
-    section_arguments: tuple,
-    initial_state: tuple,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (states, final states, periods and status codes) of the section at each value.
+    cases: list, values: np.ndarray, direction: str, section_arguments: tuple, initial_state: tuple
+) -> tuple:
+    """Return (states, final states, [period, status code]) of the section at each value.
 
     `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
-    periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts where
-    the last one ended, with "cold" at the initial state (displacement, velocity).
+    periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts from
+    the final state of the last one, with "cold" from the initial state (displacement, velocity).
     """
     states = np.full((values.size, section_arguments[1], 2), math.nan)
     ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
@@ -248,9 +236,8 @@ def _diagram(
         model, tuning = cases[i]
         section = _section(model, tuning, np.array([state]), *section_arguments)
         states[i], ends[i], code = (array[0] for array in section)
-        # States are compared on the scale of the range of displacements.
-        height = float(np.ptp(states[i, :, 0]))
-        period = 0 if code else orbit.orbit_period(states[i], tuning, height, model.repeats)
+        scale = float(np.ptp(states[i, :, 0]))
+        period = 0 if code else orbit.orbit_period(states[i], tuning, scale, model.repeats)
         codes[i] = period, code
         is_warm_started = direction != "cold" and code == status.OK
         state = tuple(ends[i]) if is_warm_started else initial_state

@@ -1,7 +1,7 @@
-"""The stroboscopic map of any model for many states at once, and grids of initial states.
+"""Stroboscopic map of a model for many states at once, and grids of initial states.
 
-One *cycle* is the time after which the equations of motion repeat: one mesh period, with run-out
-as many as bring the gears back. A periodic orbit of n cycles is n points of the map.
+One *cycle* is the period of the equations of motion: one mesh period, with run-out as many as it
+takes until the same teeth meet again. A periodic orbit of n cycles is n points of the map.
 """
 
 import math
@@ -18,39 +18,34 @@ from gearlib.data.motions import float_array
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Motions larger than this many extents of the model may grow without bound.
-_LARGE_EXTENTS = 1e2
-#: Factor by which such a motion must grow again and again, up to `Model.bound`.
+#: Motions larger than this, relative to the extent of the model, may grow without bound.
+_MIN_RELATIVE_SIZE = 1e2
+#: Factor by which such a motion must grow repeatedly, up to `Model.bound`.
 _MIN_GROWTH = 1.5
-#: Largest number of initial states in one call: all of them are held in memory.
+#: Largest number of initial states in a call: all of them are held in memory.
 MAX_STATES = 50_000_000
-#: Bytes of memory for one state during a run: initial and final state, labels.
+#: Bytes of memory for a state during a run: initial and final state, labels.
 _BYTES_PER_STATE = 120
 
 
 class Stroboscope:
-    """The map of many states over whole cycles of the excitation of a model.
+    """Map of many states over whole cycles of the excitation of a model.
 
-    A run stops at more than `max_events` contact events in a mesh period; `threads` is the number
-    of processors, None for all.
+    A run stops if a mesh period has more than `max_events` contact events. `threads` is
+    the number of threads, by default one for each processor.
     """
 
     def __init__(
-        self,
-        model: Any,
-        tuning: float,
-        *,
-        max_events: int = MAX_EVENTS,
-        threads: int | None = None,
+        self, model: Any, tuning: float, *, max_events=MAX_EVENTS, threads: int | None = None
     ):
-        choose(model, None, None)  # Refuses arguments that are no models.
+        choose(model, None, None)  # raises ValueError unless `model` is a model
         self.model, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         processors = os.cpu_count() or 1
         self.threads = processors if threads is None else checks.integer("threads", threads, 1)
         self.mesh_periods_per_cycle = model.repeats
-        #: Matrices from full states to states without free rotation, and back.
+        #: Matrices from full states to states without the free rotation, and back.
         self._reduction, self.lift = model.reduction()
         #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
@@ -60,7 +55,7 @@ class Stroboscope:
         return np.array([self.propagator.start(state) for state in states])
 
     def scaled(self, states: np.ndarray) -> np.ndarray:
-        """Return states without free rotation, with velocities scaled to displacements."""
+        """Return states without the free rotation, with velocities scaled to displacements."""
         return states @ self._reduction.T * self.weights
 
     def size(self, states: np.ndarray) -> np.ndarray:
@@ -69,31 +64,32 @@ class Stroboscope:
         return np.where(np.isnan(size), np.inf, size)
 
     def follow_growth(
-        self, states: np.ndarray, sizes_before: Any, bounds: np.ndarray, periods: int
+        self, states: np.ndarray, previous_sizes: Any, bounds: np.ndarray, periods: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Follow large states, shape (k, n), while they grow; return (mask of too large, states).
+        """Propagate large growing states, shape (k, n), until they stop growing or exceed a bound.
 
-        `sizes_before` are their sizes some mesh periods ago, `bounds` the sizes from which on they
-        are too large, shape (k,).
+        `previous_sizes` are their sizes before the last mesh periods, `bounds` their limits, shape
+        (k,). Growth is checked after at least `periods` mesh periods. Return (mask of the states
+        above their bounds, states).
         """
         states, sizes = states.copy(), self.size(states)
-        is_growing = sizes > _LARGE_EXTENTS * self.model.extent
-        is_growing &= sizes > _MIN_GROWTH * sizes_before
+        is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
+        is_growing &= sizes > _MIN_GROWTH * previous_sizes
         cycles = -(-periods // self.mesh_periods_per_cycle)
-        while (followed := is_growing & (sizes <= bounds)).any():
-            ends, codes = self(states[followed], cycles)
-            is_stopped = ~np.isin(codes, (status.OK, status.OVERFLOW))
-            new_sizes = np.where(is_stopped, 0.0, self.size(ends))
-            has_grown = new_sizes > _MIN_GROWTH * sizes[followed]
-            is_growing[followed] = has_grown
-            states[followed] = np.where(has_grown[:, None], ends, states[followed])
-            sizes[followed] = new_sizes
+        while (mask := is_growing & (sizes <= bounds)).any():
+            ends, codes = self(states[mask], cycles)
+            has_failed = ~np.isin(codes, (status.OK, status.OVERFLOW))
+            new_sizes = np.where(has_failed, 0.0, self.size(ends))
+            has_grown = new_sizes > _MIN_GROWTH * sizes[mask]
+            is_growing[mask] = has_grown
+            states[mask] = np.where(has_grown[:, None], ends, states[mask])
+            sizes[mask] = new_sizes
         return sizes > bounds, states
 
     def cycle_maps(self, state: np.ndarray, cycles: int) -> np.ndarray:
-        """Return the derivative of the map of each cycle that follows a full state.
+        """Return the Jacobian matrices of the cycles after a full state, shape (cycles, n, n).
 
-        The shape is (cycles, n, n), the coordinates are those of `scaled`.
+        They refer to the coordinates of `scaled`.
         """
         periods = cycles * self.mesh_periods_per_cycle
         _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
@@ -105,10 +101,7 @@ class Stroboscope:
         return np.array([compose(maps_of_cycle) for maps_of_cycle in by_cycle])
 
     def __call__(self, states: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-        """Propagate states, shape (k, n), over cycles; return (final states, status codes).
-
-        Where a code is not OK, the final state is NaN.
-        """
+        """Propagate full states, shape (k, n), over cycles; return (final states, status codes)."""
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)
         periods = cycles * self.mesh_periods_per_cycle
@@ -121,7 +114,7 @@ class Stroboscope:
                 states[chunk], periods, self.max_events
             )
 
-        # The kernels release the interpreter lock, and every chunk has its own rows.
+        # The kernels release the interpreter lock, and each chunk fills different rows.
         with ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(propagate, chunks))
         ends[codes != status.OK] = np.nan
@@ -129,7 +122,7 @@ class Stroboscope:
 
 
 def check_one_mesh(model: Any) -> None:
-    """Raise ValueError if a model has several meshes: two numbers are then no initial state."""
+    """Raise ValueError if a model has several meshes, so that two numbers are no initial state."""
     if model.mesh_names:
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed here: it must have one mesh, whose "
@@ -138,9 +131,10 @@ def check_one_mesh(model: Any) -> None:
 
 
 def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
-    """Check a grid of initial states and return its (displacements, velocities) as float arrays.
+    """Return the (displacements, velocities) of a grid of initial states as float arrays.
 
-    Each of the two axes of `grid` is a tuple (first, last, count) or an array of values.
+    Each of the two axes of `grid` is a tuple (first, last, count) or an array of values; invalid
+    ones raise ValueError.
     """
     try:
         displacement_axis, velocity_axis = grid
@@ -153,7 +147,7 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
         checks.integer(f"count of the {name}", axis[2], 1) if _is_range(axis) else np.size(axis)
         for name, axis in axes.items()
     ]
-    # The number of states is checked before any array is made.
+    # The number of states is checked before arrays are allocated.
     state_count = math.prod(counts)
     if state_count > MAX_STATES:
         raise ValueError(
@@ -171,7 +165,7 @@ def _is_range(axis: Any) -> bool:
 
 
 def _axis_values(name: str, axis: Any) -> np.ndarray:
-    """Return the values of an axis of a grid, which is (first, last, count) or distinct numbers.
+    """Return the values of a grid axis that is a tuple (first, last, count) or distinct numbers.
 
     `name` is the name of the axis in error messages.
     """
@@ -188,7 +182,7 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
 
 
 def distinct_values(name: str, values: Any) -> np.ndarray:
-    """Check that an argument is a sequence of distinct finite numbers; return it as an array.
+    """Return a sequence of distinct finite numbers as an array; otherwise raise ValueError.
 
     `name` is the name of the argument in error messages.
     """
@@ -201,16 +195,17 @@ def distinct_values(name: str, values: Any) -> np.ndarray:
 
 
 def region_bounds(region: Any) -> np.ndarray:
-    """Check a region of initial states and return it as an array, shape (2, 2).
+    """Return a region of initial states as an array, shape (2, 2); otherwise raise ValueError.
 
     Its rows are the lowest and highest displacement, and the lowest and highest velocity.
     """
     try:
         array = np.array([[low, high] for low, high in region], float)
-        valid = array.shape == (2, 2) and np.isfinite(array).all() and (np.diff(array) > 0.0).all()
+        is_valid = array.shape == (2, 2) and np.isfinite(array).all()
+        is_valid = is_valid and (np.diff(array) > 0.0).all()
     except (TypeError, ValueError):
-        valid = False
-    if not valid:
+        is_valid = False
+    if not is_valid:
         raise ValueError(
             f"region = {region!r} is not allowed: it must be ((lowest, highest displacement), "
             "(lowest, highest dx/dtau)), finite, the second greater"
@@ -219,6 +214,9 @@ def region_bounds(region: Any) -> np.ndarray:
 
 
 def grid_states(displacements: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return all pairs (displacement, velocity) of a grid, shape (n m, 2), velocities first."""
+    """Return all states (displacement, velocity) of a grid, shape (n m, 2).
+
+    The velocity varies fastest.
+    """
     axes = np.meshgrid(displacements, velocities, indexing="ij")
     return np.stack([axis.ravel() for axis in axes], axis=1)

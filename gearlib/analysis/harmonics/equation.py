@@ -1,17 +1,17 @@
-"""The mesh equation over harmonics: its forces on a grid of phases, with their derivatives.
+"""The mesh equation in the frequency domain: forces on a grid of phases and their derivatives.
 
 In static deflections and mesh phase, Eq. (3) for one degree of freedom reads
 
-    x'' + f(tau, x, x') = e(tau),    f = damping + c(tau) k(g(x)) / nu^2,
+    x'' + f(tau, x, x') = e(tau),    f = damping + c(tau) k(g(x)) / nu^2.
 
-sought with a period of n mesh periods: x = sum_k X_k exp(i k tau / n). Forces are evaluated on a
-grid of phases and transformed to harmonics by FFT (alternating frequency and time).
+The solution has a period of n mesh periods: x = sum_k X_k exp(i k tau / n). Forces are evaluated on
+a grid of phases and transformed to harmonics by FFT (alternating frequency and time).
 
 The mesh stiffness has its exact Fourier coefficients up to the highest harmonic of the grid, so
 that without loss of contact the products are those of Galerkin's method, free of aliasing. At a
-flank line the contact is the share of the grid cell in which the flanks touch, with a motion that
-is linear within the cell: forces stay continuous in (x, x') where damping jumps, Newton's method
-has a derivative, and the jump is an impulse in that derivative.
+flank line the contact is the fraction of the grid cell in which the flanks touch, with a motion
+that is linear within the cell: forces are continuous in (x, x') where damping jumps, Newton's
+method has a derivative, and the jump is an impulse in that derivative.
 """
 
 from functools import cached_property
@@ -19,31 +19,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-#: Smallest number of samples per harmonic: the product of c and x is then free of aliasing.
+#: Smallest number of samples per harmonic that avoids aliasing of the product of c and x.
 MIN_SAMPLES = 4
-#: Samples per harmonic by default: the grid then resolves flank crossings.
+#: Default number of samples per harmonic, which resolves flank crossings.
 _DEFAULT_SAMPLES = 16
-#: Smallest width of a flank crossing, which avoids a division by zero.
-_MIN_WIDTH = 1e-300
-#: Signs with which contact at the far flank is added to the six rows of `_contact` at the near one.
-_FAR_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
+#: Smallest change of displacement in a grid cell, which avoids a division by zero.
+_MIN_CHANGE = 1e-300
+#: Signs of the six rows of `_contact` for the coast-side flank in the sum over both flanks.
+_COAST_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
 
 
 class Force(NamedTuple):
-    """Forces f on the grid and their derivatives, shape (samples,)."""
+    """Forces f on the grid of phases and their derivatives, shape (samples,)."""
 
     value: np.ndarray
-    slope: np.ndarray  #: derivative of the mesh force by displacement
-    impulse: np.ndarray  #: derivative by displacement of damping that jumps at a flank line
-    by_velocity: np.ndarray  #: derivative by velocity
-    contact_share: np.ndarray  #: share of contact, 0 to 1
+    stiffness: np.ndarray  #: derivative of the mesh force with respect to displacement
+    impulse: np.ndarray  #: that of the damping force, which jumps at a flank line
+    damping: np.ndarray  #: derivative of the force with respect to velocity
+    contact_fraction: np.ndarray  #: fraction of contact in the grid cell, 0 to 1
 
 
 class MeshEquation:
-    """The equation of one gear pair at one tuning, on harmonics 0 ... `harmonics` of 1 / period.
+    """Equation of motion of a gear pair at one tuning on harmonics 0 ... h of 1 / period.
 
-    `samples` are grid points over the period; None: a power of two, at least 16 per harmonic.
-    `added_damping` is a linear damping force added_damping x' in all motions.
+    h is `harmonics`; `samples` is the number of grid points over the period, by default a power of
+    two, at least 16 per harmonic. `added_damping` is the coefficient of a linear damping force.
     """
 
     def __init__(
@@ -70,61 +70,62 @@ class MeshEquation:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
-        #: Mean mesh stiffness 1 / nu^2, which is also the load.
+        #: Mean mesh stiffness 1 / nu^2, which equals the dimensionless load.
         self.mean_stiffness = 1.0 / tuning**2
-        #: Linear damping 2 beta / nu of the flanks in contact.
+        #: Linear damping coefficient 2 beta / nu in contact.
         self.damping = float(self.law.drive_damping[0])
-        #: The mean-stiffness oscillator on the harmonics, 1 / nu^2 - k^2 + 2 i beta k / nu.
-        self.symbol = self.mean_stiffness - self.orders**2 + 1j * self.damping * self.orders
+        #: Dynamic stiffness of the mean oscillator, 1 / nu^2 - k^2 + 2 i beta k / nu, (h + 1,).
+        inertia, damping = self.orders**2, 1j * self.damping * self.orders
+        self.dynamic_stiffness = self.mean_stiffness - inertia + damping
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """Mesh stiffness c / nu^2 on the grid of phases, from the harmonics that the grid holds."""
+        """Mesh stiffness c / nu^2 on the grid, truncated to the harmonics that it can represent."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
         coefficients = _stiffness_coefficients(self.law, highest)
         spectrum[: highest * self.period + 1 : self.period] = coefficients
         return np.fft.irfft(spectrum * self.samples, self.samples)
 
-    def on_grid(self, coefficients: np.ndarray) -> np.ndarray:
-        """Return values on the grid, shape (..., samples), of harmonics, shape (..., h + 1)."""
+    def to_grid(self, coefficients: np.ndarray) -> np.ndarray:
+        """Return values on the grid, shape (..., samples), from harmonics, shape (..., h + 1)."""
         return np.fft.irfft(coefficients, self.samples, norm="forward")
 
     def to_harmonics(self, values: np.ndarray) -> np.ndarray:
-        """Return the harmonics 0 ... h of values on the grid of phases, shape (..., samples)."""
+        """Return harmonics, shape (..., h + 1), from values on the grid, shape (..., samples)."""
         return np.fft.rfft(values, norm="forward")[..., : self.harmonics + 1]
 
     def motion(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (displacement, dx/dtau) on the grid of a motion given by its harmonics."""
-        return self.on_grid(coefficients), self.on_grid(1j * self.orders * coefficients)
+        """Return (displacement, dx/dtau) on the grid from the harmonics of a motion."""
+        return self.to_grid(coefficients), self.to_grid(1j * self.orders * coefficients)
 
     def force(self, coefficients: np.ndarray) -> Force:
-        """Return the `Force` on the grid, damping and mesh, of a motion given by its harmonics."""
+        """Return damping and mesh force on the grid from the harmonics of a motion, (h + 1,)."""
         law, (x, v) = self.law, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        near, far = _contact(x, v, step), _contact(-(x + law.backlash), -v, step)
-        # The suffixes _x and _v stand for derivatives by displacement and velocity.
-        share, share_x, share_v, deflection, deflection_x, deflection_v = near + _FAR_SIGNS * far
+        contact = _contact(x, v, step) + _COAST_SIGNS * _contact(-(x + law.backlash), -v, step)
+        # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
+        fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
         material, material_v = _damping(law.drive_damping, v)
         oil, oil_v = _damping(law.backlash_damping, v)
         p2, p3 = law.stiffness_powers
         size = np.abs(deflection)
         mesh_force = self.stiffness * (deflection * (1.0 + p2 * size + p3 * deflection**2))
-        slope = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
-        damping_v = oil_v + share * (material_v - oil_v) + share_v * (material - oil)
+        tangent = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
+        damping_v = oil_v + fraction * (material_v - oil_v) + fraction_v * (material - oil)
         return Force(
-            value=oil + share * (material - oil) + mesh_force,
-            slope=slope * deflection_x,
-            impulse=share_x * (material - oil),
-            by_velocity=damping_v + slope * deflection_v,
-            contact_share=share,
+            value=oil + fraction * (material - oil) + mesh_force,
+            stiffness=tangent * deflection_x,
+            impulse=fraction_x * (material - oil),
+            damping=damping_v + tangent * deflection_v,
+            contact_fraction=fraction,
         )
 
     def variation(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (a, h, b) on the grid for small deviations y from a motion given by its harmonics.
+        """Return (a, h, b) on the grid for perturbations y'' + a y' + (h y)' + b y = 0 of a motion.
 
-        They obey y'' + a y' + (h y)' + b y = 0. Damping that jumps at a flank line would leave an
-        impulse in b where y' jumps, a product that no grid can represent. With the jump j(v),
+        The motion is given by its harmonics. Damping that jumps at a flank line would add an
+        impulse to b where y' jumps, a product that no grid can represent. With the jump j(v),
         p = j / v and contact H,
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
@@ -132,54 +133,55 @@ class MeshEquation:
         has no impulse: with linear damping the last two terms vanish.
         """
         force, law = self.force(coefficients), self.law
-        v, share = self.motion(coefficients)[1], force.contact_share
-        # Coefficients of the powers 1 to 3 of the velocity in the jump of the damping force.
+        v, fraction = self.motion(coefficients)[1], force.contact_fraction
+        # The jump of the damping force has the terms v, |v| v and v^3.
         jump = law.drive_damping - law.backlash_damping
-        acceleration = self.on_grid(self.excitation) - force.value
+        acceleration = self.to_grid(self.excitation) - force.value
         return (
             _damping(law.backlash_damping, v)[1]
-            + share * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
-            share * (jump[0] + jump[1] * np.abs(v) + jump[2] * v**2),
-            force.slope - share * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
+            + fraction * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
+            fraction * (jump[0] + jump[1] * np.abs(v) + jump[2] * v**2),
+            force.stiffness - fraction * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
         )
 
     def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
-        """Return the residual x'' + f - e on harmonics 0 ... h, for a motion and its force."""
+        """Return the harmonics of the residual x'' + f - e from those of a motion and its force."""
         inertia = -(self.orders**2) * coefficients
         return inertia + self.to_harmonics(force.value) - self.excitation
 
-    def size(self, residual: np.ndarray) -> float:
-        """Return the largest value over the period of a residual on harmonics, in loads."""
-        return float(np.abs(self.on_grid(residual)).max() / self.mean_stiffness)
+    def max_residual(self, residual: np.ndarray) -> float:
+        """Return the largest magnitude over the period, relative to the load, from harmonics."""
+        return float(np.abs(self.to_grid(residual)).max() / self.mean_stiffness)
 
     def jacobian(self, force: Force) -> np.ndarray:
-        """Return the derivative of the residual by the harmonics, shape (2 h + 1, 2 h + 1).
+        """Return the Jacobian matrix of the residual for the force of a motion, (2 h + 1, 2 h + 1).
 
-        Both are real and imaginary parts as in `real_parts`; `force` is that of the motion.
+        Rows and columns are the real and imaginary parts of harmonics as in `real_parts`.
         """
         k = np.arange(self.harmonics + 1)
-        by_x = np.fft.fft(force.slope + force.impulse, norm="forward")
-        by_v = np.fft.fft(force.by_velocity, norm="forward")
+        stiffness = np.fft.fft(force.stiffness + force.impulse, norm="forward")
+        damping = np.fft.fft(force.damping, norm="forward")
         derivative, differences, sums = 1j * self.orders, k[:, None] - k, k[:, None] + k
-        direct = by_x[differences] + by_v[differences] * derivative - np.diag(self.orders**2)
-        conjugate = by_x[sums] - by_v[sums] * derivative
+        direct = stiffness[differences] + damping[differences] * derivative
+        direct -= np.diag(self.orders**2)
+        conjugate = stiffness[sums] - damping[sums] * derivative
         conjugate[:, 0] = 0.0
-        changes = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
-        return real_parts(changes.T).T
+        columns = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
+        return real_parts(columns.T).T
 
-    def weights(self, force: Force) -> np.ndarray:
-        """Return bounds of the factors by which the kernel enlarges deviations, shape (h + 1,).
+    def amplification_bounds(self, force: Force) -> np.ndarray:
+        """Return bounds of the amplification of perturbations by the kernel G, shape (h + 1,).
 
-        The bound on harmonic k is
-        |G_k| (sup |n_x| + k sup |n_v|), where n = f - 2 d x' - w^2 x is the force that the
-        mean-stiffness oscillator lacks, n_x and n_v its derivatives. Damping that jumps at a flank
-        line counts by n_v alone: its deviation is the derivative of (jump of damping) times y.
-        `force` is that of the motion.
+        The bound on harmonic k is |G_k| (sup |n_x| + k sup |n_v|), where n_x and n_v are the
+        derivatives of the excess of the `force` of the motion over that of the mean oscillator.
+        Damping that jumps at a flank line contributes to n_v only: its perturbation is the
+        derivative of (jump of damping) times y.
         """
-        by_x = np.abs(force.slope - self.mean_stiffness).max()
-        by_v = np.abs(force.by_velocity - self.damping).max()
+        excess_stiffness = np.abs(force.stiffness - self.mean_stiffness).max()
+        excess_damping = np.abs(force.damping - self.damping).max()
         with np.errstate(divide="ignore"):
-            return (by_x + self.orders * by_v) / np.abs(self.symbol)
+            bounds = excess_stiffness + self.orders * excess_damping
+            return bounds / np.abs(self.dynamic_stiffness)
 
 
 def default_samples(harmonics: int) -> int:
@@ -188,7 +190,7 @@ def default_samples(harmonics: int) -> int:
 
 
 def real_parts(coefficients: np.ndarray) -> np.ndarray:
-    """Return the real parts of harmonics 0 ... h, then the imaginary parts of 1 ... h."""
+    """Return the real parts of harmonics 0 ... h and the imaginary parts of 1 ... h in a row."""
     return np.concatenate([coefficients.real, coefficients[..., 1:].imag], axis=-1)
 
 
@@ -201,28 +203,29 @@ def from_real_parts(parts: np.ndarray) -> np.ndarray:
 
 
 def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
-    """Return contact with a flank at x = 0, touched for x > 0, on a grid of phases, shape (6, n).
+    """Return fraction of contact and deflection of a flank at x = 0, with derivatives, (6, n).
 
-    The rows are the share of contact, its derivatives by displacement x and velocity v, the
-    elastic deflection and its derivatives. `step` is the width of a grid cell in rad. The
-    deflection is the mean over a grid cell. The share of contact is weighted with a hat function
-    over two cells: its derivative, an impulse, then has the right position between two points.
+    The rows are the fraction of contact (x > 0), its derivatives with respect to displacement x and
+    velocity v, the deflection and its derivatives. `step` is the width of a grid cell in rad. The
+    deflection is the mean over a grid cell. The fraction is weighted with a hat function over two
+    cells, so that its derivative, an impulse, has the right position between two grid points.
     """
-    width = np.maximum(np.abs(v) * step, _MIN_WIDTH)
-    width_v = np.sign(v) * step
-    u = np.clip(x / width, -1.0, 1.0)
-    share = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
-    slope = (1.0 - np.abs(u)) / width
-    touching = np.clip(0.5 + x / width, 0.0, 1.0)
-    is_crossed = (touching > 0.0) & (touching < 1.0)
-    depth = np.where(is_crossed, 0.5 * width * touching**2, np.maximum(x, 0.0))
-    depth_v = 0.5 * touching * (1.0 - touching) * width_v
-    return np.array([share, slope, -slope * u * width_v, depth, touching, depth_v])
+    change = np.maximum(np.abs(v) * step, _MIN_CHANGE)  # of the displacement in a grid cell
+    change_v = np.sign(v) * step
+    u = np.clip(x / change, -1.0, 1.0)
+    fraction = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
+    fraction_x = (1.0 - np.abs(u)) / change
+    deflection_x = np.clip(0.5 + x / change, 0.0, 1.0)
+    is_crossing = (deflection_x > 0.0) & (deflection_x < 1.0)
+    deflection = np.where(is_crossing, 0.5 * change * deflection_x**2, np.maximum(x, 0.0))
+    deflection_v = 0.5 * deflection_x * (1.0 - deflection_x) * change_v
+    fraction_v = -fraction_x * u * change_v
+    return np.array([fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v])
 
 
-def _damping(d: np.ndarray, v: np.ndarray) -> tuple:
-    """Return the damping force d1 v + d2 |v| v + d3 v^3 at velocities v, and its derivative."""
-    d1, d2, d3 = d
+def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
+    """Return (damping force d1 v + d2 |v| v + d3 v^3 at velocities v, its derivative)."""
+    d1, d2, d3 = coefficients
     speed = np.abs(v)
     return v * (d1 + d2 * speed + d3 * v**2), d1 + 2.0 * d2 * speed + 3.0 * d3 * v**2
 
@@ -230,8 +233,8 @@ def _damping(d: np.ndarray, v: np.ndarray) -> tuple:
 def _stiffness_coefficients(law: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
 
-    They follow from the jumps of value and slope between the linear pieces of `law`, a `Law`, and
-    from its harmonics.
+    They follow from the jumps of value and slope between the linear segments of the stiffness in
+    `law`, a `Law`, and from its harmonics.
     """
     n = np.arange(1, highest + 1)
     lengths = np.diff(law.segment_bounds)

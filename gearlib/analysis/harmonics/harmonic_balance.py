@@ -1,11 +1,11 @@
 """`harmonic_balance`: all harmonics of a periodic motion at once by Newton's method.
 
-The residual of x'' + f(tau, x, x') = e on the harmonics is brought to zero. Forces are evaluated on
-a grid of phases (`gearlib.analysis.harmonics.equation`); their derivative by the harmonics follows
-from the FFT of f_x and f_v, a Toeplitz matrix, without differences.
+Newton's method solves for zero residual of x'' + f(tau, x, x') = e on the harmonics. Forces are
+evaluated on a grid of phases (`gearlib.analysis.harmonics.equation`); their Jacobian matrix follows
+from the FFT of f_x and f_v, without finite differences.
 
-Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability is
-that of Hill's method.
+Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability
+follows from Hill's method.
 """
 
 from typing import Any
@@ -25,13 +25,12 @@ from gearlib.data.motions import float_array
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import check_tuning
 
-#: Largest residual of a solution, relative to the load or to larger inertia terms.
+#: Largest residual of a solution, relative to the load or the inertia force if that is larger.
 _MAX_RESIDUAL = 1e-11
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
-#: Damping forces x' that are added on the way to a first guess, from a motion that hardly moves
-#: down to that of the mesh itself.
+#: Coefficients of the added damping in the continuation from a strongly damped motion.
 _ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
-#: Harmonics and tolerance of the first guess: enough to distinguish contact states.
+#: Harmonics and tolerance in this continuation: enough to distinguish contact states.
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
@@ -45,14 +44,14 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         Mesh frequency over mean eigenfrequency, nu.
     harmonics : int, default 64
         Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps, the
-        coefficients fall as their third power, and the error of x as the second (Gibbs).
+        coefficients decay with their third power, and the error of x with the second (Gibbs).
     samples : int, optional
-        Grid points over the period, more than 4 per harmonic; a power of two, at least 16 per
-        harmonic, by default.
+        Number of grid points over the period, more than 4 per harmonic. By default a power of two,
+        at least 16 per harmonic.
     guess : PeriodicSolution or array_like of float, optional
-        A solution nearby, of any number of harmonics, or displacements (static deflections) at
-        equal steps of phase over the period; by default the motion of the strongly damped mesh,
-        followed as the added damping goes.
+        A neighbouring solution, with any number of harmonics, or displacements (static deflections)
+        at equal steps of phase over the period. By default the motion of a strongly damped mesh is
+        continued while the added damping is reduced.
     period : int, default 1
         Mesh periods after which the motion repeats.
 
@@ -65,20 +64,20 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     ValueError
         Naming the argument, its value and the allowed range.
     gearlib.analysis.orbits.shooting.NoOrbit
-        If Newton's method found no motion near the guess; the message says what to try.
+        If Newton's method does not converge; the message says what to try.
     """
     equation = check_problem(pair, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
     for stage, tolerance in stages(equation, guess, _MAX_RESIDUAL):
-        start = resized(coefficients, stage)
-        coefficients, size, new_steps, new_evaluations = _newton(stage, start, tolerance)
+        start = resize_harmonics(coefficients, stage)
+        coefficients, residual, new_steps, new_evaluations = _newton(stage, start, tolerance)
         steps, evaluations = steps + new_steps, evaluations + new_evaluations
-    if not size <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
+    if not residual <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
         raise NoOrbit(
             f"harmonic balance found no motion of period {equation.period} near the guess at "
-            f"tuning = {equation.tuning!r}, the best residual is {size:.2g}: guess the solution of "
-            "a neighbouring tuning or the displacements of a run, or take another period"
+            f"tuning = {equation.tuning!r}, the best residual is {residual:.2g}: guess the "
+            "solution of a neighbouring tuning or the displacements of a run, or take another period"
         )
     return PeriodicSolution(
         pair,
@@ -87,7 +86,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         "harmonic balance",
         coefficients,
         equation.samples,
-        size,
+        residual,
         steps,
         evaluations,
         hill_multipliers(equation, coefficients),
@@ -95,14 +94,14 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
 
 
 def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
-    """Solve the mesh equation by Newton's method with halved steps.
+    """Solve the mesh equation by Newton's method with step halving, from harmonics 0 ... h.
 
-    Start from complex harmonics 0 ... h. Return (harmonics of the last iterate, size of its
-    residual, number of steps, number of evaluations of the force).
+    Return (complex harmonics of the last iterate, its largest residual, number of steps, number of
+    evaluations of the force at a grid point).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    size, steps, evaluations = equation.size(residual), 0, equation.samples
+    size, steps, evaluations = equation.max_residual(residual), 0, equation.samples
     while steps < _MAX_NEWTON_STEPS and size > _max_residual(equation, coefficients, tolerance):
         try:
             step = np.linalg.solve(equation.jacobian(force), -real_parts(residual))
@@ -114,7 +113,7 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
             new = coefficients + step
             new_force = equation.force(new)
             new_residual = equation.residual(new, new_force)
-            new_size = equation.size(new_residual)
+            new_size = equation.max_residual(new_residual)
             evaluations += equation.samples
             if new_size < size:
                 break
@@ -126,7 +125,7 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
 
 
 def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
-    """Return the largest residual that counts as zero: a tolerance times the inertia terms."""
+    """Return the residual below which a motion is a solution, for a relative tolerance."""
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.mean_stiffness
     return tolerance * max(1.0, inertia)
 
@@ -134,7 +133,7 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
 def check_problem(
     model: Any, tuning: float, harmonics: int, samples: int | None, period: int
 ) -> MeshEquation:
-    """Check arguments of `harmonic_balance` and return the `MeshEquation` that they describe."""
+    """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
     if not (is_model(model) and model.one_mesh):
         raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
     tuning = check_tuning("tuning", tuning)
@@ -146,9 +145,9 @@ def check_problem(
 
 
 def stages(equation: MeshEquation, guess: Any, tolerance: float) -> list:
-    """Return (equation, tolerance) of the mesh equations that are solved one after the other.
+    """Return the mesh equations that are solved one after the other, as (equation, tolerance).
 
-    Without a guess, equations with added damping and few harmonics lead to the given one.
+    Without a guess, equations with added damping and few harmonics precede the actual one.
     """
     model, tuning, period = equation.model, equation.tuning, equation.period
     harmonics = min(equation.harmonics, _GUESS_HARMONICS * period)
@@ -160,20 +159,20 @@ def stages(equation: MeshEquation, guess: Any, tolerance: float) -> list:
 
 
 def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
-    """Check a guess and return its complex harmonics, shape (harmonics + 1,).
+    """Return the complex harmonics of an initial guess, shape (harmonics + 1,).
 
     The guess is a `PeriodicSolution` of the same period, an array of displacements at equal steps
     of phase over the period, or None for the static deflection.
     """
     if guess is None:
-        return resized(np.ones(1, complex), equation)
+        return resize_harmonics(np.ones(1, complex), equation)
     if isinstance(guess, PeriodicSolution):
         if guess.period != equation.period:
             raise ValueError(
                 f"guess with period = {guess.period} is not allowed: its period must be "
                 f"{equation.period}"
             )
-        return resized(guess.coefficients, equation)
+        return resize_harmonics(guess.coefficients, equation)
     values = float_array(guess)
     if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
         raise ValueError(
@@ -181,13 +180,13 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
             "finite displacements over the period"
         )
     coefficients = np.fft.rfft(values, norm="forward")
-    # The highest harmonic of an even number of points has no phase and is left out.
-    return resized(coefficients[: (values.size + 1) // 2], equation)
+    # The highest harmonic of an even number of points has no phase, so it is omitted.
+    return resize_harmonics(coefficients[: (values.size + 1) // 2], equation)
 
 
-def resized(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
-    """Return harmonics truncated, or extended by zeros, to those of an equation."""
-    result = np.zeros(equation.harmonics + 1, complex)
-    count = min(coefficients.size, result.size)
-    result[:count] = coefficients[:count]
-    return result
+def resize_harmonics(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
+    """Return harmonics truncated, or padded with zeros, to those of an equation."""
+    resized = np.zeros(equation.harmonics + 1, complex)
+    count = min(coefficients.size, resized.size)
+    resized[:count] = coefficients[:count]
+    return resized

@@ -1,14 +1,14 @@
-"""Periodic motions over harmonics: time history, flank crossings, errors, multipliers, dataset.
+"""Periodic motions as Fourier series: time history, flank crossings, errors, multipliers, dataset.
 
-Floquet multipliers are those of Hill's method. Small deviations obey
-y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0, the terms of which are those of
-`MeshEquation.variation`. With y = exp(l tau) sum_k y_k exp(i k tau / n), cut at |k| <= K, this is a
-quadratic eigenvalue problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every
-exponent l returns as l + i k / n, with an error that grows with |k|. The two whose eigenvectors are
-the most symmetric about k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517),
-paired so that the product of their multipliers is that of Liouville's formula: at a real
-negative multiplier an exponent and its conjugate are equally symmetric, and only the product
-distinguishes two multipliers from one that occurs twice.
+Floquet multipliers are computed by Hill's method. Small perturbations obey
+y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0 with the terms of `MeshEquation.variation`. With
+y = exp(l tau) sum_k y_k exp(i k tau / n), truncated at |k| <= K, this is a quadratic eigenvalue
+problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every exponent l recurs as
+l + i k / n, with an error that grows with |k|. The two with the most symmetric eigenvectors about
+k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517) such that the product of
+their multipliers is that of Liouville's formula: for a real negative multiplier an exponent and its
+conjugate are equally symmetric, and only the product distinguishes two multipliers from a double
+one.
 """
 
 from dataclasses import dataclass
@@ -25,24 +25,24 @@ from gearlib.data.result import result
 from gearlib.engines.pair.motion import contact_of
 from gearlib.runs.simulation import simulate
 
-#: Newton steps that refine a flank crossing.
+#: Number of Newton steps that refine a flank crossing.
 _CROSSING_STEPS = 8
-#: Phases per mesh period at which time histories are compared: the smallest number, and the number
-#: for each harmonic. The error of many harmonics lies within the shortest wave of a stiffness jump.
+#: Phases per mesh period at which time histories are compared: smallest number, and number per
+#: harmonic, which resolves the error next to a jump of the stiffness.
 _MIN_PHASES, _PHASES_PER_HARMONIC = 512, 16
-#: Largest number of harmonics of the variations: the cost is their number cubed.
-_MAX_VARIATION_HARMONICS = 100
-#: Number of exponents that are computed, from which two are chosen.
-_CANDIDATES = 8
-#: Restarts of ARPACK; without strong damping four are enough.
+#: Largest harmonic of the perturbations; the cost is proportional to its third power.
+_MAX_PERTURBATION_HARMONICS = 100
+#: Number of computed exponents, from which two are chosen.
+_EXPONENT_COUNT = 8
+#: Largest number of ARPACK restarts; without strong damping four are enough.
 _MAX_RESTARTS = 10
-#: Offset from the middle between the exponents, where a double one would make the matrix singular.
+#: Offset of the shift from the mean exponent, where a double exponent makes the matrix singular.
 _SHIFT_OFFSET = 1e-3 + 0.7e-3j
 
 
 @dataclass(frozen=True)
 class PeriodicSolution:
-    """A periodic motion x = Re sum_k X_k exp(i k tau / period), k >= 1 twice."""
+    """Periodic motion x = X_0 + 2 Re sum_k X_k exp(i k tau / period)."""
 
     pair: Any
     tuning: float
@@ -50,10 +50,10 @@ class PeriodicSolution:
     method: str  #: "harmonic balance" or "schmidt"
     coefficients: np.ndarray  #: X_0 ... X_harmonics, complex, static deflections
     samples: int  #: grid points on which forces were evaluated
-    residual: float  #: of the balanced harmonics, over the load
-    iterations: int  #: Newton steps, or applications of the kernel
-    evaluations: int  #: of the force law, or its derivative along a variation, at one phase
-    multipliers: np.ndarray  #: Floquet multipliers of the period by Hill's method
+    residual: float  #: largest residual of the harmonics, relative to the load
+    iterations: int  #: number of Newton steps, or applications of the kernel
+    evaluations: int  #: number of evaluations of the force or its derivative at a grid point
+    multipliers: np.ndarray  #: Floquet multipliers over the period by Hill's method
 
     @property
     def harmonics(self) -> int:
@@ -75,20 +75,20 @@ class PeriodicSolution:
         """Displacement and dx/dtau at tau = 0, shape (2,)."""
         return np.array(self.at(0.0))
 
-    def _real_factors(self) -> tuple:
-        """Return the factors of exp(i k tau / period) in x = Re sum, and those in dx/dtau."""
-        factors = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
-        return factors, 1j * self.orders * factors
+    def _one_sided_coefficients(self) -> tuple:
+        """Return the coefficients C_k of x = Re sum_k C_k exp(i k tau / period), and of dx/dtau."""
+        displacement = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
+        return displacement, 1j * self.orders * displacement
 
     def at(self, phase: ArrayLike) -> tuple:
         """Return (displacement, dx/dtau) at mesh phases (rad), each of the shape of `phase`."""
         waves = np.exp(1j * np.asarray(phase, float)[..., None] * self.orders)
-        return tuple((waves @ factors).real for factors in self._real_factors())
+        return tuple((waves @ factors).real for factors in self._one_sided_coefficients())
 
-    def courses(self, samples_per_period: int) -> tuple:
+    def time_history(self, samples_per_period: int) -> tuple:
         """Return (displacement, dx/dtau) at equal steps of phase over the whole period."""
         points = samples_per_period * self.period
-        # The inverse FFT needs more than two points for each harmonic.
+        # The inverse FFT needs more than two points per harmonic.
         refinement = -(-(2 * self.harmonics + 1) // points)
         return tuple(
             np.fft.irfft(values, refinement * points, norm="forward")[::refinement]
@@ -96,12 +96,12 @@ class PeriodicSolution:
         )
 
     def crossings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (rising phases of the flank crossings, rad; contact codes before and after each).
+        """Return (sorted phases of the flank crossings in rad, contact codes before and after).
 
-        They are bracketed on a grid and refined by Newton's method on the harmonics; two crossings
-        within one cell of the grid are not detected.
+        Crossings are bracketed on a grid and refined by Newton's method; two crossings within the
+        same grid cell are not detected.
         """
-        x, _ = self.courses(-(-default_samples(self.harmonics) // self.period))
+        x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
         flank_lines = ((0.0, (1, 0)), (-self.pair.backlash_ratio, (0, -1)))
@@ -124,17 +124,17 @@ class PeriodicSolution:
     def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
         """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
-        With an exact `orbit` (`gearlib.periodic_orbit`) the errors against it are added.
+        With an exact `orbit` of `gearlib.periodic_orbit` the differences from it are added.
         """
-        x, v = self.courses(samples_per_period)
-        contact = [contact_of(self.pair.backlash_ratio, a, b) for a, b in zip(x, v, strict=True)]
-        factors, _ = self._real_factors()
+        x, v = self.time_history(samples_per_period)
+        contact = [contact_of(self.pair.backlash_ratio, *state) for state in zip(x, v, strict=True)]
+        displacement_coefficients, _ = self._one_sided_coefficients()
         data = {
             "displacement": ("phase", x),
             "velocity": ("phase", v),
             "contact": ("phase", np.array(contact, np.int8)),
-            "cosine": ("harmonic", factors.real),
-            "sine": ("harmonic", -factors.imag),
+            "cosine": ("harmonic", displacement_coefficients.real),
+            "sine": ("harmonic", -displacement_coefficients.imag),
             "multiplier_real": ("multiplier", self.multipliers.real),
             "multiplier_imaginary": ("multiplier", self.multipliers.imag),
             "stable": np.int8(self.stable),
@@ -161,7 +161,7 @@ class PeriodicSolution:
         )
 
     def _method_variables(self) -> dict:
-        """Return the variables that a method adds to the dataset: none in general."""
+        """Return additional dataset variables of a method; subclasses override this."""
         return {}
 
 
@@ -171,14 +171,14 @@ class Errors(NamedTuple):
     displacement: float  #: over the period, static deflections
     velocity: float  #: difference of dx/dtau over the period
     state: float  #: difference at tau = 0, the larger of displacement and dx/dtau
-    event: float  #: difference of phases of flank crossings, rad; NaN if contacts differ or none is
+    event: float  #: difference of phases of flank crossings, rad; NaN if there are none or others
     multiplier: float  #: difference of the largest |Floquet multiplier|
 
 
 def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     """Return the differences of a `PeriodicSolution` from an exact `Orbit`.
 
-    Without an orbit, it is computed by shooting from the state of the solution.
+    By default, the orbit is computed by shooting from the state of the solution.
     """
     if orbit is None:
         orbit = periodic_orbit(
@@ -186,25 +186,25 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
         )
     count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
     exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, count)
-    x, v = solution.courses(count)
+    x, v = solution.time_history(count)
     phases, codes = solution.crossings()
     event = np.nan
     if phases.size and np.array_equal(codes, exact_codes):
         event = float(np.abs(phases - exact_phases).max())
-    largest = np.abs(orbit.multipliers).max()
+    exact_multiplier = np.abs(orbit.multipliers).max()
     return Errors(
         float(np.abs(x - exact_x).max()),
         float(np.abs(v - exact_v).max()),
         float(np.abs(solution.state - orbit.state).max()),
         event,
-        float(abs(np.abs(solution.multipliers).max() - largest)),
+        float(abs(np.abs(solution.multipliers).max() - exact_multiplier)),
     )
 
 
 def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
-    """Return (displacement, dx/dtau, phases of contact events, codes) of an exact `Orbit`.
+    """Return (displacement, dx/dtau, phases of contact events, contact codes) of an exact `Orbit`.
 
-    The codes, shape (events, 2), are the contact codes before and after each event.
+    The codes before and after each event have shape (events, 2).
     """
     run = simulate(
         orbit.pair,
@@ -219,11 +219,11 @@ def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
 
 
 def hill_multipliers(
-    equation: MeshEquation, coefficients: np.ndarray, harmonics: int = _MAX_VARIATION_HARMONICS
+    equation: MeshEquation, coefficients: np.ndarray, harmonics: int = _MAX_PERTURBATION_HARMONICS
 ) -> np.ndarray:
-    """Return the two Floquet multipliers of a motion by Hill's method, largest first.
+    """Return the two Floquet multipliers of a motion by Hill's method, largest magnitude first.
 
-    `coefficients` are the harmonics of the motion; deviations have at most `harmonics` harmonics.
+    `coefficients` are the harmonics of the motion; `harmonics` limits those of its perturbations.
     """
     highest = min(equation.harmonics, harmonics)
     k = np.arange(-highest, highest + 1)
@@ -232,23 +232,23 @@ def hill_multipliers(
     # With u = (l + i k) y + h y the problem is linear in l for (y, u).
     derivative = np.diag(1j * k / equation.period)
     matrix = np.block([[-derivative - h, np.eye(k.size)], [a @ h - b, -derivative - a]])
-    # By Liouville's formula the two exponents lie on either side of minus half the mean damping;
-    # their copies lie farther away.
+    # By Liouville's formula the mean of the two exponents is minus half the mean damping; their
+    # recurrences are farther away.
     mean_damping = np.mean(variation[0] + variation[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     shift = -mean_damping / 2.0 + _SHIFT_OFFSET
-    count = min(_CANDIDATES, 2 * k.size - 2)
+    count = min(_EXPONENT_COUNT, 2 * k.size - 2)
     try:
         exponents, vectors = eigs(matrix, count, sigma=shift, v0=start, maxiter=_MAX_RESTARTS)
     except ArpackNoConvergence:
-        # The copies of strongly damped exponents are nearly equally far from the shift.
+        # Strongly damped exponents and their recurrences are almost equally far from the shift.
         exponents, vectors = np.linalg.eig(matrix)
     power = np.abs(vectors[: k.size]) ** 2
     asymmetry = np.abs(k @ power) / power.sum(axis=0)
     length = 2.0 * np.pi * equation.period
     candidates = np.exp(length * exponents[np.argsort(asymmetry, kind="stable")])
-    first, others = candidates[0], candidates[1:]
+    best, others = candidates[0], candidates[1:]
     liouville_product = np.exp(-length * mean_damping)
-    differences = np.abs(first * others - liouville_product)
-    multipliers = np.array([first, others[int(np.argmin(differences))]])
+    differences = np.abs(best * others - liouville_product)
+    multipliers = np.array([best, others[int(np.argmin(differences))]])
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]

@@ -1,15 +1,15 @@
-"""Tongues of other meshes by the numerical monodromy of the motion without loss of contact.
+"""Instability tongues from the numerical monodromy matrix of the motion without loss of contact.
 
-One degree of freedom with any periodic stiffness is Hill's equation. The trace T of its map over
-one mesh period, freed of the damping, oscillates over k = 1 / nu and has exactly one extremum in
-each gap, |T| >= 2, and none between: the extrema number the tongues, however narrow. Edges are
-bracketed between them. T has rounding errors, so that a gap narrower than about 1e-7 of its tuning
+With one degree of freedom and any periodic stiffness, perturbations obey Hill's equation. The trace
+T of the undamped map over one mesh period oscillates with k = 1 / nu. It has exactly one extremum
+in each gap, |T| >= 2, and none between gaps: the extrema number the tongues, however narrow, and
+bracket their edges. T has rounding errors, so that a gap narrower than about 1e-7 of its tuning
 counts as a point.
 
-With more coordinates the tongues also belong to sums and differences of eigenfrequencies, and are
-not numbered. Edges with a multiplier 1 or -1 are the zeros of det(M - I) and det(M + I), bracketed
-on a grid of tunings, pairs of them between two grid points included; where a complex pair of
-multipliers leaves the unit circle, the edge is bisected on the spectral radius.
+With more coordinates there are also tongues at sums and differences of eigenfrequencies, which have
+no order. Edges with a multiplier 1 or -1 are the zeros of det(M - I) and det(M + I), which are
+bracketed on a grid of tunings, including pairs between two grid points. Where a complex pair of
+multipliers leaves the unit circle, the edge is a root of the spectral radius minus 1.
 """
 
 import math
@@ -24,20 +24,20 @@ from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.meissner import Tongue, period_map
 from gearlib.models.harmonics import Harmonics
 
-#: Step of the scan over 1 / nu; the distance of tongues is about a half.
+#: Step of the scan over 1 / nu; the distance between tongues is about a half.
 _SCAN_STEP = 1.0 / 32.0
-#: Largest value of |T| / 2 - 1 that rounding may cause.
-_ROUNDING = 2e-14
-#: Growth per mesh period up to which motions of many coordinates count as stable: the square root
-#: of rounding, by which double multipliers change.
+#: Largest rounding error of |T| / 2 - 1.
+_ROUNDING_ERROR = 2e-14
+#: Motions with several coordinates are stable up to this growth per mesh period: double
+#: multipliers have an error of the square root of the machine precision.
 _MIN_GROWTH = 1e-6
-#: Shares of the estimated closing damping ratio at which the growth of a tongue is computed.
-_SCANNED_SHARES = np.array([0.0, 0.5, 0.9, 1.1, 1.5, 3.0])
+#: Damping ratios, relative to the estimated closing damping, at which the growth is computed.
+_RELATIVE_DAMPINGS = np.array([0.0, 0.5, 0.9, 1.1, 1.5, 3.0])
 _MAX_ESTIMATED_DAMPING = 0.3
 
 
 def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
-    """Return the `Tongue`s of a linear `OneDegreePair` in gaps that meet `start` to `stop`."""
+    """Return the `Tongue`s of a linear `OneDegreePair` in gaps that overlap `start` to `stop`."""
     tongues = []
     for order, extrema in _trace_extrema(pair, 1.0 / start):
         tongue, (low, high) = _gap_tongue(pair, order, *extrema)
@@ -49,7 +49,7 @@ def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
 
 
 def closing_damping(pair: Any, tongue: Tongue) -> float:
-    """Return the damping ratio that closes a tongue of a linear `OneDegreePair`; 0 for a point."""
+    """Return the damping ratio that closes a tongue of a `OneDegreePair`, 0 for a point."""
     undamped = with_damping(pair, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
     before, middle, after = extrema[tongue.order]
@@ -66,18 +66,18 @@ def closing_damping(pair: Any, tongue: Tongue) -> float:
         peak = _trace_extremum(damped, tongue.order, low, high)
         return _gap_tongue(damped, tongue.order, shift * before, peak, shift * after)[0].growth
 
-    # The estimate neglects that damping also changes the growth without loss.
+    # The estimate neglects that damping also changes the trace.
     estimate = undamped_tongue.growth * undamped_tongue.peak / (2.0 * math.pi)
-    dampings = min(estimate, _MAX_ESTIMATED_DAMPING) * _SCANNED_SHARES
+    dampings = min(estimate, _MAX_ESTIMATED_DAMPING) * _RELATIVE_DAMPINGS
     return meissner.last_downward_zero(growth, dampings)
 
 
 def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
     """Return the damping ratio of the mesh that closes a tongue of a `SixDegreePair`.
 
-    The tongue is followed within its undamped width: by the determinant that is zero on its edges,
-    or, with a complex pair, by its growth, to 1e-6 per mesh period. NaN: it is not closed below a
-    damping ratio of 1.
+    The criterion, at any tuning in the tongue, is the determinant that is zero on its edges, or for
+    a complex pair of multipliers a growth of 1e-6 per mesh period. The result is NaN if the tongue
+    is open for all damping ratios below 1.
     """
     sign = math.copysign(1.0, _characteristic(pair, tongue.peak, tongue.multiplier))
 
@@ -85,15 +85,15 @@ def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
         """Return the largest margin of instability in the tongue at a damping ratio."""
         damped = with_damping(pair, damping)
 
-        def margin(nu: float) -> float:
+        def margin(tuning: float) -> float:
             """Return a number that is positive where the motion at a tuning is unstable."""
             if tongue.multiplier:
-                return sign * _characteristic(damped, nu, tongue.multiplier)
-            return _growth(damped, nu) - _MIN_GROWTH
+                return sign * _characteristic(damped, tuning, tongue.multiplier)
+            return _growth(damped, tuning) - _MIN_GROWTH
 
         return meissner.maximum(margin, tongue.start, tongue.stop)[0]
 
-    # The estimate neglects that damping also changes the growth without loss.
+    # The estimate neglects that damping also changes the trace.
     estimate = pair.pair.damping_ratio + tongue.growth * tongue.peak / (2.0 * math.pi)
     dampings = [0.0, estimate]
     while largest_margin(dampings[-1]) > 0.0:
@@ -104,31 +104,32 @@ def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
 
 
 def with_damping(pair: Any, damping: float) -> Any:
-    """Return a model with a damping ratio of the material, and all else as it is."""
-    material = 2.0 * damping * pair.reduced_mass * pair.mean_eigenfrequency
-    return pair.replace(material_damping=material)
+    """Return a copy of a model with another damping ratio of the material."""
+    material_damping = 2.0 * damping * pair.reduced_mass * pair.mean_eigenfrequency
+    return pair.replace(material_damping=material_damping)
 
 
 def _half_trace(pair: Any, k: float, order: int) -> float:
-    """Return (-1)^order T / 2 at the tuning 1 / k, which is above 1 in the gap of an order.
+    """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of an order.
 
-    T is the trace of the map over one mesh period, freed of the damping.
+    T is the trace of the map over one mesh period, divided by the decay due to damping.
     """
-    growth = math.exp(2.0 * math.pi * pair.damping_ratio * k)
+    inverse_decay = math.exp(2.0 * math.pi * pair.damping_ratio * k)
     unforced = pair.replace(excitation=Harmonics(), deviation=Harmonics())
-    return 0.5 * (-1.0) ** order * growth * float(np.trace(period_map(unforced, 1.0 / k)[0]))
+    trace = float(np.trace(period_map(unforced, 1.0 / k)[0]))
+    return 0.5 * (-1.0) ** order * inverse_decay * trace
 
 
 def _trace_extremum(pair: Any, order: int, low: float, high: float) -> float:
-    """Return k = 1 / nu between `low` and `high` where the trace T is extreme, in one gap."""
+    """Return k = 1 / nu from `low` to `high` at the extremum of the trace T in a gap."""
     return meissner.maximum(lambda k: _half_trace(pair, k, order), low, high)[1]
 
 
 def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
-    """Yield (order, extrema) of the gaps up to `max_k`, and of one more.
+    """Yield (order, extrema) of the gaps up to k = `max_k`, and of the next one.
 
-    The extrema are the k = 1 / nu at which the trace T is extreme before, in and after the gap. The
-    first extremum of all is k = 0, where T = 2.
+    The extrema are three values of k = 1 / nu: extrema of the trace T before, in and after the gap.
+    The very first extremum is k = 0 with T = 2.
     """
     if pair.damping_ratio >= 1.0:
         raise ValueError(
@@ -150,10 +151,10 @@ def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
 
 
 def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: float) -> tuple:
-    """Return (`Tongue`, ends of its gap over k = 1 / nu) around an extremum of the trace T.
+    """Return (`Tongue`, ends of its gap over k = 1 / nu) around the extremum `middle` of T.
 
-    T is extreme at `middle`; the ends lie between the neighbouring extrema `before` and `after`,
-    and are equal if the gap is too narrow.
+    The ends lie between the neighbouring extrema `before` and `after`; they are equal if the gap is
+    too narrow.
     """
 
     def excess(k: float) -> float:
@@ -161,24 +162,24 @@ def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: floa
         return _half_trace(pair, k, order) - 1.0
 
     def scaled_excess(k: float) -> tuple:
-        """Return |T| / 2 - 1 in the gap with the exponent 0 of its scale."""
+        """Return (|T| / 2 - 1, 0) in the gap, where 0 is the exponent of its scale."""
         return excess(k), 0.0
 
     ends = middle, middle
-    if excess(middle) > _ROUNDING:
+    if excess(middle) > _ROUNDING_ERROR:
         ends = tuple(meissner.edge(excess, middle, k) for k in (max(before, _SCAN_STEP), after))
     return meissner.tongue_in_gap(order, *ends, pair.damping_ratio, scaled_excess), ends
 
 
 def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float) -> list:
-    """Return the `Tongue`s of several degrees of freedom within a range of tunings, in order.
+    """Return the sorted `Tongue`s of a model with several degrees of freedom.
 
-    They are cut off at `start` and `stop`; `step` is the distance of the tunings of the scan.
+    They are truncated at the tunings `start` and `stop`, which are scanned with a `step`.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
     edges = [(start, 0), *sorted(_edges(pair, grid)), (stop, 0)]
     tongues: list = []
-    for (low, first), (high, last) in pairwise(edges):
+    for (low, low_multiplier), (high, high_multiplier) in pairwise(edges):
         if high <= low:
             continue
         growth, peak = _largest_growth(pair, low, high, grid)
@@ -187,39 +188,34 @@ def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float
         if tongues and tongues[-1].stop == low:
             # The edge lies inside a tongue and does not divide it.
             previous = tongues.pop()
-            low, first = previous.start, previous.multiplier
+            low, low_multiplier = previous.start, previous.multiplier
             growth, peak = max((growth, peak), (previous.growth, previous.peak))
-        # At the ends of the range the multiplier is not known.
-        multiplier = first if low > start else last
-        if last not in (multiplier, 0):
+        # The multiplier at the ends of the range is unknown.
+        multiplier = low_multiplier if low > start else high_multiplier
+        if high_multiplier not in (multiplier, 0):
             multiplier = 0
         tongues.append(Tongue(0, multiplier, low, high, growth, peak))
     return tongues
 
 
 def _edges(pair: Any, grid: np.ndarray) -> list:
-    """Return a list of (tuning, multiplier) where stability may change, between grid tunings.
+    """Return a list of (tuning, multiplier) at which the stability may change.
 
-    The multiplier is 1 or -1, 0 for a complex pair.
+    `grid` are the scanned tunings. The multiplier is 1 or -1, or 0 for a complex pair.
     """
     maps = np.array([pair.contact_map(nu) for nu in grid])
-    edges = [(nu, sign) for sign in (1, -1) for nu in _zeros(pair, sign, grid, maps)]
-    unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
-
-    def margin(nu: float) -> float:
-        """Return a number that is positive where the motion at a tuning is unstable."""
-        return _growth(pair, nu) - _MIN_GROWTH
-
+    edges = [(nu, value) for value in (1, -1) for nu in _zeros(pair, value, grid, maps)]
+    is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
-        if unstable[i] != unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
-            edges.append((meissner.root(margin, low, high), 0))
+        if is_unstable[i] != is_unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
+            edges.append((meissner.root(lambda nu: _growth(pair, nu) - _MIN_GROWTH, low, high), 0))
     return edges
 
 
 def _largest_growth(pair: Any, low: float, high: float, grid: np.ndarray) -> tuple:
-    """Return (largest growth, its tuning) between two edges `low` and `high`.
+    """Return (largest growth, its tuning) between two edges, the tunings `low` and `high`.
 
-    The largest growth at the tunings of the grid is refined if the motion is unstable there.
+    The maximum on the grid of tunings is refined if the motion is unstable there.
     """
     tunings = [low, *grid[(grid > low) & (grid < high)], high]
     inner = tunings[1:-1] or [0.5 * (low + high)]
@@ -231,18 +227,18 @@ def _largest_growth(pair: Any, low: float, high: float, grid: np.ndarray) -> tup
     return meissner.maximum(lambda nu: _growth(pair, nu), bracket[best], bracket[best + 2])
 
 
-def _characteristic(pair: Any, nu: float, sign: int) -> float:
-    """Return det(M - sign I), which is zero at tunings where a Floquet multiplier is `sign`.
+def _characteristic(pair: Any, tuning: float, multiplier: int) -> float:
+    """Return det(M - multiplier I) of the monodromy matrix M; the multiplier is 1 or -1.
 
-    M is the monodromy matrix at the tuning `nu`; `sign` is 1 or -1.
+    It is zero if this is a Floquet multiplier.
     """
-    matrix = pair.contact_map(nu)
-    return float(np.linalg.det(matrix - sign * np.eye(len(matrix))))
+    monodromy = pair.contact_map(tuning)
+    return float(np.linalg.det(monodromy - multiplier * np.eye(len(monodromy))))
 
 
-def _growth(pair: Any, nu: float) -> float:
-    """Return the logarithm of the largest Floquet multiplier of the motion in contact."""
-    return _log_spectral_radius(pair.contact_map(nu))
+def _growth(pair: Any, tuning: float) -> float:
+    """Return the logarithm of the largest Floquet multiplier of the motion without contact loss."""
+    return _log_spectral_radius(pair.contact_map(tuning))
 
 
 def _log_spectral_radius(matrix: np.ndarray) -> float:
@@ -250,26 +246,26 @@ def _log_spectral_radius(matrix: np.ndarray) -> float:
     return math.log(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def _zeros(pair: Any, sign: int, grid: np.ndarray, maps: np.ndarray) -> list:
-    """Return the tunings at which a Floquet multiplier is `sign`, 1 or -1.
+def _zeros(pair: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> list:
+    """Return the tunings at which the multiplier, 1 or -1, is a Floquet multiplier.
 
-    `grid` are rising tunings, `maps` the monodromy matrices at these, shape (m, n, n).
+    `grid` are increasing tunings, `maps` the monodromy matrices at these, shape (m, n, n).
     """
-    values = np.linalg.det(maps - sign * np.eye(maps.shape[1]))
+    values = np.linalg.det(maps - multiplier * np.eye(maps.shape[1]))
 
-    def characteristic(nu: float) -> float:
+    def characteristic(tuning: float) -> float:
         """Return the determinant at a tuning."""
-        return _characteristic(pair, nu, sign)
+        return _characteristic(pair, tuning, multiplier)
 
     zeros = []
     for i, (low, high) in enumerate(pairwise(grid)):
         if values[i] * values[i + 1] < 0.0:
             zeros.append(meissner.root(characteristic, low, high))
         elif 0 < i and _has_minimum(values[i - 1 : i + 2]):
-            # A narrow tongue may lie between two grid points where the value comes close to zero.
-            side = math.copysign(1.0, values[i])
+            # There may be a narrow tongue between two grid points if the value is close to zero.
+            sign = math.copysign(1.0, values[i])
             minimum = minimize_scalar(
-                lambda nu, side=side: side * characteristic(nu),
+                lambda nu, sign=sign: sign * characteristic(nu),
                 bounds=(grid[i - 1], high),
                 method="bounded",
                 options={"xatol": 1e-10},
@@ -281,7 +277,7 @@ def _zeros(pair: Any, sign: int, grid: np.ndarray, maps: np.ndarray) -> list:
 
 
 def _has_minimum(values: np.ndarray) -> bool:
-    """Return whether three values have one sign and the smallest magnitude in the middle."""
+    """Return whether three values have the same sign and the middle one the smallest magnitude."""
     first, middle, last = np.abs(values)
-    have_one_sign = values[0] * values[1] > 0.0 and values[1] * values[2] > 0.0
-    return bool(have_one_sign and middle <= first and middle <= last)
+    have_same_sign = values[0] * values[1] > 0.0 and values[1] * values[2] > 0.0
+    return bool(have_same_sign and middle <= first and middle <= last)

@@ -1,26 +1,25 @@
 """Hill-Meissner equation of the mesh without loss of contact: tongues in closed form.
 
-In the time t = tau / nu deviations from the orbit without loss of contact obey
+In the time t = tau / nu perturbations of the orbit without loss of contact obey
 
     x'' + 2 beta x' + c(t) x = 0,      c = C / C_s in two levels,
 
-and with x = exp(-beta t) u there is no damping left: u'' + q u = 0, q = c - beta^2. Let u1 (even)
-and u2 (odd) be the solutions that start in the middle of the segment of C_max, taken half a mesh
-period on, to the middle of the other. Since the stiffness is even, the trace T of u over one period
-factorises,
+and x = exp(-beta t) u eliminates the damping: u'' + q u = 0, q = c - beta^2. Let u1 (even) and
+u2 (odd) be the solutions that start in the middle of the segment of C_max, evaluated half a mesh
+period later in the middle of the other segment. Since the stiffness is even, the trace T of the map
+of u over one period can be factorised,
 
     T - 2 = 4 u1' u2,      T + 2 = 4 u1 u2',
 
-so that the edges of the gap of order n, where |T| >= 2, are zeros of single closed forms, all of
-them simple: the phase angles of u1 and u2 are n pi / 2 there. The gap is a point where both
-coincide. Over one period x has the multipliers exp(-2 pi beta / nu) times those of u: in the gap of
-order n deviations grow where
+so that the edges of the gap of order n, where |T| >= 2, are simple zeros of closed forms: the phase
+angles of u1 and u2 are n pi / 2 there. The gap is a point if both coincide. Over one period x has
+the multipliers of u times exp(-2 pi beta / nu): in the gap of order n perturbations grow where
 
     |T| / 2 - 1 > 2 sinh^2(pi beta / nu),
 
 the tongue of order n, near nu = 2 / n; on its edges the multiplier is (-1)^n. The logarithm of the
 growth is concave over 1 / nu in a gap without over-damped segment (it is a sum of logarithms of
-|1 - E nu^2| with E outside of the gap, less a linear term), so that a tongue is one interval.
+|1 - E nu^2| with E outside the gap, minus a linear term), so that a tongue is a single interval.
 
 One mesh period of the motion without loss of contact is the affine map z -> M z + b of z = (x, x'),
 with Liouville's det M = exp(-4 pi beta / nu). Its fixed point is the orbit without loss of contact.
@@ -40,18 +39,18 @@ from gearlib.data import status
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Relative tolerance of roots, the smallest that the solver takes.
+#: Relative tolerance of roots, the smallest that the solver allows.
 MACHINE_PRECISION = 4.0 * np.finfo(float).eps
-#: Exponent above which the logarithm of a growth is computed without exp, which would overflow.
+#: Exponent above which exp would overflow.
 _MAX_EXPONENT = 300.0
-#: Phase of the segment of C_min below which its angle is taken from the solution at its ends.
-_SMALL_ANGLE = 0.5
+#: Angle in the segment of C_min below which the phase angle follows from the solution at its end.
+_MAX_SMALL_ANGLE = 0.5
 #: Number of damping ratios at which the growth of a tongue is computed to bracket its zero.
-_SCANNED_DAMPINGS = 40
+_DAMPING_COUNT = 40
 
 
 class Meissner(NamedTuple):
-    """The equation u'' + q u = 0 in two segments, and the damping ratio."""
+    """Coefficients of u'' + q u = 0 with two segments of constant q, and the damping ratio."""
 
     half_stiff: float  #: half the length of the segment of C_max
     half_soft: float  #: half the length of the segment of C_min
@@ -61,18 +60,18 @@ class Meissner(NamedTuple):
 
 
 class Tongue(NamedTuple):
-    """A range of tunings in which small deviations grow, with the largest growth."""
+    """A range of tunings in which small perturbations grow, with the largest growth."""
 
-    order: int  #: half waves per mesh period, near nu = 2 / order; 0: not counted
-    multiplier: int  #: on the edges: 1 or -1; 0: a complex pair
-    start: float  #: first tuning; NaN: the tongue is closed
-    stop: float  #: last tuning
-    growth: float  #: largest logarithm of the growth per mesh period; below 0: closed
+    order: int  #: half waves per mesh period, near nu = 2 / order; 0: unknown
+    multiplier: int  #: Floquet multiplier on the edges: 1 or -1; 0: a complex pair
+    start: float  #: lowest tuning; NaN: the tongue is closed
+    stop: float  #: highest tuning
+    growth: float  #: largest logarithm of the growth per mesh period; < 0: closed
     peak: float  #: tuning of the largest growth
 
 
 def equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
-    """Return the `Meissner` equation of contact ratio, stiffness ratio and damping ratio."""
+    """Return the `Meissner` equation for a contact ratio, stiffness ratio and damping ratio."""
     half_stiff, soft = segment_lengths(contact_ratio)
     q_stiff, q_soft = np.array(levels(contact_ratio, stiffness_ratio)) - damping * damping
     return Meissner(half_stiff, 0.5 * soft, float(q_stiff), float(q_soft), damping)
@@ -86,8 +85,8 @@ def equation_of(pair: Any) -> Meissner:
 def segment_solution(q: float, time: float) -> tuple:
     """Return (cos(w t), sin(w t) / w, 0) for u'' + q u = 0 with q = w^2 > 0 at a time t.
 
-    For q = -w^2 < 0 return (cosh(w t) exp(-s), sinh(w t) / w exp(-s), s) with s = |w t|, so that
-    no number overflows.
+    For q = -w^2 < 0 return (cosh(w t) exp(-s), sinh(w t) / w exp(-s), s) with s = |w t|, which
+    avoids overflow.
     """
     w = math.sqrt(abs(q))
     angle = w * time
@@ -101,9 +100,9 @@ def segment_solution(q: float, time: float) -> tuple:
 
 
 def _half_period_solutions(equation: Meissner, k: float) -> tuple:
-    """Return the even and odd solution u1, u2 after half a mesh period at the tuning 1 / k.
+    """Return (u1, u1', u2, u2', s) after half a mesh period at the tuning 1 / k.
 
-    The result is (u1, u1', u2, u2', s), the first four scaled by exp(-s).
+    u1 and u2 are the even and odd solutions; they and their derivatives are scaled by exp(-s).
     """
     q1, q2 = equation.q_stiff, equation.q_soft
     cosine1, sine1, exponent1 = segment_solution(q1, k * equation.half_stiff)
@@ -132,10 +131,10 @@ def _growth(equation: Meissner, k: float, order: int) -> float:
     return _log_multiplier(_scaled_excess(equation, k, order), math.pi * equation.damping * k)
 
 
-def _log_multiplier(scaled_excess: tuple, loss: float) -> float:
-    """Return the logarithm of the largest multiplier from a result of `_scaled_excess`.
+def _log_multiplier(scaled_excess: tuple, decay: float) -> float:
+    """Return the logarithm of the largest Floquet multiplier for a result of `_scaled_excess`.
 
-    `loss` is pi beta / nu, half the logarithm of the decay by damping.
+    `decay` is pi beta / nu, half the logarithmic decrement due to damping.
     """
     excess, exponent = scaled_excess
     root = math.sqrt(0.5 * max(excess, 0.0))
@@ -143,31 +142,31 @@ def _log_multiplier(scaled_excess: tuple, loss: float) -> float:
         half = math.asinh(root * math.exp(exponent))
     else:
         half = exponent + math.log(2.0 * root) if root > 0.0 else 0.0
-    return 2.0 * (half - loss)
+    return 2.0 * (half - decay)
 
 
-def _instability_margin(scaled_excess: tuple, loss: float) -> float:
-    """Return |T| / 2 - 1 - 2 sinh^2(loss), scaled like `scaled_excess`: > 0 if deviations grow.
+def _instability_margin(scaled_excess: tuple, decay: float) -> float:
+    """Return |T| / 2 - 1 - 2 sinh^2(decay), scaled like `scaled_excess`: > 0 if unstable.
 
-    `scaled_excess` is a result of `_scaled_excess`, `loss` is pi beta / nu.
+    `scaled_excess` is a result of `_scaled_excess`, `decay` is pi beta / nu.
     """
     excess, exponent = scaled_excess
-    sinh = -0.5 * math.exp(loss - exponent) * math.expm1(-2.0 * loss)
+    sinh = -0.5 * math.exp(decay - exponent) * math.expm1(-2.0 * decay)
     return excess - 2.0 * sinh * sinh
 
 
 def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
     """Return the phase angle of the even or odd solution after half a mesh period, rad.
 
-    It is continuous in k = 1 / nu, and passes n pi / 2 once, upwards, at an edge of the gap of
+    It is continuous in k = 1 / nu, and increases through n pi / 2 once, at an edge of the gap of
     order n.
     """
     w = math.sqrt(equation.q_stiff)
     stiff_angle = w * k * equation.half_stiff
     cosine, sine = math.cos(stiff_angle), math.sin(stiff_angle)
     soft_angle = math.sqrt(max(equation.q_soft, 0.0)) * k * equation.half_soft
-    if soft_angle > _SMALL_ANGLE:
-        # On the segment of C_min the angle grows linearly if it is scaled by the frequency there.
+    if soft_angle > _MAX_SMALL_ANGLE:
+        # Scaled by the frequency in the segment of C_min, the angle increases linearly there.
         ratio = math.sqrt(equation.q_stiff / equation.q_soft) ** (-1.0 if odd else 1.0)
         change = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
         return stiff_angle + change + soft_angle
@@ -183,9 +182,9 @@ def _is_over_damped(equation: Meissner) -> bool:
 
 
 def gap(equation: Meissner, order: int) -> tuple | None:
-    """Return the rising ends of the gap of an order over k = 1 / nu.
+    """Return the sorted ends of the gap of an order over k = 1 / nu.
 
-    They are equal up to rounding if the gap is a point; None if all segments are over-damped.
+    They are equal to rounding error if the gap is a point; None if all segments are over-damped.
     """
     if _is_over_damped(equation):
         return None
@@ -197,7 +196,7 @@ def gap(equation: Meissner, order: int) -> tuple | None:
             high *= 2.0
 
         def difference(k: float, odd: bool = odd) -> float:
-            """Return the phase angle less the one at the edge of the gap."""
+            """Return the phase angle minus its value at the edge of the gap."""
             return phase_angle(equation, k, odd) - angle_at_edge
 
         ends.append(root(difference, 1e-3 * order / high, high))
@@ -205,17 +204,13 @@ def gap(equation: Meissner, order: int) -> tuple | None:
 
 
 def tongue(equation: Meissner, order: int) -> Any:
-    """Return the `Tongue` of an order, None if all segments are over-damped."""
+    """Return the `Tongue` of an order, or None if all segments are over-damped."""
     ends = gap(equation, order)
     if ends is None:
         return None
-    low, high = ends
-
-    def scaled_excess(k: float) -> tuple:
-        """Return `_scaled_excess` of this equation and order."""
-        return _scaled_excess(equation, k, order)
-
-    return tongue_in_gap(order, low, high, equation.damping, scaled_excess)
+    return tongue_in_gap(
+        order, *ends, equation.damping, lambda k: _scaled_excess(equation, k, order)
+    )
 
 
 def tongue_in_gap(
@@ -223,22 +218,22 @@ def tongue_in_gap(
 ) -> Tongue:
     """Return the `Tongue` in a gap from `low` to `high`, values of k = 1 / nu.
 
-    `scaled_excess(k)` returns |T| / 2 - 1 like `_scaled_excess`. Without damping the tongue is the
-    gap.
+    `scaled_excess(k)` returns |T| / 2 - 1 with a scale, as in `_scaled_excess`. Without damping the
+    tongue is the gap.
     """
 
     def growth(k: float) -> float:
-        """Return the logarithm of the largest multiplier."""
+        """Return the logarithm of the largest Floquet multiplier at the tuning 1 / k."""
         return _log_multiplier(scaled_excess(k), math.pi * damping * k)
 
     def margin(k: float) -> float:
-        """Return a number that is positive where deviations grow."""
+        """Return a number that is positive where the tuning 1 / k is unstable."""
         return _instability_margin(scaled_excess(k), math.pi * damping * k)
 
     sign = -1 if order % 2 else 1
     closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
     if high - low <= 2.0 * MACHINE_PRECISION * high:
-        # Without damping both edges lie in a gap of width zero.
+        # Without damping the tongue is a point.
         return closed if damping else closed._replace(start=1.0 / high, stop=1.0 / low, growth=0.0)
     largest_growth, peak = maximum(growth, low, high)
     if largest_growth <= 0.0:
@@ -252,8 +247,8 @@ def maximum(function: Callable, low: float, high: float) -> tuple:
     """Return (largest value, its position) of a function with one maximum from `low` to `high`."""
     width = high - low
     optimum = minimize_scalar(
-        # The variable is a share of the interval, which may be narrower than the tolerance.
-        lambda share: -function(low + share * width),
+        # The interval may be narrower than the tolerance, so it is scaled to 0 ... 1.
+        lambda fraction: -function(low + fraction * width),
         bounds=(0.0, 1.0),
         method="bounded",
         options={"xatol": 1e-9},
@@ -262,9 +257,9 @@ def maximum(function: Callable, low: float, high: float) -> tuple:
 
 
 def edge(margin: Callable, inside: float, outside: float) -> float:
-    """Return the position at which a margin, positive at `inside`, becomes zero towards `outside`.
+    """Return the zero of a function that is positive at `inside` and negative at `outside`.
 
-    It is `outside` if the margin is not negative there, `inside` if it is not positive there.
+    It is `outside` if `margin` is not negative there, else `inside` if it is not positive there.
     """
     if margin(outside) >= 0.0:
         return outside
@@ -274,15 +269,15 @@ def edge(margin: Callable, inside: float, outside: float) -> float:
 
 
 def root(function: Callable, low: float, high: float) -> float:
-    """Return the zero of a function between positions where its signs differ, to rounding."""
+    """Return the zero of a function between two positions with different signs."""
     return float(brentq(function, low, high, xtol=1e-300, rtol=MACHINE_PRECISION))
 
 
 def orders(equation: Meissner, start: float, stop: float) -> range:
-    """Return the orders of the gaps that meet the tunings from `start` to `stop`."""
+    """Return the orders of the gaps that overlap the tunings from `start` to `stop`."""
     if _is_over_damped(equation):
         return range(0)
-    # The gap of order n lies where the phase angles of the two solutions include n pi / 2.
+    # In the gap of order n, n pi / 2 lies between the phase angles of the two solutions.
     first = 2.0 / math.pi * min(phase_angle(equation, 1.0 / stop, odd) for odd in (False, True))
     last = 2.0 / math.pi * max(phase_angle(equation, 1.0 / start, odd) for odd in (False, True))
     return range(max(1, math.ceil(first)), math.floor(last) + 1)
@@ -297,18 +292,18 @@ def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) ->
         return -math.inf if damped_tongue is None else damped_tongue.growth
 
     max_damping = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
-    shares = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _SCANNED_DAMPINGS)])
-    return last_downward_zero(growth, max_damping * shares)
+    ratios = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _DAMPING_COUNT)])
+    return last_downward_zero(growth, max_damping * ratios)
 
 
 def last_downward_zero(growth: Callable, dampings: Any) -> float:
-    """Return the largest damping ratio at which a growth passes 0 downwards; 0 if there is none.
+    """Return the largest damping ratio at which a growth changes from > 0 to < 0; 0 without one.
 
-    `growth(damping)` is the largest growth of a tongue, `dampings` are the rising damping ratios at
-    which it is computed; the last one closes the tongue.
+    `growth(damping)` is the largest growth of a tongue, `dampings` are the increasing damping
+    ratios that bracket its zeros; the last one closes the tongue.
     """
-    # Damping also changes q: a segment of C_min close to over-damping may open a closed tongue
-    # again. The search therefore goes from the largest damping down.
+    # A closed tongue may open again if the segment of C_min is almost over-damped. The search
+    # therefore starts from the largest damping.
     for low, high in zip(dampings[-2::-1], dampings[:0:-1], strict=True):
         if growth(low) > 0.0:
             return float(brentq(growth, low, high, xtol=1e-300, rtol=1e-13))
@@ -319,7 +314,7 @@ def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) 
     """Return the logarithm of the largest Floquet multiplier of a mesh period.
 
     Arguments may be arrays, which are broadcast; `damping` is the damping ratio beta. The result
-    follows from the discriminant T with complex frequencies, for under-damped, critical and
+    follows from the trace T with complex frequencies, for under-damped, critically damped and
     over-damped segments alike. Between the tongues it is -2 pi beta / nu.
     """
     half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
@@ -339,8 +334,8 @@ def coexistence(
 ) -> np.ndarray:
     """Return (value, tuning) where the undamped tongue of an order is a point, shape (j, 2).
 
-    The value is the stiffness ratio for a given contact ratio, or the other way round. At such a
-    point the segment of C_max holds m half waves, m = 1 ... n - 1, the softer one the others:
+    The value is the stiffness ratio for a given contact ratio, or vice versa. At such a point the
+    segment of C_max contains m = 1 ... n - 1 of the n half waves and the softer segment the others:
     sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
     points = []
@@ -362,13 +357,13 @@ def coexistence(
 def state_after(
     state: tuple, stiffness: float, damping: float, tuning: float, phase: float
 ) -> tuple:
-    """Return the state a phase later (negative: earlier) on a segment of constant stiffness.
+    """Propagate a state over a phase in rad (< 0: backwards) on a segment of constant stiffness.
 
-    States are (x, dx/dtau) in static deflections, the phase is in rad, the stiffness relative to
-    its mean; `damping` is the damping ratio.
+    States are (x, dx/dtau) in static deflections, the stiffness is relative to its mean; `damping`
+    is the damping ratio.
     """
     equilibrium = 1.0 / stiffness
-    # Deviation from the equilibrium and its derivative by the time t = tau / nu.
+    # Distance from the equilibrium and its derivative with respect to the time t = tau / nu.
     u, v = state[0] - equilibrium, tuning * state[1]
     time = phase / tuning
     cosine, sine, exponent = segment_solution(stiffness - damping * damping, time)
@@ -379,9 +374,9 @@ def state_after(
 
 
 def period_map(model: Any, tuning: float) -> tuple:
-    """Return (M, b), shapes (2, 2) and (2,), of the map z -> M z + b over one mesh period.
+    """Return (M, b), shapes (2, 2) and (2,), of the affine map z -> M z + b over a mesh period.
 
-    It takes the state z = (x, dx/dtau) at phase 0 through a mesh period without contact loss.
+    z = (x, dx/dtau) is the state at phase 0 of a motion without loss of contact.
     """
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
@@ -392,8 +387,8 @@ def period_map(model: Any, tuning: float) -> tuple:
 def orbit(pair: Any, tuning: float) -> tuple:
     """Return the state (x, dx/dtau) at phase 0 of the orbit without loss of contact.
 
-    If there are many, as with constant stiffness at nu = 1 / n, it is the orbit next to static
-    deflection.
+    If it is not unique, as with constant stiffness at nu = 1 / n, return the state nearest to the
+    static deflection.
     """
     monodromy, shift = period_map(pair, tuning)
     matrix = np.eye(2) - monodromy

@@ -13,11 +13,11 @@ from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
 from gearlib.runs.run_arguments import check_tuning
 
-#: Parameters that may vary beside the tuning.
+#: Parameters that may be varied.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
-#: Smallest tuning: below it there are hundreds of tongues, and growth over a period overflows.
+#: Smallest tuning: below it there are hundreds of tongues, and the growth per period overflows.
 MIN_TUNING = 0.02
-#: Variables of the dataset -> (field of `Tongue`, value where there is none).
+#: Variables of the dataset -> (field of `Tongue`, value if there is no tongue).
 _COLUMNS = {
     "tuning_from": ("start", math.nan),
     "tuning_to": ("stop", math.nan),
@@ -28,50 +28,51 @@ _COLUMNS = {
 
 
 def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002):
-    """Find the tongues of parametric resonance: tunings at which contact without loss is unstable.
+    """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
 
-    Small deviations from the motion without loss of contact obey Hill's equation, for the
-    rectangular stiffness that of Meissner. A tongue of order n, near nu = 2 / n, is an interval of
-    tunings in which they grow from mesh period to mesh period; on its edges a Floquet multiplier is
-    (-1)^n. Damping narrows and then closes it.
+    Small perturbations of the motion without loss of contact obey Hill's equation, with rectangular
+    stiffness Meissner's equation. A tongue of order n, near nu = 2 / n, is an interval of tunings
+    in which they grow from mesh period to mesh period; on its edges a Floquet multiplier is (-1)^n.
+    Damping narrows and finally closes it.
 
     Parameters
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        Its backlash plays no part. Closed forms for the rectangular stiffness of one degree of
-        freedom; else numerical monodromy, see `gearlib.analysis.tongues.hill_tongues`.
+        The backlash is ignored. One degree of freedom with rectangular stiffness has closed forms,
+        others a numerical monodromy matrix, see `gearlib.analysis.tongues.hill_tongues`.
     start, stop : float
-        Tongues that meet this range of tunings are given, with both their edges; with six degrees
-        they are cut off at it. 0.02 <= start < stop.
+        Range of tunings, 0.02 <= start < stop. Tongues that overlap it are returned with both
+        edges; with six degrees of freedom they are truncated.
     parameter : {"stiffness_ratio", "contact_ratio", "damping"}, optional
-        A second parameter: kappa, epsilon, or the damping ratio beta of the contact. The first two
-        keep the damping ratio; a table and six degrees of freedom only have the last one. Of a
-        `GearTrain` stiffness_ratio, contact_ratio or material_damping of all its meshes.
+        Parameter that is varied: kappa, epsilon, or the damping ratio beta of the contact. The
+        first two leave the damping ratio unchanged; tabulated stiffness and six degrees of freedom
+        only allow the last one, a `GearTrain` stiffness_ratio, contact_ratio or material_damping of
+        all its meshes.
     values : sequence of float, shape (v,), optional
-        Values of the second parameter.
+        Values of this parameter.
     step : float, default 0.002
-        With six degrees: distance of the tunings of the scan.
+        With six degrees of freedom: step of the scanned tunings.
 
     Returns
     -------
     xarray.Dataset
-        Over order (six degrees: tongue, not numbered), and over the parameter before it if there
-        is one: tuning_from and tuning_to, the edges, equal where a tongue is a point, NaN where it
-        is closed or out of range; edge_multiplier, 0 for a complex pair; growth, the largest
-        logarithm of the largest multiplier in the tongue, below 0 if it is closed, and
-        growth_tuning, where that is. Without `parameter` also closing_damping, the damping ratio
-        of the contact from which the tongue stays closed (six degrees: is closed; NaN: never).
+        Over (parameter, order), or with six degrees of freedom (parameter, tongue), without the
+        parameter if there is none: tuning_from and tuning_to, the edges, equal if a tongue is a
+        point, NaN if it is closed or out of range; edge_multiplier, 0 for a complex pair; growth,
+        the largest logarithm of a multiplier in the tongue, negative if it is closed, and
+        growth_tuning, the tuning of this maximum. Without `parameter` also closing_damping, the
+        damping ratio of the contact above which the tongue is closed (NaN if there is none).
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range; also for nonlinear damping or
-        stiffness, with which the stability depends on the motion: see `gearlib.periodic_orbit`.
+        If an argument is invalid, or for nonlinear damping or stiffness, where the stability
+        depends on the motion: see `gearlib.periodic_orbit`.
 
     Notes
     -----
-    Edges of closed form are those of the exact equation to about 1e-15, less next to the damping
-    that closes a tongue, where they meet. Equations: `gearlib.analysis.tongues.meissner`.
+    Edges in closed form are accurate to about 1e-15, less close to the damping at which both edges
+    of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
     start = checks.number("start", start, f">= {MIN_TUNING}", lambda nu: MIN_TUNING <= nu < 1e6)
     stop = check_tuning("stop", stop)
@@ -84,7 +85,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     else:
         checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
         values = _checked_values(values)
-        models = [varied(pair, parameter, value) for value in values]
+        models = [with_parameter(pair, parameter, value) for value in values]
         tongue_lists = [find(model, start, stop, step) for model in models]
     dimension = "tongue" if pair.size > 2 else "order"
     data, coords = _variables(tongue_lists, parameter, values, dimension)
@@ -103,7 +104,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
 
 
 def linear_model(pair: Any) -> Any:
-    """Return the smallest model with the stability of a linear model without contact loss.
+    """Return the simplest model with the same stability as a linear model without contact loss.
 
     Raise ValueError if its damping or stiffness is nonlinear.
     """
@@ -120,9 +121,9 @@ def linear_model(pair: Any) -> Any:
 
 
 def find(pair: Any, start: float, stop: float, step: float = 0.002) -> list:
-    """Return the `Tongue`s of a linear model that meet the tunings from `start` to `stop`.
+    """Return the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    With several degrees of freedom, tunings are scanned with the distance `step`.
+    With several degrees of freedom, the tunings are scanned with a `step`.
     """
     if pair.mesh is pair:
         equation = meissner.equation_of(pair)
@@ -141,11 +142,11 @@ def closing_damping(pair: Any, tongue: meissner.Tongue) -> float:
     return hill_tongues.closing_damping(pair, tongue)
 
 
-def varied(pair: Any, parameter: str, value: float) -> Any:
-    """Return a model with another value of a parameter.
+def with_parameter(pair: Any, parameter: str, value: float) -> Any:
+    """Return a copy of a model with another value of a parameter.
 
-    The parameter is "stiffness_ratio", "contact_ratio" or "damping", the damping ratio. The first
-    two keep the damping ratio. A `GearTrain` has its own parameters.
+    The parameter is "damping", the damping ratio, or "stiffness_ratio" or "contact_ratio", which
+    leave the damping ratio unchanged, or any parameter of a `GearTrain`.
     """
     if pair.mesh_names:
         return pair.with_parameter(parameter, value)
@@ -162,7 +163,7 @@ def varied(pair: Any, parameter: str, value: float) -> Any:
 
 
 def _checked_values(values: Any) -> list:
-    """Return the argument `values` of `tongues`, checked to be a sequence of finite numbers."""
+    """Return the argument `values` of `tongues` as a list; raise ValueError if it is invalid."""
     if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
         raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
     return checks.finite("values", values)
@@ -171,8 +172,8 @@ def _checked_values(values: Any) -> list:
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
     """Return (variables, coordinates) of a dataset of tongues.
 
-    `tongue_lists` holds a list of `Tongue`s for each value of the parameter, one list without a
-    parameter. `dimension` is "order", or "tongue" if tongues have no order.
+    `tongue_lists` has a list of `Tongue`s for each of the `values` of the parameter, or one list
+    if there is no parameter. `dimension` is "order", or "tongue" if tongues have no order.
     """
     if dimension == "order":
         by_number = [{tongue.order: tongue for tongue in tongues} for tongues in tongue_lists]
