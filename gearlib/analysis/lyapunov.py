@@ -14,7 +14,7 @@ import numpy as np
 
 from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
-from gearlib.analysis.orbits.followed_parameters import set_parameter_name, varied
+from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_parameter_name
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
@@ -250,7 +250,7 @@ def lyapunov_exponents(
     periods = checks.integer("periods", periods, BATCHES)
     max_events = checks.integer("max_events", max_events, 1)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    cases = varied(pair, tuning, parameter, values)
+    cases = parameter_cases(pair, tuning, parameter, values)
     if isinstance(states, str):
         pair.check_state(states)
         states = cases[0][0].start_state(states)

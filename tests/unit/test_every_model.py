@@ -35,7 +35,7 @@ from gearlib import (
     trust,
 )
 from gearlib.analysis.orbits.followed_parameters import (
-    followed_parameters,
+    continuation_parameters,
     value_of,
     with_parameter,
 )

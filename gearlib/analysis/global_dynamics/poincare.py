@@ -7,7 +7,7 @@ import numpy as np
 
 from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
-from gearlib.analysis.orbits.followed_parameters import set_parameter_name, varied
+from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_parameter_name
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
@@ -185,7 +185,7 @@ def bifurcation_diagram(
     phase, max_events = _check_phase(phase), checks.integer("max_events", max_events, 1)
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
-    cases = varied(pair, tuning, parameter, values)
+    cases = parameter_cases(pair, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
     states, ends, codes = _diagram(cases, values, direction, section_arguments, initial_state)
     data = {

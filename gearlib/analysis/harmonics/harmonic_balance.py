@@ -75,9 +75,9 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
         steps, evaluations = steps + new_steps, evaluations + new_evaluations
     if not residual <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
         raise NoOrbit(
-            f"harmonic balance found no motion of period {equation.period} near the guess at "
-            f"tuning = {equation.tuning!r}, the best residual is {residual:.2g}: guess the "
-            "solution of a neighbouring tuning or the displacements of a run, or take another period"
+            f"harmonic balance found no motion of period {equation.period} near the guess at tuning"
+            f" = {equation.tuning!r}, the best residual is {residual:.2g}: guess the solution of a "
+            "neighbouring tuning or the displacements of a run, or take another period"
         )
     return PeriodicSolution(
         pair,

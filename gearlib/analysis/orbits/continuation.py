@@ -1,9 +1,9 @@
-"""`continue_orbit`: a branch of periodic orbits over a parameter; `switch_branch` at doublings.
+"""`continue_orbit`: continuation of periodic orbits; `switch_branch` at period doublings.
 
-Steps by pseudo-arclength (`gearlib.analysis.orbits.tracing`) on the exact shooting equation. Where
-the order of the contact states changes within a step, the grazing is located first and put on the
-branch, which goes on just behind it with a short step, because the multipliers change there like
-the root of the distance.
+Pseudo-arclength continuation (`gearlib.analysis.orbits.tracing`) of the exact shooting equation. If
+the sequence of contact states changes within a step, the grazing is located and added to the
+branch. The continuation restarts just behind it with a short step, because the multipliers change
+there with the square root of the distance.
 """
 
 from dataclasses import replace
@@ -20,15 +20,15 @@ from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, 
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: First step, smallest step and step behind a grazing, as shares of the largest step.
+#: First step, smallest step and step behind a grazing, relative to the largest step.
 _FIRST_STEP, _MIN_STEP, _STEP_BEHIND_GRAZING = 0.1, 1e-4, 1e-3
-#: Corrections up to which a step counts as easy, so that the next may be longer.
+#: The step length increases after at most this number of Newton corrections.
 _MAX_EASY_CORRECTIONS = 3
-#: Height of an orbit, in static deflections, from which on the largest step grows with it.
+#: Displacement range, in static deflections, above which the largest step is proportional to it.
 _LARGE_HEIGHT = 4.0
-#: Component of the parameter in a tangent below which the branch is normal to its axis.
+#: A branch is normal to the parameter axis if the component of its tangent is below this.
 _NORMAL_TOLERANCE = 1e-9
-#: Distances from a period doubling at which the doubled orbit is sought, scaled.
+#: Scaled distances from a period doubling at which the doubled orbit is searched for.
 _SWITCH_DISTANCES = (0.02, 0.005, 0.1, 1e-3)
 
 
@@ -43,7 +43,7 @@ def continue_orbit(
     max_points=4000,
     max_events=MAX_EVENTS,
 ):
-    """Follow a periodic orbit over a parameter, past folds and through changes of contact.
+    """Continue a periodic orbit in a parameter, around folds and through changes of contact.
 
     Parameters
     ----------
@@ -51,20 +51,21 @@ def continue_orbit(
         A result of `gearlib.periodic_orbit`.
     parameter : str
         tuning, damping, backlash_damping, backlash, contact_ratio or stiffness_ratio, which are
-        dimensionless; of a `OneDegreePair` also its quadratic_damping and the like, of a
-        `SixDegreePair` run_out_phase and pitch_phase, in the units of the model. All others keep
-        their values.
+        dimensionless; for a `OneDegreePair` also its quadratic_damping and similar parameters, for
+        a `SixDegreePair` run_out_phase and pitch_phase, in the units of the model. All other
+        parameters are constant.
     to : float
-        Value at which the branch ends; it is met exactly.
+        Value of the parameter at which the branch ends exactly.
     limits : tuple of float, optional
-        The branch also ends where it leaves this interval; by default that between the orbit's
-        value and `to`.
+        The branch also ends where it leaves this interval. By default it is the interval between
+        the orbit's value and `to`.
     max_height : float
-        The branch ends at orbits higher than this, in static deflections: without damping a
-        resonance has no top.
+        Largest displacement range in static deflections, at which the branch ends: without damping
+        a resonance has no peak.
     step : float
-        Largest step, in static deflections; the way from the orbit's value to `to` counts as one.
-        Where orbits are higher than 4 static deflections the steps grow with them.
+        Largest step length. The unit is one static deflection, or the distance from the orbit's
+        value to `to`. Above a displacement range of 4 static deflections the largest step is
+        proportional to it.
     max_points : int
         Largest number of points.
     max_events : int
@@ -73,11 +74,11 @@ def continue_orbit(
     Returns
     -------
     xarray.Dataset
-        Over ``point``, in branch order: the parameter under its name, state, multiplier_real,
+        Over ``point``, along the branch: the parameter under its name, state, multiplier_real,
         multiplier_imaginary, stable (no multiplier outside the unit circle), label, contacts (the
-        order of the phases of contact, N normal, B backlash, I inverse), displacement_max,
-        displacement_min, orbit_height, residual. Labelled points are orbits of their own, located
-        to rounding; the label "end" is on a last point that is not at `to`.
+        sequence of contact states, N normal, B backlash, I inverse), displacement_max,
+        displacement_min, orbit_height, residual. Labelled points are additional orbits, located
+        to rounding error; a branch that does not reach `to` has the label "end" at its last point.
 
     Raises
     ------
@@ -86,8 +87,8 @@ def continue_orbit(
 
     Notes
     -----
-    Grazings are where the order of contacts changes: an orbit that comes to a flank line and turns
-    there. See `gearlib.analysis.orbits.special_points` for the test functions of the others.
+    At a grazing the sequence of contact states changes: the orbit has a turning point on a flank
+    line. The other test functions are in `gearlib.analysis.orbits.special_points`.
     """
     check_orbit(orbit)
     name = followed_parameters.check_parameter(orbit.pair, parameter)
@@ -109,7 +110,7 @@ def continue_orbit(
 
 
 def _checked_limits(limits: Any, start: float, to: float) -> tuple:
-    """Return the argument `limits` as (lowest, highest) value of the parameter, checked.
+    """Return the argument `limits` as (lowest, highest) value of the parameter.
 
     By default they are its values `start` at the first orbit and `to` at the end of the branch.
     """
@@ -130,8 +131,8 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
 def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> BranchPoint:
     """Return the first point of a branch, at scaled unknowns of the shooting equation.
 
-    Its tangent leads to larger values of the parameter for the sign 1, to smaller ones for -1; to
-    higher orbits if the branch is normal to the parameter's axis.
+    Its tangent points to larger values of the parameter for the sign 1, to smaller ones for -1, or
+    to larger orbits if the branch is normal to the parameter axis.
     """
     solution = problem.evaluate(unknowns)
     direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
@@ -158,36 +159,36 @@ def _follow_branch(
 ) -> list:
     """Return the `BranchPoint`s of a branch from its first point to the parameter value `to`.
 
-    It ends earlier where it leaves the parameter limits (lowest, highest) or orbits become higher
-    than `max_height`; the last point then has the label "end".
+    It ends earlier if it leaves the `limits` (lowest, highest) of the parameter or the displacement
+    range exceeds `max_height`; the last point then has the label "end".
     """
-    points, goal = [first], to / problem.units[-1]
+    points, scaled_goal = [first], to / problem.units[-1]
 
     def step(length: float) -> tuple[float, str]:
         """Take a step and add its points; return (next length, reason for the end or "")."""
         last = points[-1]
         solution, tangent, corrections = tracing.take_step(
-            problem, last.unknowns, last.tangent, length, goal
+            problem, last.unknowns, last.tangent, length, scaled_goal
         )
         new = branch_point(solution, tangent)
-        end = _value_at_end(last.value, new.value, first.value, to, limits)
-        if end is not None:
-            scaled_end = end / problem.units[-1]
+        end_value = _end_value(last.value, new.value, first.value, to, limits)
+        if end_value is not None:
+            scaled_end = end_value / problem.units[-1]
             solution = tracing.solve_at_value(problem, last.unknowns, new.unknowns, scaled_end)
             tangent = tracing.tangent(solution.jacobian, last.tangent)
-            # Scaling and back may have cost the last digit of the value.
-            new = replace(branch_point(solution, tangent), value=end)
-        added = _points_of_step(problem, last, new)
-        points.extend(added)
-        grazed = len(added) > 1 and added[-2].label == special.GRAZING
-        if (end == to and not grazed) or _is_closed(points, length):
+            # Scaling may change the last digit of the value.
+            new = replace(branch_point(solution, tangent), value=end_value)
+        new_points = _points_of_step(problem, last, new)
+        points.extend(new_points)
+        grazes = len(new_points) > 1 and new_points[-2].label == special.GRAZING
+        if (end_value == to and not grazes) or _is_closed(points, length):
             return length, "complete"
-        if (end is not None and not grazed) or points[-1].height > max_height:
+        if (end_value is not None and not grazes) or points[-1].height > max_height:
             return length, "beyond its limits"
-        if grazed:
+        if grazes:
             return _STEP_BEHIND_GRAZING * max_step, ""
-        longest = max_step * max(1.0, new.height / _LARGE_HEIGHT)
-        return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest), ""
+        max_length = max_step * max(1.0, new.height / _LARGE_HEIGHT)
+        return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
 
     end_reason = tracing.follow_curve(
         step, points, _FIRST_STEP * max_step, _MIN_STEP * max_step, max_points
@@ -197,28 +198,28 @@ def _follow_branch(
     return points
 
 
-def _value_at_end(last: float, new: float, first: float, to: float, limits: tuple) -> float | None:
-    """Return the value of the parameter at which the branch ends within a step, or None.
+def _end_value(last: float, new: float, first: float, to: float, limits: tuple) -> float | None:
+    """Return the parameter value at which the branch ends within a step, or None.
 
-    The parameter goes from `last` to `new` in the step; the branch began at `first` and ends at
+    The step changes the parameter from `last` to `new`; the branch started at `first` and ends at
     `to` or at a limit (lowest, highest).
     """
     if (last - to) * (new - to) <= 0.0 and last != to:
         return to
-    # Rounding must not end the branch at the limit where it began.
-    slack = 1e-9 * abs(to - first)
+    # A rounding error must not end the branch at the limit where it started.
+    tolerance = 1e-9 * abs(to - first)
     low, high = limits
-    if new < low - slack and low != to:
+    if new < low - tolerance and low != to:
         return low
-    if new > high + slack and high != to:
+    if new > high + tolerance and high != to:
         return high
     return None
 
 
 def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> list:
-    """Return the points that a step from `last` to `new` adds: special points, then `new`.
+    """Return the new points of a step from `last` to `new`: special points, then `new`.
 
-    If the step passes a grazing, it ends at the point just behind the grazing instead.
+    A step across a grazing ends just behind the grazing instead.
     """
     if new.pattern == last.pattern:
         return [*special.special_points(problem, last, new), new]
@@ -227,7 +228,7 @@ def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> l
 
 
 def _is_closed(points: list, step_length: float) -> bool:
-    """Return whether a branch has come back to within a step of its first point.
+    """Return whether a branch has returned to its first point, within the length of a step.
 
     `points` are its `BranchPoint`s; both ends must have the same direction.
     """
@@ -243,18 +244,18 @@ def _is_closed(points: list, step_length: float) -> bool:
 def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Dataset:
     """Return the `BranchPoint`s of a branch as a dataset over ``point``.
 
-    `name` is the parameter, `to` the value at which the branch was to end.
+    `name` is the name of the parameter, `to` its requested last value.
     """
-    highest = np.array([point.displacement_max for point in points])
-    lowest = np.array([point.displacement_min for point in points])
+    maxima = np.array([point.displacement_max for point in points])
+    minima = np.array([point.displacement_min for point in points])
     stable = [is_stable(point.solution.multipliers) for point in points]
     data = {
         "stable": ("point", np.array(stable, np.int8)),
         "label": ("point", np.array([point.label for point in points], np.int8)),
         "contacts": ("point", np.array([point.pattern for point in points], object)),
-        "displacement_max": ("point", highest),
-        "displacement_min": ("point", lowest),
-        "orbit_height": ("point", highest - lowest),
+        "displacement_max": ("point", maxima),
+        "displacement_min": ("point", minima),
+        "orbit_height": ("point", maxima - minima),
         "static_deflection": problem.pair.static_deflection,
         name: np.array([point.value for point in points]),
     }
@@ -271,9 +272,9 @@ def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Datase
 def point_of_dataset(
     model: Any, branch: xr.Dataset, point: int, max_events: int, labels: tuple = ()
 ) -> BranchPoint:
-    """Return the point with a number in a dataset of `continue_orbit` as a `BranchPoint`.
+    """Return the point with index `point` in a dataset of `continue_orbit` as a `BranchPoint`.
 
-    Raise ValueError if there is no such point, or if its label is none of `labels` (indices in
+    Raise ValueError if it does not exist, or if its label is not among `labels` (indices in
     `special_points.LABELS`; empty: any).
     """
     if "parameter" not in getattr(branch, "attrs", ()):
@@ -289,7 +290,7 @@ def point_of_dataset(
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
-    # Where several branches are put together, each point has a period.
+    # In a dataset of several branches each point has a period.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
     unknowns = problem.unknowns(branch["state"].values[point], [value])
@@ -297,7 +298,7 @@ def point_of_dataset(
 
 
 def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
-    """Return an orbit of twice the period, on the branch born at a period doubling.
+    """Return an orbit of twice the period, on the branch that starts at a period doubling.
 
     Parameters
     ----------
@@ -306,27 +307,27 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     branch : xarray.Dataset
         A result of `gearlib.continue_orbit`.
     point : int
-        Number of a point labelled "period doubling".
+        Index of a point labelled "period doubling".
     max_events : int
         Largest number of contact events in one mesh period.
 
     Returns
     -------
     Orbit
-        Near the doubling, its pair and tuning those at which it lies; `continue_orbit` follows it.
+        Orbit near the period doubling, with its model and tuning, for `continue_orbit`.
 
     Raises
     ------
     ValueError
-        If the point is none, or no period doubling.
+        If the point does not exist or is not a period doubling.
     NoOrbit
         If the doubled orbit was not found.
     """
     doubling = point_of_dataset(pair, branch, point, max_events, (special.DOUBLING,))
     problem = doubling.solution.problem
-    values, vectors = np.linalg.eig(doubling.solution.monodromy)
-    n = len(values)
-    eigenvector = vectors[:, np.argmin(abs(values + 1.0))].real / problem.units[:n]
+    eigenvalues, eigenvectors = np.linalg.eig(doubling.solution.monodromy)
+    n = len(eigenvalues)
+    eigenvector = eigenvectors[:, np.argmin(abs(eigenvalues + 1.0))].real / problem.units[:n]
     direction = np.append(eigenvector, 0.0)
     direction /= np.linalg.norm(direction)
     period, scales = 2 * problem.period, problem.units[n:]

@@ -1,7 +1,7 @@
-"""The parameters over which orbits are followed: one number of a model changes, the others stay.
+"""Parameters for the continuation of orbits: one of them changes, all others are constant.
 
-The ratios of the pair and the tuning change in their dimensionless form, and all other ratios keep
-their values: another contact ratio changes neither the mean stiffness nor the damping ratios.
+The tuning and the ratios of the pair are dimensionless. All other ratios are constant, too: another
+contact ratio changes neither the mean stiffness nor the damping ratios.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ from gearlib.models.model import is_model
 from gearlib.models.pair_parameters import ratio_fields
 from gearlib.runs.run_arguments import check_tuning
 
-#: name -> (CF units, long_name) of the parameters of every model
+#: Name -> (CF units, long_name) of the parameters of every gear pair.
 RATIOS = {
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
     "damping": ("1", "damping ratio beta of the material in contact"),
@@ -25,7 +25,7 @@ RATIOS = {
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
-#: Parameter -> attribute of models that holds it, where the names differ.
+#: Parameter -> attribute of models with its value, if the names differ.
 _ATTRIBUTE_NAMES = {
     "damping": "damping_ratio",
     "backlash_damping": "backlash_damping_ratio",
@@ -33,11 +33,8 @@ _ATTRIBUTE_NAMES = {
 }
 
 
-def followed_parameters(model: Any) -> dict:
-    """Return the parameters over which orbits of a model can be followed.
-
-    Their names map to the CF attributes of a dataset variable, units and long_name.
-    """
+def continuation_parameters(model: Any) -> dict:
+    """Return {name: CF attributes units and long_name} of the parameters that can be varied."""
     parameters = (RATIOS if model.mesh else {}) | model.parameters
     return {
         name: {"units": units, "long_name": long_name}
@@ -46,19 +43,19 @@ def followed_parameters(model: Any) -> dict:
 
 
 def check_parameter(model: Any, name: str) -> str:
-    """Return a parameter name; raise ValueError if orbits cannot be followed over it."""
+    """Return a parameter name; raise ValueError if orbits cannot be continued in it."""
     if not (is_model(model) and (model.mesh or model.mesh_names)):
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
             "OneDegreePair, a SixDegreePair or a GearTrain"
         )
-    return checks.one_of("parameter", name, followed_parameters(model))
+    return checks.one_of("parameter", name, continuation_parameters(model))
 
 
 def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) -> tuple:
-    """Return (present value of a parameter, value `goal` up to which it is followed), checked.
+    """Return (value of a parameter, its value `goal` at the end of a continuation).
 
-    They must be different; `owner` says in the error message whose present value it is.
+    Raise ValueError if they are equal; `owner` describes in the message whose value it is.
     """
     start = value_of(model, tuning, name)
     goal = checks.number("to", goal, f"another {name} than {owner}", lambda v: v != start)
@@ -67,7 +64,7 @@ def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) ->
 
 
 def value_of(model: Any, tuning: float, name: str) -> float:
-    """Return the value of a parameter of a model; the tuning is one, too."""
+    """Return the value of a parameter of a model, or its tuning for the name "tuning"."""
     if name == "tuning":
         return float(tuning)
     if name in model.parameters:
@@ -78,7 +75,7 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     """Return (model, tuning) with another value of the parameter `name`.
 
-    Raise ValueError if the value is not allowed. All other dimensionless parameters stay.
+    Raise ValueError if the value is invalid. All other dimensionless parameters are constant.
     """
     if name == "tuning":
         return model, checks.finite_positive(name, value)
@@ -98,11 +95,10 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     return changed.replace(max_stiffness=model.mean_stiffness / ratio), tuning
 
 
-def varied(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
+def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
     """Return a list of (model, tuning), one for each value of a parameter among `RATIOS`.
 
-    If another parameter than the tuning varies, `tuning` is fixed and the model a `GearPair`; else
-    `tuning` must be None.
+    `tuning` must be None if it is the parameter; other parameters require a `GearPair`.
     """
     checks.one_of("parameter", parameter, RATIOS)
     if parameter == "tuning":
@@ -120,9 +116,9 @@ def varied(model: Any, tuning: float | None, parameter: str, values: np.ndarray)
 
 
 def set_parameter_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
-    """Return a dataset over a parameter, after naming the parameter if it is the backlash.
+    """Set the long_name of the parameter of a dataset if it is the backlash; return the dataset.
 
-    In other datasets the variable "backlash" is the flank line over time, and named so.
+    In other datasets the variable "backlash" is the position of the flank over time.
     """
     if parameter == "backlash":
         dataset[parameter].attrs["long_name"] = "backlash in static deflections"

@@ -1,9 +1,9 @@
 """`main_resonance`: the tunings at which a mesh loses contact, jumps and vibrates most.
 
-Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits from static
-equilibrium show between which tunings contact is lost. From both ends of this range the branch is
-followed into it by pseudo-arclength; the motion jumps where the branch turns round, at a fold,
-which is then computed to rounding.
+Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits near the static
+equilibrium show in which range of tunings contact is lost. The branch is continued into this range
+from both ends by pseudo-arclength; the motion jumps where the branch turns at a fold, which is
+computed to rounding error.
 """
 
 import functools
@@ -25,78 +25,77 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 #: Quantities that `main_resonance` computes.
 QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
 _EXTREMUM_COLUMNS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
-#: Exceptions after which a quantity counts as not computed.
+#: Exceptions that mean that a quantity could not be computed.
 _FAILURES = (ContinuationFailed, NoOrbit, np.linalg.LinAlgError)
 
-#: Tunings at which orbits from static equilibrium are computed, bounds of the main resonance.
+#: Tunings of the scanned orbits, and bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Largest depth of contact loss that is distinguished, in static deflections.
+#: Limit of the depth of contact loss in static deflections; larger depths are reduced to it.
 _MAX_LOSS_DEPTH = 0.1
-#: First, largest and smallest step along a branch, and the longest within which it may turn.
+#: First, largest and smallest step along a branch, and the longest step in which it may turn.
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _MAX_TURNING_STEP = 0.1, 0.4, 1e-5, 1e-3
-#: Size of states above which the largest step grows with the state.
+#: The largest step is proportional to the state above this, in static deflections.
 _LARGE_STATE = 2.0
 _MAX_EASY_CORRECTIONS, _MAX_POINTS = 3, 4000
-#: Tuning that weighs as much as a static deflection.
+#: Change of the tuning that corresponds to one static deflection in the scaled unknowns.
 _TUNING_SCALE = 0.5
-#: Share of its first tuning at which a branch that is followed down ends.
-_MIN_TUNING_SHARE = 0.25
+#: A branch towards lower tunings ends at this fraction of its first tuning.
+_MIN_TUNING_RATIO = 0.25
 #: Reasons for the end of a branch.
 _FOLD_REACHED, _RESONANCE_PASSED = "fold", "passed"
-#: Relative tuning step behind a fold, where it shows to which motion the model jumps, and periods
-#: of the excitation until that has settled.
+#: Relative step of the tuning beyond a fold, where the motion has jumped, and periods of the
+#: excitation until it has settled.
 _STEP_BEHIND_FOLD, _SETTLING_REPEATS = 0.002, 160
-#: Largest number of jumps to higher branches before the motion falls.
+#: Largest number of jumps to higher branches before the motion jumps down.
 _MAX_JUMPS_TO_HIGHER_BRANCHES = 4
-#: Modulus of a multiplier above which deviations grow.
+#: Perturbations grow if the modulus of a multiplier exceeds this.
 _MAX_STABLE_MODULUS = 1.0 + 1e-6
-#: Share of a step before a fold at which an extremum is compared with the one at the fold.
-_SHARE_BEFORE_FOLD = 1e-3
-#: Tolerance of the position of a peak, as a share of a step.
+#: Fraction of a step before a fold at which an extremum is compared with that at the fold.
+_FRACTION_BEFORE_FOLD = 1e-3
+#: Tolerance of the position of a peak, relative to a step.
 _PEAK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class MainResonance:
-    """Tunings of the special points of a main resonance; NaN where there is none."""
+    """Tunings of the special points of a main resonance; NaN if there are none."""
 
-    onset: float = math.nan  #: contact is first lost, running up
-    jump_up: float = math.nan  #: first fold from below: the motion jumps up, running up
-    jump_down: float = math.nan  #: fold at which the motion falls, running down
-    peak: float = math.nan  #: largest displacement of the stable branch entered from above
+    onset: float = math.nan  #: first loss of contact in a run-up
+    jump_up: float = math.nan  #: first fold in a run-up, where the motion jumps up
+    jump_down: float = math.nan  #: fold in a run-down where the motion jumps down
+    peak: float = math.nan  #: largest displacement of the stable branch in a run-down
     peak_dynamic_factor: float = math.nan  #: largest force of the same branch
-    #: States at the start of a mesh period at these points, name -> array of shape (n,).
+    #: Name of a special point -> its state at the start of a mesh period, shape (n,).
     states: dict = field(default_factory=dict)
     #: Names of the quantities that could not be computed.
     lost: frozenset = frozenset()
     #: Largest displacement at the peak, static deflections.
     peak_displacement: float = math.nan
-    #: Largest mesh force at its peak over the load.
+    #: Largest mesh force at its peak, relative to the load.
     peak_force: float = math.nan
 
 
 def main_resonance(model, quantities=QUANTITIES):
-    """Find where a mesh loses contact, jumps and moves most about its main resonance.
+    """Find the tunings of contact loss, jumps and largest motions near the main resonance.
 
     Parameters
     ----------
     model : Model
-        Of one degree of freedom; of more, without peaks, it takes longer.
+        A model with one degree of freedom, or with several, but then without peaks.
     quantities : sequence of str
-        Names of `QUANTITIES`; others stay NaN.
+        Names from `QUANTITIES`; all others are NaN.
 
     Returns
     -------
     MainResonance
-        The upper end of the range of contact loss may be followed downwards over several jumps to
-        higher branches, which strike the far flank: ``jump_down`` is the fold from which the
-        motion falls, whether or not its period doubles before; peaks are those of the branch up to
-        its first fold.
+        In a run-down the motion may jump several times to higher branches with coast-side contact:
+        ``jump_down`` is the fold where it jumps down, even after a period doubling; peaks are those
+        of the branch up to its first fold.
     """
     points, values, failed = {}, {}, set()
     try:
-        search = _Search(model)
+        search = _ResonanceSearch(model)
     except _FAILURES:
         return MainResonance(lost=frozenset(quantities))
     for name in quantities:
@@ -119,44 +118,44 @@ def main_resonance(model, quantities=QUANTITIES):
     )
 
 
-class _Search:
-    """Search for special points of one model; each is an array of scaled unknowns, or None."""
+class _ResonanceSearch:
+    """Search for the special points of a model; each is an array of scaled unknowns, or None."""
 
     def __init__(self, model: Any):
-        """Compute orbits of the model from static equilibrium at tunings about the resonance."""
+        """Compute orbits near the static equilibrium at tunings around the resonance."""
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
-        #: Direction of the tuning in the unknowns.
+        #: Unit vector of the tuning in the scaled unknowns.
         self.tuning_axis = np.eye(self.problem.units.size)[-1]
-        orbits = [self._orbit_from_equilibrium(tuning) for tuning in _SCAN_TUNINGS]
-        self.scan = [unknowns for unknowns, _, _ in orbits]
+        orbits = [self._orbit_near_equilibrium(tuning) for tuning in _SCAN_TUNINGS]
+        self.scanned_orbits = [unknowns for unknowns, _, _ in orbits]
         heights = np.array([height for _, height, _ in orbits])
         in_contact = np.array([clearance >= 0.0 for _, _, clearance in orbits])
         low, high = _RESONANCE_BOUNDS
         near_resonance = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
-        #: Index of the highest orbit of the scan, and a tuning at which contact is lost.
-        self.highest = int(np.where(near_resonance, heights, -np.inf).argmax())
-        self.tuning_with_loss = float(_SCAN_TUNINGS[self.highest])
-        if in_contact[self.highest]:
-            step = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
-            bounds = self.tuning_with_loss / step, self.tuning_with_loss * step
-            lowest = minimize_scalar(self._clearance, bounds=bounds, method="bounded")
-            self.tuning_with_loss = float(lowest.x) if lowest.fun < 0.0 else math.nan
+        #: Index of the largest scanned orbit, and a tuning at which contact is lost.
+        self.largest = int(np.where(near_resonance, heights, -np.inf).argmax())
+        self.tuning_with_loss = float(_SCAN_TUNINGS[self.largest])
+        if in_contact[self.largest]:
+            ratio = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
+            bounds = self.tuning_with_loss / ratio, self.tuning_with_loss * ratio
+            minimum = minimize_scalar(self._clearance, bounds=bounds, method="bounded")
+            self.tuning_with_loss = float(minimum.x) if minimum.fun < 0.0 else math.nan
         below = np.flatnonzero(in_contact & (_SCAN_TUNINGS < self.tuning_with_loss))
         above = np.flatnonzero(in_contact & (_SCAN_TUNINGS > self.tuning_with_loss))
-        #: Orbits of the scan that keep contact, nearest to the loss of contact on either side.
-        self.below = self.scan[below[-1]] if below.size else None
-        self.above = self.scan[above[0]] if above.size else None
+        #: Scanned orbits without contact loss, next to the contact loss on either side.
+        self.below = self.scanned_orbits[below[-1]] if below.size else None
+        self.above = self.scanned_orbits[above[0]] if above.size else None
 
     def tuning(self, unknowns: np.ndarray) -> float:
         """Return the tuning, the last of the scaled unknowns of an orbit."""
         return float(unknowns[-1] * self.problem.units[-1])
 
-    def _orbit_from_equilibrium(self, tuning: float) -> tuple:
-        """Return (scaled unknowns, height, clearance) of the orbit next to static equilibrium.
+    def _orbit_near_equilibrium(self, tuning: float) -> tuple:
+        """Return (scaled unknowns, displacement range, clearance) of the orbit near equilibrium.
 
-        The clearance is the smallest distance from the flank line, negative after contact loss,
-        at least -_MAX_LOSS_DEPTH. It has this value, too, if there is no such orbit.
+        The clearance is the smallest distance from the flank line, negative after contact loss, but
+        at least -_MAX_LOSS_DEPTH. This is also its value if there is no orbit.
         """
         model = self.model
         start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
@@ -171,11 +170,11 @@ class _Search:
         return unknowns, (highest - lowest).max(), clearance
 
     def _clearance(self, tuning: float) -> float:
-        """Return the smallest distance of `_orbit_from_equilibrium` from the flank line."""
-        return self._orbit_from_equilibrium(tuning)[2]
+        """Return the clearance of `_orbit_near_equilibrium` at a tuning."""
+        return self._orbit_near_equilibrium(tuning)[2]
 
     def onset(self) -> np.ndarray | None:
-        """Return the scaled unknowns of the orbit at which contact is first lost, running up.
+        """Return the scaled unknowns of the orbit at the first loss of contact in a run-up.
 
         Return None if contact is lost at all lower tunings.
         """
@@ -185,34 +184,31 @@ class _Search:
         tuning = brentq(
             self._clearance, low, self.tuning_with_loss, xtol=precision, rtol=4.0 * precision
         )
-        return self._orbit_from_equilibrium(tuning)[0]
+        return self._orbit_near_equilibrium(tuning)[0]
 
     def _extremum(self, unknowns: np.ndarray, column: int) -> float:
-        """Return the largest value, over all meshes, in a column of the summary of an orbit.
-
-        The columns are those of `gearlib.engines.orbit`.
-        """
+        """Return the maximum over all meshes of a column in the summary of an orbit."""
         record = self.problem.record(unknowns, self.model.repeats)[1]
         return float(record.summary[..., column].max())
 
     def jump_up(self) -> np.ndarray | None:
-        """Return the scaled unknowns of the first fold running up, None if there is none."""
+        """Return the scaled unknowns of the first fold in a run-up, or None."""
         if self.below is None:
             return None
         return self._stable_fold(self._follow_branch(self.below, True)[0])
 
     @functools.cached_property
     def _branch_down(self) -> tuple:
-        """The first fold running down, or None, and the points of the branch before it."""
+        """The first fold in a run-down, or None, and the points of the branch before it."""
         if self.above is not None:
             return self._follow_branch(self.above, False)
-        neighbours = self.scan[max(self.highest - 3, 0) : self.highest + 4]
+        neighbours = self.scanned_orbits[max(self.largest - 3, 0) : self.largest + 4]
         axis = self.tuning_axis
         solutions = [tracing.correct(self.problem, start, axis)[0] for start in neighbours]
         return None, [branch_point(solution, axis) for solution in solutions]
 
     def jump_down(self) -> np.ndarray | None:
-        """Return the unknowns of the fold at which the motion falls, running down, or None."""
+        """Return the unknowns of the fold where the motion jumps down in a run-down, or None."""
         fold = self._branch_down[0]
         for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
@@ -223,43 +219,40 @@ class _Search:
             ends, codes = propagator.many(fold.solution.state[None], periods, MAX_EVENTS)
             if codes[0] != status.OK:
                 raise ContinuationFailed(status.MESSAGES[int(codes[0])])
-            settled = self.problem.unknowns(ends[0], [tuning])
-            if not self._extremum(settled, columns.X_MAX) > fold.displacement_max:
+            steady_state = self.problem.unknowns(ends[0], [tuning])
+            if not self._extremum(steady_state, columns.X_MAX) > fold.displacement_max:
                 return self._stable_fold(fold)
-            fold, _ = self._follow_branch(settled, False)
+            fold, _ = self._follow_branch(steady_state, False)
         return None
 
-    def _follow_branch(self, start: np.ndarray, up: bool) -> tuple:
-        """Return (first fold ahead of an orbit or None, points of the branch before it).
+    def _follow_branch(self, start: np.ndarray, increasing: bool) -> tuple:
+        """Return (first fold after an orbit or None, points of the branch before it).
 
-        The orbit has the scaled unknowns `start`; the tuning rises with `up`, else it falls. The
-        branch ends beyond the resonance, where it has contact without loss.
+        The orbit has the scaled unknowns `start`; the tuning increases or decreases. The branch
+        ends beyond the resonance, where there is no contact loss.
         """
         problem = self.problem
-        sign, end = (1.0, self.above) if up else (-1.0, self.below)
-        low, high = _MIN_TUNING_SHARE * self.tuning(start), _SCAN_TUNINGS[-1]
+        sign, end = (1.0, self.above) if increasing else (-1.0, self.below)
+        low, high = _MIN_TUNING_RATIO * self.tuning(start), _SCAN_TUNINGS[-1]
         solution, _ = tracing.correct(problem, start, self.tuning_axis)
         tangent = tracing.tangent(solution.jacobian, sign * self.tuning_axis)
         points = [branch_point(solution, tangent)]
 
         def has_passed(point: BranchPoint) -> bool:
-            """Return whether a point lies beyond the resonance or outside the tunings."""
+            """Return whether a point lies beyond the resonance or outside the tuning limits."""
             if not low < point.value < high:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
             in_contact = point.displacement_min >= np.max(self.model.flank_lines[0])
-            return is_beyond and (up or in_contact)
+            return is_beyond and (increasing or in_contact)
 
         def step(length: float) -> tuple[float, str]:
             """Take a step and add its point; return (next length, reason for the end or "")."""
             last = points[-1]
-            # Close behind a grazing a fold is so sharp that a short step may turn.
+            # A fold just behind a grazing is so sharp that the branch may turn in a short step.
+            corner = length < _MAX_TURNING_STEP
             solution, tangent, corrections = tracing.take_step(
-                problem,
-                last.unknowns,
-                last.tangent,
-                length,
-                allow_corner=length < _MAX_TURNING_STEP,
+                problem, last.unknowns, last.tangent, length, allow_corner=corner
             )
             new = branch_point(solution, tangent)
             if sign * tangent[-1] < 0.0:
@@ -268,14 +261,16 @@ class _Search:
                     raise ContinuationFailed("the branch turns at no fold")
                 points.append(fold)
                 return length, _FOLD_REACHED
-            # The slope of the cubic in the middle shows two folds within a step.
+            # The slope of the interpolating cubic in the middle indicates two folds within a step.
             difference = new.unknowns - last.unknowns
             middle_slope = 6.0 * difference[-1] / length - (last.tangent + tangent)[-1]
             if sign * middle_slope < 0.0:
                 raise ContinuationFailed("two folds lie within the step")
             points.append(new)
-            longest = _MAX_STEP * max(1.0, np.abs(new.unknowns[:-1]).max() / _LARGE_STATE)
-            length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest)
+            max_length = _MAX_STEP * max(1.0, np.abs(new.unknowns[:-1]).max() / _LARGE_STATE)
+            length = tracing.next_step_length(
+                length, corrections, _MAX_EASY_CORRECTIONS, max_length
+            )
             return length, _RESONANCE_PASSED if has_passed(new) else ""
 
         end_reason = tracing.follow_curve(step, points, _FIRST_STEP, _MIN_STEP, _MAX_POINTS)
@@ -285,9 +280,9 @@ class _Search:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the scaled unknowns of a fold, or None; raise an error if the motion is unstable.
+        """Return the scaled unknowns of a fold, if any; raise an error if it is unstable before it.
 
-        With one degree of freedom and damping the second multiplier is below 1.
+        With one degree of freedom and damping the second multiplier is always below 1.
         """
         if fold is None:
             return None
@@ -298,9 +293,9 @@ class _Search:
         return fold.unknowns
 
     def peak(self, column: int) -> tuple:
-        """Return (scaled unknowns, value) where an extremum is largest before the first fold.
+        """Return (scaled unknowns, value) of the largest extremum before the first fold.
 
-        `column` is that of the extremum in `gearlib.engines.orbit`, for instance X_MAX.
+        `column` is that of the extremum in `gearlib.engines.orbit`, such as X_MAX.
         """
         fold, branch = self._branch_down
         points = [point.unknowns for point in (branch if fold is None else [*branch, fold])]
@@ -308,7 +303,7 @@ class _Search:
         i, last = int(np.argmax(values)), len(points) - 1
 
         def point_at(position: float) -> Any:
-            """Return the unknowns of the branch at a fractional index of its points."""
+            """Return the unknowns of the branch at a fractional index in its points."""
             first = min(int(position), last - 1)
             chord = points[first + 1] - points[first]
             start = points[first] + (position - first) * chord
@@ -316,12 +311,12 @@ class _Search:
             return tracing.correct(self.problem, start, normal)[0].unknowns
 
         def negative_extremum(position: float) -> float:
-            """Return the extremum at a fractional index of the points, with the opposite sign."""
+            """Return minus the extremum at a fractional index in the points."""
             return -self._extremum(point_at(position), column)
 
-        before_fold = last - _SHARE_BEFORE_FOLD
+        before_fold = last - _FRACTION_BEFORE_FOLD
         if fold is not None and i == last and -negative_extremum(before_fold) <= values[i]:
             return points[i], values[i]
         bounds, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
-        top = minimize_scalar(negative_extremum, bounds=bounds, method="bounded", options=options)
-        return point_at(top.x), -float(top.fun)
+        peak = minimize_scalar(negative_extremum, bounds=bounds, method="bounded", options=options)
+        return point_at(peak.x), -float(peak.fun)

@@ -1,7 +1,7 @@
-"""`locus`: folds, period doublings and grazings over two parameters.
+"""`locus`: continuation of folds, period doublings and grazings in two parameters.
 
-The shooting equation and the condition of the special point (a multiplier 1, -1, or a turning point
-on a flank line) fix a curve over the state and both parameters, followed by pseudo-arclength.
+The shooting equation and the condition of the special point (a multiplier 1 or -1, or a turning
+point on a flank line) define a curve over the state and both parameters.
 """
 
 import itertools
@@ -24,61 +24,61 @@ from gearlib.analysis.orbits.special_points import (
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Scaled step of the differences of the condition.
+#: Scaled step of the finite differences of the condition.
 _DIFFERENCE_STEP = 1e-6
-#: Largest value of the condition, over its gradient, at which it counts as fulfilled.
+#: Largest value of the condition, relative to its gradient, at a special point.
 _MAX_CONDITION = 1e-10
-#: Smallest step, as a share of the largest.
+#: Smallest step, relative to the largest.
 _MIN_STEP = 1e-3
-#: Size of states, in static deflections, above which the largest step grows with the state.
+#: The largest step is proportional to the state above this, in static deflections.
 _LARGE_STATE = 2.0
-#: Corrections up to which a step counts as easy, so that the next may be longer.
+#: The step length increases after at most this number of Newton corrections.
 _MAX_EASY_CORRECTIONS = 4
-#: Samples of a mesh period, between which turning points are interpolated.
+#: Samples per mesh period, between which turning points are interpolated.
 _SAMPLES = 512
-#: Values, slopes and second derivatives at 0 and 1 of the powers 0 to 5, shape (6, 6).
+#: Values, first and second derivatives of the powers 0 to 5 at 0 and at 1, shape (6, 6).
 _HERMITE = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) for m in (0, 1, 2)]
 
 
 class _SpecialPointProblem(Shooting):
-    """The shooting equation with the condition of a special point, over two parameters."""
+    """Shooting equation with the condition of a special point and two parameters."""
 
     label: int = FOLD  #: kind of special point
-    phase: float | None = None  #: mesh phase of the turning point of the last grazing orbit
-    line: float = 0.0  #: displacement at the flank line that the orbit touches
+    phase: float | None = None  #: mesh phase of the turning point of the previous grazing orbit
+    flank_line: float = 0.0  #: displacement of the flank line that the orbit touches
 
     def turning_point(self, unknowns: np.ndarray) -> tuple[float, float]:
-        """Return (mesh phase, displacement) of the turning point of an orbit that grazes.
+        """Return (mesh phase, displacement) of the turning point of a grazing orbit.
 
-        It is the turning point nearest to `self.phase`. Without a phase it is the one nearest to a
-        flank line, which becomes `self.line`.
+        It is the turning point nearest to `self.phase`, or without a phase the one nearest to a
+        flank line, which is stored in `self.flank_line`.
         """
         samples = self.record(unknowns, self.period + 1, _SAMPLES)[1].samples
         samples = samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
         step = math.tau / _SAMPLES
-        # The velocity changes its sign between each of these samples and the next.
+        # The velocity changes its sign between each of these samples and the next one.
         turns = np.flatnonzero(np.diff(samples[:, 1] < 0.0))
         if not turns.size:
             raise tracing.ContinuationFailed("the orbit has no turning point")
         if self.phase is None:
-            # Turning points next to the ends of the record may be missing in neighbouring orbits.
-            inside = turns[np.abs(turns / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
-            touches = itertools.product(inside, (0.0, -self.pair.backlash_ratio))
-            i, self.line = min(touches, key=lambda touch: abs(samples[touch[0], 0] - touch[1]))
+            # Turning points at the ends of the record may be missing in neighbouring orbits.
+            inner = turns[np.abs(turns / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
+            pairs = itertools.product(inner, (0.0, -self.pair.backlash_ratio))
+            i, self.flank_line = min(pairs, key=lambda pair: abs(samples[pair[0], 0] - pair[1]))
         else:
             i = turns[np.abs(turns * step - self.phase).argmin()]
-        # A polynomial of degree 5 matches x, v and a at both samples.
-        ends = samples[i : i + 2] * step ** np.arange(3.0)
-        displacement = Polynomial(np.linalg.solve(_HERMITE, ends.ravel()))
-        position = ends[0, 1] / (ends[0, 1] - ends[1, 1])
+        # The polynomial of degree 5 has the displacements, velocities and accelerations of both.
+        end_values = samples[i : i + 2] * step ** np.arange(3.0)
+        displacement = Polynomial(np.linalg.solve(_HERMITE, end_values.ravel()))
+        position = end_values[0, 1] / (end_values[0, 1] - end_values[1, 1])
         for _ in range(2):
             position -= displacement.deriv()(position) / displacement.deriv(2)(position)
         return (i + position) * step, float(displacement(position))
 
     def condition(self, unknowns: np.ndarray) -> float:
-        """Return a number that is zero if the orbit at scaled unknowns is the special point."""
+        """Return a number that is zero if the orbit at scaled unknowns is a special point."""
         if self.label == GRAZING:
-            return self.turning_point(unknowns)[1] - self.line
+            return self.turning_point(unknowns)[1] - self.flank_line
         monodromy = super().evaluate(unknowns).monodromy
         multiplier = 1 if self.label == FOLD else -1
         return np.linalg.det(monodromy - multiplier * np.eye(len(monodromy)))
@@ -86,15 +86,14 @@ class _SpecialPointProblem(Shooting):
     def evaluate(self, unknowns: np.ndarray) -> Evaluation:
         """Return the `Evaluation` of the shooting equation with the condition as last equation."""
         solution = super().evaluate(unknowns)
-        gradient = np.array(
-            [
-                tracing.difference_quotient(self.condition, unknowns, i, _DIFFERENCE_STEP)
-                for i in range(unknowns.size)
-            ]
-        )
-        gradient_size = np.linalg.norm(gradient)
-        value = self.condition(unknowns) / gradient_size
-        solution.jacobian = np.vstack([solution.jacobian, gradient / gradient_size])
+        differences = [
+            tracing.difference_quotient(self.condition, unknowns, i, _DIFFERENCE_STEP)
+            for i in range(unknowns.size)
+        ]
+        gradient = np.array(differences)
+        norm = np.linalg.norm(gradient)
+        value = self.condition(unknowns) / norm
+        solution.jacobian = np.vstack([solution.jacobian, gradient / norm])
         solution.residuals = np.append(solution.residuals, value)
         solution.converged = solution.converged and abs(value) <= _MAX_CONDITION
         return solution
@@ -112,7 +111,7 @@ def locus(
     max_points=1000,
     max_events=MAX_EVENTS,
 ):
-    """Follow a fold, a period doubling or a grazing over a second parameter.
+    """Continue a fold, a period doubling or a grazing in a second parameter.
 
     Parameters
     ----------
@@ -121,17 +120,18 @@ def locus(
     branch : xarray.Dataset
         A result of `gearlib.continue_orbit`.
     point : int
-        Number of a point labelled "fold", "period doubling" or "grazing".
+        Index of a point labelled "fold", "period doubling" or "grazing".
     parameter : str
-        Another parameter of `gearlib.continue_orbit` than the branch's.
+        Any parameter of `gearlib.continue_orbit` except that of the branch.
     to : float
-        Value of this parameter at which the locus ends; it also ends where it comes back to the
-        pair's value.
+        Value of this parameter at which the locus ends; it also ends if it returns to the value of
+        the pair.
     limits : tuple of float
-        The locus also ends where the branch's parameter leaves this interval.
+        The locus also ends if the parameter of the branch leaves this interval.
     step : float
-        Largest step; one is a static deflection, the range of the branch, the way to `to`. Where
-        the state is larger than 2 static deflections the steps grow with it.
+        Largest step length. The unit is one static deflection, the range of the branch, or the
+        distance to `to`. The largest step is proportional to the state if that exceeds 2 static
+        deflections.
     max_points : int
         Largest number of points.
     max_events : int
@@ -141,15 +141,15 @@ def locus(
     -------
     xarray.Dataset
         Over ``point``: both parameters under their names, state, multiplier_real,
-        multiplier_imaginary, residual; the label of all. A locus may end before `to`, for instance
-        a fold where it meets a grazing: see the attribute ``ended``.
+        multiplier_imaginary, residual. A locus may end before `to`, such as that of a fold at a
+        grazing: the attribute ``ended`` has the reason, the attribute ``label`` the kind of point.
 
     Raises
     ------
     ValueError
         Naming the argument, its value and the allowed range.
     NoOrbit
-        If the special point itself was not found.
+        If the special point is not found.
     """
     special_point = point_of_dataset(pair, branch, point, max_events, (FOLD, DOUBLING, GRAZING))
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
@@ -165,7 +165,7 @@ def locus(
     try:
         if label == GRAZING:
             problem.phase, _ = problem.turning_point(unknowns)
-        allowed = not (problem.line and pair.moving_flank)
+        allowed = not (problem.flank_line and pair.moving_flank)
         checks.require(allowed, "point", point, "a grazing of the normal flank: the other moves")
         solutions = [tracing.correct(problem, unknowns, np.eye(unknowns.size)[-1])[0]]
         end_reason = _follow_locus(problem, solutions, to, limits, step, max_points)
@@ -184,10 +184,10 @@ def _follow_locus(
     max_step: float,
     max_points: int,
 ) -> str:
-    """Follow a locus, append its solutions to the first one, and return the reason for its end.
+    """Continue a locus, append its solutions to the first one, and return the reason for its end.
 
-    `to` is the value of the second parameter at which it ends, `limits` are (lowest, highest) of
-    the first.
+    It ends at the value `to` of the second parameter or at the `limits` (lowest, highest) of the
+    first.
     """
     goal, first_value = to / problem.units[-1], solutions[0].unknowns[-1]
     sign = np.sign(goal - first_value)
@@ -197,7 +197,7 @@ def _follow_locus(
     def step(length: float) -> tuple[float, str]:
         """Take a step and add its point; return (next length, reason for the end or "")."""
         nonlocal direction
-        # Where an event meets a stiffness switch, folds and doublings have a corner.
+        # Loci of folds and doublings have a corner if an event coincides with a stiffness switch.
         allow_corner = length < 2.0 * _MIN_STEP * max_step
         solution, direction, corrections = tracing.take_step(
             problem, solutions[-1].unknowns, direction, length, goal, allow_corner
@@ -206,8 +206,8 @@ def _follow_locus(
         unknowns = solution.unknowns
         if problem.label == GRAZING:
             problem.phase, _ = problem.turning_point(unknowns)
-        longest = max_step * max(1.0, np.abs(unknowns[:-2]).max() / _LARGE_STATE)
-        length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, longest)
+        max_length = max_step * max(1.0, np.abs(unknowns[:-2]).max() / _LARGE_STATE)
+        length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length)
         if unknowns[-1] == goal:
             return length, "at its goal"
         if not limits[0] <= unknowns[-2] * problem.units[-2] <= limits[1]:

@@ -1,13 +1,13 @@
 """Periodic orbits by shooting on the map of n mesh periods, with their Floquet multipliers.
 
-An orbit of period n is a fixed point of the map that takes the state at tau = 0 through n mesh
-periods. Newton's method needs the derivative of that map by the state, the monodromy matrix, which
-is exact: variational equations with the saltation at flank crossings. Orbits are therefore computed
-to rounding, unstable ones included. The derivative by a parameter is a central difference, which
-decides how fast Newton's method converges, not where to.
+An orbit of period n is a fixed point of the map of the state over n mesh periods. The Jacobian
+matrix of this map for Newton's method, the monodromy matrix, is exact: variational equations with
+saltation matrices at flank crossings. Therefore stable and unstable orbits are accurate to rounding
+error. Derivatives with respect to a parameter are central differences, which only affect the rate
+of convergence.
 
-At grazing the derivative depends on the side from which it is taken: an orbit that touches a flank
-line is marked as grazing, and its multipliers belong to the side on which it was computed.
+At a grazing the one-sided derivatives differ: an orbit that touches a flank line is marked as
+grazing, and its multipliers belong to one of the sides.
 """
 
 import functools
@@ -30,25 +30,25 @@ from gearlib.engines import orbit as columns
 from gearlib.integrators import choose
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Largest residual of an orbit, in static deflections, or relative to its height if that is larger.
+#: Largest residual of an orbit, in static deflections, or relative to a hundredth of its size.
 MAX_RESIDUAL = 1e-12
-#: Mesh periods from rest after which the state is the default guess.
-_SETTLING_PERIODS = 400
+#: Mesh periods of the motion from rest whose final state is the default guess.
+_TRANSIENT_PERIODS = 400
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
-#: Largest number of mesh periods of an orbit, which limits memory, and of one shooting segment.
+#: Largest number of mesh periods of an orbit, which limits memory, and of a shooting segment.
 MAX_PERIODS, _MAX_SEGMENT_PERIODS = 100_000, 32
-#: Multipliers this close to the unit circle count as on it: a double multiplier has an error of the
-#: square root of the rounding of the map.
+#: Distance of a multiplier from the unit circle due to rounding errors: double multipliers have an
+#: error of the square root of the machine precision.
 _CIRCLE_TOLERANCE = 1e-7
-#: Residual up to which a shorter period is tried, and distance of its orbit up to which it is the
-#: same orbit; in static deflections.
+#: Largest residual for which a shorter period is tried, and largest distance between equal orbits,
+#: in static deflections.
 _SHORTER_PERIOD_TOLERANCE, _SAME_ORBIT_TOLERANCE = 1e-6, 1e-9
-#: Distance from a flank line at which an orbit touches it, relative to the orbit's height.
+#: Distance from a flank line at which an orbit touches it, relative to the displacement range.
 _TOUCH_TOLERANCE = 1e-9
 
 
 class NoOrbit(RuntimeError):
-    """Newton's method found no orbit; the message says what to try."""
+    """Newton's method has not found an orbit; the message says what to try."""
 
 
 @dataclass(frozen=True)
@@ -57,16 +57,16 @@ class Orbit:
 
     pair: object  #: the model
     tuning: float
-    period: int  #: mesh periods, the smallest number after which it repeats
+    period: int  #: smallest number of mesh periods after which it repeats
     state: np.ndarray  #: full state at tau = 0, shape (n,)
-    residual: float  #: largest difference of the states at start and end
-    multipliers: np.ndarray  #: Floquet multipliers of the whole period, complex, largest first
-    pattern: tuple  #: contact codes in the order in which they occur from tau = 0
-    grazing: bool  #: whether it touches a flank line: then its multipliers are one-sided
+    residual: float  #: largest difference between initial and final state
+    multipliers: np.ndarray  #: Floquet multipliers over the period, complex, largest first
+    pattern: tuple  #: sequence of contact codes from tau = 0
+    grazing: bool  #: whether it touches a flank line, where its multipliers are one-sided
 
     @property
     def stable(self) -> bool:
-        """Whether no multiplier lies outside the unit circle; see `is_stable`."""
+        """Whether no multiplier lies outside the unit circle."""
         return is_stable(self.multipliers)
 
     def dataset(self) -> xr.Dataset:
@@ -89,7 +89,7 @@ class Orbit:
 
 
 def check_orbit(orbit: Any) -> None:
-    """Raise ValueError if an argument is no `Orbit`."""
+    """Raise ValueError unless the argument `orbit` is an `Orbit`."""
     checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
 
 
@@ -101,11 +101,11 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
     guess : array_like of float, shape (2,) or (n,), optional
-        Displacement and dx/dtau at tau = 0, or a full state; by default the state of the motion
+        Displacement and dx/dtau at tau = 0, or a full state. By default the state of the motion
         from rest after 400 mesh periods.
     period : int, default 1
-        Mesh periods after which the orbit repeats, or a multiple of them; with run-out a multiple
-        of the mesh periods after which that repeats. The result has its smallest period.
+        Period of the orbit in mesh periods, or a multiple of it; with run-out a multiple of the
+        period of the run-out. The result has its smallest period.
     max_events : int
         Largest number of contact events in one mesh period.
 
@@ -144,7 +144,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
 
 
 def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
-    """Return the orbit of a solution with its smallest period, None if that is the solution's."""
+    """Return the same orbit with its smallest period if that is shorter, else None."""
     problem, state = solution.problem, solution.state
     model, tuning, max_events = problem.pair, problem.tuning, problem.max_events
     propagator, period = problem.propagator(model, tuning), problem.period
@@ -160,18 +160,18 @@ def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
             )
         except NoOrbit:
             continue
-        # Close to a period doubling there is a different orbit of half the period.
+        # Near a period doubling there is also a different orbit of half the period.
         if problem.distance(orbit.state, state) <= _SAME_ORBIT_TOLERANCE:
             return orbit
     return None
 
 
 class Shooting:
-    """The shooting equation for orbits of a period, over their state and parameters of a model.
+    """Shooting equation for periodic orbits; the unknowns are states and parameters of a model.
 
-    Unknowns are scaled: one unit of a parameter changes it by its scale and weighs as much as a
-    static deflection. If no parameter varies, a long period is divided into segments with a state
-    each (multiple shooting), so that deviations along an unstable orbit stay above rounding.
+    Unknowns are scaled: one unit of a parameter is its scale and corresponds to one static
+    deflection. Without parameters, a long period is divided into segments with a state each
+    (multiple shooting), which limits the growth of errors along an unstable orbit.
     """
 
     def __init__(
@@ -183,32 +183,32 @@ class Shooting:
         scales: tuple = (),
         max_events: int = MAX_EVENTS,
     ):
-        """Take the names of the parameters that vary, and the scale of each."""
+        """Set up the equation; `names` are the unknown parameters, `scales` their units."""
         self.pair, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator: Any = None
-        #: Matrices from full states to states without free rotation, and back.
+        #: Matrices from full states to states without the free rotation, and back.
         self.reduction, self.lift = model.reduction()
         n, segments = len(self.reduction), 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
-        #: Mesh periods at which segments begin, and the last one ends.
+        #: Mesh periods at which the segments start, and at which the last one ends.
         self.starts = [period * i // segments for i in range(segments + 1)]
-        #: Free rotations of the states at the starts of segments, shape (segments, n), or none.
+        #: Free rotations of the initial states of the segments, shape (segments, n), or 0.
         self.rotations: Any = 0.0
-        #: Index of the segment after each, and the derivative of its first state by all states.
+        #: Index of the next segment, and permutation matrix from all states to the next ones.
         self.next_segments = np.arange(1, segments + 1) % segments
-        self.links = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
+        self.permutation = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
         state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * segments
-        #: Size of one scaled unit of each unknown.
+        #: Value of one scaled unit of each unknown.
         self.units = np.array([*state_units, *scales])
 
     def unknowns(self, state: np.ndarray, values: Any) -> np.ndarray:
-        """Return the scaled unknowns for a full state and values of the parameters that vary."""
+        """Return the scaled unknowns for a full state and values of the unknown parameters."""
         return np.append(self.reduction @ state, values) / self.units
 
     def guess(self, state: np.ndarray) -> np.ndarray:
         """Return the scaled unknowns of the motion from a full state.
 
-        The free rotations of the model along this motion are kept in `self.rotations`.
+        Its free rotations are stored in `self.rotations`.
         """
         states, propagator = [state], self.propagator(self.pair, self.tuning)
         for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
@@ -219,9 +219,9 @@ class Shooting:
         return reduced_states.ravel() / self.units
 
     def model(self, unknowns: np.ndarray) -> tuple:
-        """Return (model, tuning, full states at the starts of segments) at scaled unknowns.
+        """Return (model, tuning, full initial states of the segments) at scaled unknowns.
 
-        Raise ValueError if the model does not allow the values of its parameters.
+        Raise ValueError if the model does not allow the values of the parameters.
         """
         values = unknowns * self.units
         model, tuning = self.pair, self.tuning
@@ -243,7 +243,7 @@ class Shooting:
     def _segment(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
         """Return (final state, linearised map of each mesh period) of the motion from a full state.
 
-        It runs from the beginning of mesh period `start` to that of mesh period `stop`.
+        It lasts from the start of mesh period `start` to the start of mesh period `stop`.
         """
         first = start % self.pair.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first)
@@ -252,9 +252,9 @@ class Shooting:
         return end, maps
 
     def run(self, unknowns: np.ndarray) -> tuple:
-        """Return (tuning, first states, final states, linearised maps) of all segments.
+        """Return (tuning, initial states, final states, lists of linearised maps) of all segments.
 
-        States have shape (segments, n); the maps of a segment are those of its mesh periods.
+        States have shape (segments, n); a segment has a map for each of its mesh periods.
         """
         model, tuning, states = self.model(unknowns)
         propagator = self.propagator(model, tuning)
@@ -266,9 +266,9 @@ class Shooting:
         return tuning, states, ends, maps
 
     def record(self, unknowns: np.ndarray, periods: int, samples: int = 0) -> tuple:
-        """Return (model, `Record` of its motion over some mesh periods) at scaled unknowns.
+        """Return (model, `Record` of its motion) at scaled unknowns.
 
-        `samples` is the number of samples in a mesh period.
+        The record has a number of mesh `periods`, with a number of `samples` in each.
         """
         model, tuning, states = self.model(unknowns)
         propagator = self.propagator(model, tuning)
@@ -277,18 +277,17 @@ class Shooting:
     def evaluate(self, unknowns: np.ndarray) -> "Evaluation":
         """Return the `Evaluation` of the shooting equation at scaled unknowns.
 
-        Raise ValueError for a parameter value that is not allowed, ContinuationFailed if the motion
-        cannot go on.
+        Raise ValueError for an invalid parameter value, ContinuationFailed if the run fails.
         """
         return Evaluation(self, unknowns)
 
     def distance(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the distance of two full states as in `residual_size`, without free rotation."""
+        """Return the distance of two full states without the free rotation, see `residual_size`."""
         return residual_size(self.reduction @ (first - second), second, self.tuning)
 
 
 class Evaluation:
-    """The shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
+    """Shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
     def __init__(self, problem: Shooting, unknowns: np.ndarray):
         self.problem, self.unknowns = problem, unknowns
@@ -296,7 +295,7 @@ class Evaluation:
         next_states = states if len(states) == 1 else states[problem.next_segments]
         differences = (ends - next_states) @ problem.reduction.T
         self.state = states[0]  #: full state at tau = 0
-        #: Maps of the segments without free rotations.
+        #: Linearised maps of the segments without the free rotation.
         self.maps = [
             problem.reduction @ compose(segment_maps) @ problem.lift for segment_maps in maps
         ]
@@ -306,7 +305,7 @@ class Evaluation:
 
     @cached_property
     def monodromy(self) -> np.ndarray:
-        """Monodromy matrix: the linearised map of the whole period, without free rotations."""
+        """Monodromy matrix: the linearised map of the whole period, without the free rotation."""
         return compose(self.maps)
 
     @cached_property
@@ -316,17 +315,17 @@ class Evaluation:
 
     @cached_property
     def jacobian(self) -> np.ndarray:
-        """Derivative of the residuals by the scaled unknowns, shape (n, n + parameters)."""
+        """Jacobian matrix of the residuals by the scaled unknowns, shape (n, n + parameters)."""
         problem, n = self.problem, self.residuals.size
         units = problem.units[:n]
-        ends_by_states = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
-        by_states = (ends_by_states - problem.links) * units / units[:, None]
+        segment_maps = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
+        state_columns = (segment_maps - problem.permutation) * units / units[:, None]
 
         def final_states(unknowns: np.ndarray) -> np.ndarray:
             """Return the final states of the segments."""
             return problem.run(unknowns)[2]
 
-        columns = [by_states]
+        columns = [state_columns]
         for i in range(n, self.unknowns.size):
             derivative = difference_quotient(final_states, self.unknowns, i)
             columns.append((derivative @ problem.reduction.T).ravel() / units)
@@ -334,7 +333,7 @@ class Evaluation:
 
 
 def as_orbit(solution: Evaluation) -> Orbit:
-    """Return the `Orbit` at a solution of the shooting equation."""
+    """Return the `Orbit` of a solution of the shooting equation."""
     problem, period = solution.problem, solution.problem.period
     model, tuning, states = problem.model(solution.unknowns)
     record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
@@ -344,9 +343,9 @@ def as_orbit(solution: Evaluation) -> Orbit:
 
 
 def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
-    """Solve the shooting equation by Newton's method with halved steps; return the last iterate.
+    """Solve the shooting equation by Newton's method with step halving, from scaled unknowns.
 
-    It may not have converged. The method starts at scaled unknowns.
+    Return the last iterate, which may not have converged.
     """
     solution = problem.evaluate(unknowns)
     for _ in range(_MAX_NEWTON_STEPS):
@@ -360,25 +359,25 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
                 "guess an orbit on one of its sides"
             ) from None
         for _ in range(_MAX_HALVINGS):
-            trial = problem.evaluate(solution.unknowns + step)
-            if trial.residual < solution.residual:
+            candidate = problem.evaluate(solution.unknowns + step)
+            if candidate.residual < solution.residual:
                 break
             step *= 0.5
         else:
             break
-        solution = trial
+        solution = candidate
     return solution
 
 
 def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
-    """Return the full state of a guess, None: the state of the motion from rest when settled.
+    """Return the full state of a guess: displacement and velocity, or a full state.
 
-    `guess` is displacement and velocity, or a full state.
+    If it is None, return the final state of a long motion from rest.
     """
     model, n = problem.pair, problem.pair.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
-        periods = -(-_SETTLING_PERIODS // problem.period) * problem.period
+        periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
         start = propagator.start((0.0, 0.0))[None]
         ends, codes = propagator.many(start, periods, problem.max_events)
         code = int(codes[0])
@@ -399,33 +398,33 @@ def floquet_multipliers(monodromy: np.ndarray) -> np.ndarray:
 
 
 def is_stable(multipliers: np.ndarray) -> bool:
-    """Return whether no Floquet multiplier lies outside the unit circle.
+    """Return whether no Floquet multiplier lies outside the unit circle, within rounding errors.
 
-    An orbit without damping has them on the circle, where rounding shifts them to either side:
-    such an orbit counts as stable.
+    An orbit without damping, whose multipliers lie on the circle, counts as stable.
     """
     return bool(np.abs(multipliers).max() < 1.0 + _CIRCLE_TOLERANCE)
 
 
 def compose(maps: Any) -> np.ndarray:
-    """Return the product of linear maps, shape (n, n) each, that are applied one after another."""
+    """Return the matrix product M_k ... M_2 M_1 of linear maps [M_1, ..., M_k]."""
     return functools.reduce(lambda matrix, next_map: next_map @ matrix, maps)
 
 
 def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> float:
     """Return the largest component of a difference of states, in static deflections.
 
-    Velocities are multiplied by the tuning. Beyond 100 static deflections the difference is
-    relative to a hundredth of the state.
+    Velocities are multiplied by the tuning. If the state exceeds 100 static deflections, the
+    difference is relative to a hundredth of it.
     """
     weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
     return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))
 
 
 def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
-    """Return (contact codes of an orbit in the order in which they occur, whether it grazes).
+    """Return (sequence of contact codes of an orbit, whether it grazes a flank line).
 
-    `record` is its `Record`, `flank_lines` are the displacements at the near and the far flank.
+    `record` is its `Record`; `flank_lines` are the displacements at which drive-side and coast-side
+    contact start.
     """
     events, summary = record.events, record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
@@ -444,12 +443,12 @@ def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
 
 
 def codes_without_events(
-    lowest: np.ndarray, highest: np.ndarray, near_line: Any, far_line: Any
+    lowest: np.ndarray, highest: np.ndarray, drive_line: Any, coast_line: Any
 ) -> list:
     """Return the contact code of each mesh of an orbit without contact events.
 
     `lowest` and `highest` are the extreme displacements of the meshes, shape (m,), the lines are
-    the displacements at which the near and the far flank touch.
+    the displacements at which drive-side and coast-side contact start.
     """
-    codes = np.where(highest > near_line, 1, np.where(lowest > far_line, 0, -1))
+    codes = np.where(highest > drive_line, 1, np.where(lowest > coast_line, 0, -1))
     return np.atleast_1d(codes).tolist()

@@ -1,22 +1,22 @@
 """Points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point, regular points.
 
-Between two neighbouring points of a branch a special point shows as a change of sign of
+There is a special point between two neighbouring points of a branch if this quantity changes:
 
-================  =============================================================
-fold              det(M - I), and the parameter turns round
-branch point      det(M - I), and the parameter goes on
-period doubling   det(M + I)
-Neimark-Sacker    |mu| - 1 of the largest pair of complex multipliers mu
-grazing           the order of the contact states
-================  =============================================================
+================  ====================================================================
+fold              sign of det(M - I), and the parameter changes its direction
+branch point      sign of det(M - I), and the parameter keeps its direction
+period doubling   sign of det(M + I)
+Neimark-Sacker    sign of |mu| - 1 of the largest pair of complex multipliers mu
+grazing           sequence of contact states
+================  ====================================================================
 
-with M the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). It is
-located by Brent's method on the chord between the two, a grazing by bisection, with a Newton
-correction to the branch in every step, so that the located point is an orbit to rounding.
+M is the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). The point is
+located by Brent's method on the chord between both points, a grazing by bisection. Every step has a
+Newton correction to the branch, so that the located point is an orbit to rounding error.
 
-The mesh force is zero on a flank line. M is therefore continuous at a grazing, but beyond it
-changes like the root of the distance: the branch goes on without a corner, with a curvature that
-jumps, and folds and doublings often lie close behind a grazing, never exactly on it.
+The mesh force is zero on a flank line. M is therefore continuous at a grazing, but behind it
+changes with the square root of the distance: the branch has no corner there, but its curvature
+jumps, and folds and doublings are often just behind a grazing, never exactly at it.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from gearlib.analysis.orbits.followed_parameters import followed_parameters
+from gearlib.analysis.orbits.followed_parameters import continuation_parameters
 from gearlib.analysis.orbits.shooting import Evaluation, Shooting, codes_without_events
 from gearlib.analysis.orbits.tracing import correct, tangent
 from gearlib.data.result import result
@@ -44,28 +44,28 @@ LABELS = (
 )
 REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(LABELS))
 
-#: Tolerance of the position of a special point, as a share of the chord.
+#: Tolerance of the position of a special point, relative to the chord.
 _CHORD_TOLERANCE = 1e-14
-#: Share of the chord behind a grazing at which the branch goes on, so that rounding does not decide
-#: on contact there.
-_SHARE_BEHIND_GRAZING = 1e-7
-#: Largest deviation of the squared modulus from 1 at which a complex pair is on the unit circle.
+#: Distance from a grazing, relative to the chord, at which the continuation restarts, where contact
+#: states do not depend on rounding errors.
+_DISTANCE_BEHIND_GRAZING = 1e-7
+#: Largest difference of the squared modulus from 1 for a complex pair on the unit circle.
 _CIRCLE_TOLERANCE = 1e-6
-#: Test functions of Neimark-Sacker points below this change their sign by rounding only.
+#: Sign changes of smaller test functions of Neimark-Sacker points are rounding errors.
 _MIN_TEST_VALUE = 1e-9
-#: Events of several meshes closer in phase than this are simultaneous.
+#: Phases of simultaneous events of several meshes differ by less than this.
 _SIMULTANEOUS_TOLERANCE = 1e-9
 _CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
 
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """An orbit of a branch, with its tangent, extrema, contact pattern and label."""
+    """An orbit on a branch, with its tangent, extrema, contact pattern and label."""
 
     solution: Evaluation
-    tangent: np.ndarray  #: tangent of the branch, unit length
+    tangent: np.ndarray  #: unit tangent of the branch
     value: float  #: value of the parameter
-    pattern: str  #: contact states in cyclic order, as letters
+    pattern: str  #: cyclic sequence of contact states, as letters
     displacement_max: float
     displacement_min: float
     label: int = REGULAR
@@ -82,20 +82,20 @@ class BranchPoint:
 
 
 def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
-    """Return a solution of the shooting equation as a point of a branch over one parameter."""
+    """Return the `BranchPoint` of a solution of the shooting equation with one parameter."""
     problem = solution.problem
     model, record = problem.record(solution.unknowns, problem.period)
     summary = record.summary
     value = float(solution.unknowns[-1] * problem.units[-1])
-    highest, lowest = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
+    maximum, minimum = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
     pattern = _cyclic_pattern(record.events, summary, model.flank_lines)
-    return BranchPoint(solution, tangent, value, pattern, highest, lowest)
+    return BranchPoint(solution, tangent, value, pattern, maximum, minimum)
 
 
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
     """Return a dataset of shooting solutions (`Evaluation`s) and their parameters over ``point``.
 
-    `variables` are added to it; those named like a parameter replace the values of the parameter.
+    `variables` are added to it; those with the name of a parameter replace its values.
     """
     problem = solutions[0].problem
     multipliers = np.array([solution.multipliers for solution in solutions])
@@ -109,7 +109,7 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
     }
     if "tuning" not in problem.names:
         data["tuning"] = problem.tuning
-    parameters = followed_parameters(problem.pair)
+    parameters = continuation_parameters(problem.pair)
     for name, values in zip(problem.names, unknowns.T[len(problem.reduction) :], strict=True):
         data[name] = "point", variables.pop(name, values), parameters[name]
     attributes |= {"period": problem.period, "tuning": problem.tuning}
@@ -118,11 +118,11 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
 
 
 def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
-    """Return the contact states of an orbit as letters, which do not depend on where tau = 0 lies.
+    """Return the cyclic sequence of contact states of an orbit as letters, from any initial phase.
 
-    `events` and `summary` are tables of a `Record`, `flank_lines` the displacements at the near
-    and the far flank. Of all cyclic rotations of the letters the last in the alphabet is chosen.
-    With several meshes the number of the mesh stands before each letter, and simultaneous events
+    `events` and `summary` are tables of a `Record`, `flank_lines` the displacements at which drive-
+    and coast-side contact start. The result is the alphabetically last rotation of the letters.
+    With several meshes each letter has the index of its mesh as a prefix, and simultaneous events
     are sorted by mesh.
     """
     if not len(events):
@@ -131,12 +131,12 @@ def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple)
         return "".join(_CONTACT_LETTERS[code] for code in codes)
     codes = events[:, columns.EVENT_TO]
     if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
-        # The orbit begins on a flank line to rounding: an event next to tau = 0 is missing.
+        # The orbit starts on a flank line to rounding error: the event at tau = 0 is missing.
         codes = np.append(codes, events[0, columns.EVENT_FROM])
     letters = [_CONTACT_LETTERS[int(code)] for code in codes]
     if events.shape[1] > columns.EVENT_COLUMNS:
-        times = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
-        instants = np.cumsum(np.diff(times, prepend=times[0]) > _SIMULTANEOUS_TOLERANCE)
+        phases = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
+        instants = np.cumsum(np.diff(phases, prepend=phases[0]) > _SIMULTANEOUS_TOLERANCE)
         meshes = events[:, columns.EVENT_COLUMNS].astype(int)
         letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
     return max("".join(letters[i:] + letters[:i]) for i in range(len(letters))).strip()
@@ -150,7 +150,7 @@ def _neimark_sacker_test(multipliers: np.ndarray) -> float:
     return np.abs(complex_multipliers).max() ** 2 - 1.0
 
 
-#: Label -> function of the multipliers that changes its sign at such a point.
+#: Label -> function of the multipliers that changes its sign at such a special point.
 _TEST_FUNCTIONS = {
     FOLD: lambda multipliers: np.prod(multipliers - 1.0).real,
     DOUBLING: lambda multipliers: np.prod(multipliers + 1.0).real,
@@ -159,20 +159,20 @@ _TEST_FUNCTIONS = {
 
 
 def point_on_chord(
-    problem: Shooting, first: BranchPoint, last: BranchPoint, share: float
+    problem: Shooting, first: BranchPoint, last: BranchPoint, position: float
 ) -> BranchPoint:
-    """Return the point of the branch at a share, 0 to 1, of the chord between two points.
+    """Return the point of the branch at a position, 0 to 1, on the chord between two points.
 
-    The tangent of the branch costs more and may not exist, so the chord takes its place.
+    Its tangent is approximated by the chord, because the tangent of the branch may not exist.
     """
     chord = last.unknowns - first.unknowns
     direction = chord / np.linalg.norm(chord)
-    solution, _ = correct(problem, first.unknowns + share * chord, direction)
+    solution, _ = correct(problem, first.unknowns + position * chord, direction)
     return branch_point(solution, direction)
 
 
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
-    """Return (share of the chord, special point) between two points of a branch, or None.
+    """Return (position on the chord, special point) between two points of a branch, or None.
 
     `label` is FOLD, DOUBLING or NEIMARK_SACKER. The result is None if its test function does not
     change its sign between the points.
@@ -184,39 +184,37 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
     if label == NEIMARK_SACKER and min(map(abs, end_values.values())) < _MIN_TEST_VALUE:
         return None
 
-    def test_value(share: float) -> float:
-        """Return the test function at a share of the chord."""
-        if end_values.get(share):
-            return end_values[share]
-        return test(point_on_chord(problem, first, last, share).solution.multipliers)
+    def test_value(position: float) -> float:
+        """Return the test function at a position on the chord."""
+        if end_values.get(position):
+            return end_values[position]
+        return test(point_on_chord(problem, first, last, position).solution.multipliers)
 
-    share = brentq(test_value, 0.0, 1.0, xtol=_CHORD_TOLERANCE, rtol=4.0 * np.finfo(float).eps)
-    point = point_on_chord(problem, first, last, share)
+    precision = 4.0 * np.finfo(float).eps
+    position = brentq(test_value, 0.0, 1.0, xtol=_CHORD_TOLERANCE, rtol=precision)
+    point = point_on_chord(problem, first, last, position)
     if label == NEIMARK_SACKER and abs(test(point.solution.multipliers)) > _CIRCLE_TOLERANCE:
-        # The complex pair became real between the points.
+        # The complex pair of multipliers becomes real between the points.
         return None
     if label == FOLD and first.tangent[-1] * last.tangent[-1] > 0.0:
         label = BRANCH_POINT
-    return share, replace(point, label=label)
+    return position, replace(point, label=label)
 
 
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
     """Return the special points between two points with the same contact pattern, in branch order.
 
-    Raise ContinuationFailed if the branch cannot be followed on the chord.
+    Raise ContinuationFailed if Newton's method does not converge on the chord.
     """
-    shares_and_points = []
-    for label in _TEST_FUNCTIONS:
-        located = locate(problem, first, last, label)
-        if located:
-            shares_and_points.append(located)
-    return [point for _, point in sorted(shares_and_points, key=lambda located: located[0])]
+    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
+    positions_and_points = sorted(filter(None, located), key=lambda pair: pair[0])
+    return [point for _, point in positions_and_points]
 
 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
     """Return the points just before and just behind the grazing between two points of a branch.
 
-    The contact pattern changes there. The point before it has the label GRAZING.
+    The contact pattern changes between them; the point before has the label GRAZING.
     """
     low, high, before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:
@@ -229,11 +227,11 @@ def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
         else:
             high = middle
     if before is first:
-        # The first point itself touches the flank line; a copy beside it has the label.
+        # The first point itself touches the flank line; a copy of it has the label.
         before = point_on_chord(problem, first, last, low)
     behind = last
-    if high + _SHARE_BEHIND_GRAZING < 1.0:
-        behind = point_on_chord(problem, first, last, high + _SHARE_BEHIND_GRAZING)
+    if high + _DISTANCE_BEHIND_GRAZING < 1.0:
+        behind = point_on_chord(problem, first, last, high + _DISTANCE_BEHIND_GRAZING)
         direction = tangent(behind.solution.jacobian, behind.tangent)
         behind = replace(behind, tangent=direction)
     return replace(before, label=GRAZING), behind

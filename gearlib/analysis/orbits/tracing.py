@@ -1,14 +1,13 @@
-"""Continuation by pseudo-arclength: steps along a curve of solutions of n equations.
+"""Pseudo-arclength continuation: steps along a curve of solutions of n equations.
 
-There are n + 1 unknowns. A step goes along the tangent of the curve; Newton's method then comes
-back to the curve in the plane across the step, so that folds are no obstacle (Keller 1977;
-Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are scaled: one unit of each
-weighs the same.
+There are n + 1 unknowns. The predictor is a step along the tangent of the curve; the corrector is
+Newton's method in the plane normal to the tangent, so that folds are no obstacle (Keller 1977;
+Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are scaled to comparable units.
 
-A *problem* has ``evaluate(unknowns)``, which returns a solution with
+A *problem* has a method ``evaluate(unknowns)``, which returns a solution with
 
-``unknowns``   where it was evaluated, shape (n + 1,)
-``residuals``  of the equations, shape (n,)
+``unknowns``   its argument, shape (n + 1,)
+``residuals``  residuals of the equations, shape (n,)
 ``jacobian``   derivatives of the residuals, shape (n, n + 1)
 ``converged``  whether the residuals are negligible
 """
@@ -18,25 +17,26 @@ from typing import Any
 
 import numpy as np
 
+#: Largest number of Newton corrections in a step.
 _MAX_CORRECTIONS = 15
-#: Longest correction: beyond it Newton's method may reach another curve.
+#: Longest correction: with a longer one Newton's method may converge to another curve.
 _MAX_CORRECTION_LENGTH = 1.0
-#: Smallest cosine between the tangents at both ends of a step.
+#: Smallest cosine of the angle between the tangents at both ends of a step.
 _MIN_TANGENT_COSINE = 0.95
-#: Relative size of the smallest singular value below which the solutions form no single curve.
+#: Smallest relative singular value of the Jacobian matrix of a unique curve.
 _SINGULAR_TOLERANCE = 1e-8
-#: Step of the differences by a parameter, in scaled units.
+#: Step of finite differences, in scaled units.
 _DIFFERENCE_STEP = 1e-5
 
 
 class ContinuationFailed(RuntimeError):
-    """Newton's method did not come back to the curve."""
+    """The corrector does not converge, or the curve has no unique tangent."""
 
 
 def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
-    """Return (solution, number of corrections) where the curve of a problem meets a plane.
+    """Return (solution, number of Newton corrections) at the intersection of a curve and a plane.
 
-    The plane goes through the unknowns `start`, normal to a vector. Raise ContinuationFailed if
+    The plane contains the unknowns `start` and has the vector `normal`. Raise ContinuationFailed if
     Newton's method does not converge.
     """
     unknowns = start
@@ -45,9 +45,9 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
             solution = problem.evaluate(unknowns)
             if solution.converged:
                 return solution, count
-            matrix = np.vstack([solution.jacobian, normal])
+            jacobian = np.vstack([solution.jacobian, normal])
             residuals = np.append(solution.residuals, normal @ (unknowns - start))
-            correction = -np.linalg.solve(matrix, residuals)
+            correction = -np.linalg.solve(jacobian, residuals)
         except ValueError as error:
             raise ContinuationFailed(str(error)) from None
         if not np.linalg.norm(correction) < _MAX_CORRECTION_LENGTH:
@@ -57,7 +57,7 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
 
 
 def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the unit tangent of the curve, shape (n + 1,), that points along a direction.
+    """Return the unit tangent of a curve, shape (n + 1,), on the side of a direction.
 
     `jacobian` is the derivative of the residuals, shape (n, n + 1).
     """
@@ -76,11 +76,11 @@ def take_step(
     goal: float | None = None,
     allow_corner: bool = False,
 ) -> tuple:
-    """Take one step along the curve and return (solution, tangent, number of corrections).
+    """Take a step along the curve and return (solution, tangent, number of corrections).
 
-    The step begins at `unknowns`, along the unit tangent `direction`. A step that would pass the
-    value `goal` of the last unknown ends there. Raise ContinuationFailed if the curve turns within
-    the step and no corner is allowed.
+    The step starts at `unknowns` in the direction of the unit tangent `direction`. It ends early if
+    the last unknown reaches the value `goal`. Raise ContinuationFailed if the direction of the
+    curve changes too much, unless a corner is allowed.
     """
     predicted = unknowns + length * direction
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
@@ -98,7 +98,7 @@ def take_step(
 def next_step_length(
     length: float, corrections: int, max_easy_corrections: int, max_length: float
 ) -> float:
-    """Return the length of the next step: half as long again if few corrections were needed."""
+    """Return the length of the next step: 1.5 times as long if few corrections were needed."""
     return min(1.5 * length, max_length) if corrections <= max_easy_corrections else length
 
 
@@ -107,9 +107,9 @@ def follow_curve(
 ) -> str:
     """Take steps along a curve until it ends, and return the reason for its end.
 
-    `step(length)` adds points to `points` and returns (length of the next step, reason why the
-    curve ends there or ""). After a ContinuationFailed it is repeated with half the length, down
-    to `min_length`.
+    `step(length)` appends to `points` and returns (length of the next step, reason for the end of
+    the curve or ""). After a ContinuationFailed it is repeated with half the length, if that is at
+    least `min_length`. `max_points` limits the number of points.
     """
     while len(points) < max_points:
         try:
@@ -122,25 +122,23 @@ def follow_curve(
     return "after max_points"
 
 
-def solve_at_value(
-    problem: Any, unknowns: np.ndarray, unknowns_ahead: np.ndarray, value: float
-) -> Any:
+def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: float) -> Any:
     """Return the solution at which the last unknown has a value.
 
-    `unknowns` and `unknowns_ahead` are points of the curve on either side of it.
+    `first` and `second` are unknowns on the curve on either side of it.
     """
-    share = (value - unknowns[-1]) / (unknowns_ahead[-1] - unknowns[-1])
-    start = unknowns + share * (unknowns_ahead - unknowns)
+    fraction = (value - first[-1]) / (second[-1] - first[-1])
+    start = first + fraction * (second - first)
     start[-1] = value
-    return correct(problem, start, np.eye(unknowns.size)[-1])[0]
+    return correct(problem, start, np.eye(first.size)[-1])[0]
 
 
 def difference_quotient(
     function: Callable, unknowns: np.ndarray, index: int, step: float = _DIFFERENCE_STEP
 ) -> Any:
-    """Return the derivative of a function of the unknowns by the unknown with an index.
+    """Return the derivative of a function of the unknowns with respect to one of them, by `index`.
 
-    It is a central difference of half width `step`, one-sided where the function raises ValueError.
+    It is a central difference, or one-sided if the function raises ValueError on one side.
     """
     positions, values = [], []
     for signed_step in (-step, step):
