@@ -83,7 +83,7 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
     last_newton_step = np.inf if degenerate.size else 0.0
     for j in range(count):
-        iterates[j] = equation.on_grid(coefficients)[:: equation.samples // _SAMPLES]
+        iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
         algebraic_steps[j] = step.algebraic != last_newton_step
         last_newton_step, coefficients = step.algebraic, step.coefficients

@@ -208,8 +208,9 @@ def tongue(equation: Meissner, order: int) -> Any:
     ends = gap(equation, order)
     if ends is None:
         return None
+    low, high = ends
     return tongue_in_gap(
-        order, *ends, equation.damping, lambda k: _scaled_excess(equation, k, order)
+        order, low, high, equation.damping, lambda k: _scaled_excess(equation, k, order)
     )
 
 
