@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import DeadZoneOscillator, Harmonics, Series, periodic_orbit, simulate
-from gearlib.analysis.lyapunov import largest
+from gearlib.analysis.lyapunov import largest_exponent
 from gearlib.data import storage
 from tests.physics import published
 from tests.properties.known_models import UNEQUAL
@@ -21,7 +21,7 @@ def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
     # Liouville: the product of the multipliers is what damping leaves of an area in a period.
     left = math.exp(-0.08 * math.pi / frequency)
     assert orbit.multipliers.prod().real == pytest.approx(left, abs=1e-12)
-    chaos = largest(model, frequency, state=(0.0, 0.0), settle=400, periods=600)
+    chaos = largest_exponent(model, frequency, state=(0.0, 0.0), settle=400, periods=600)
     assert chaos.value > 10.0 * chaos.uncertainty
     # It ends where it grazes the stop: just beyond its amplitude the stop is out of reach.
     grazing = periodic_orbit(published.soft_impact(abs(steady))[0], frequency, guess=(0.6, 0.0))

@@ -226,7 +226,7 @@ def test_a_model_has_what_the_protocol_says(name):
     assert model.replace() == model and model_from_json(canonical_json(model.as_dict())) == again
     names = [*model.scales(), *model.speed_scales(NU), *model.extra_samples, *model.long_names]
     assert set(names) <= set(DESCRIPTIONS)
-    for parameter in followed_parameters(model) if model.mesh or model.mesh_names else ():
+    for parameter in continuation_parameters(model) if model.mesh or model.mesh_names else ():
         # The parameters of a train are those that all its meshes share.
         if model.mesh_names and len({getattr(mesh, parameter, 0) for mesh in model.meshes}) > 1:
             continue
