@@ -146,7 +146,7 @@ def largest_exponent(
     return Exponent(float(log_growths.mean()), float(error), float(log_growths.sum()), periods)
 
 
-def rounding_sensitive(
+def rounding_grows(
     model: Any, tunings: Any, start: tuple, periods: int, final_states: Any = None
 ) -> np.ndarray:
     """Return a mask, shape (n,), of the tunings at which rounding errors grow to a visible size.
@@ -183,7 +183,7 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
         final_states = diagram.final_state.values[order] if is_warm_started[k] else None
         run_periods, tunings = int(diagram.strobe.values[-1]) + 1, diagram.tuning.values[order]
-        is_sensitive[k, order] = rounding_sensitive(
+        is_sensitive[k, order] = rounding_grows(
             model, tunings, starts[k], run_periods, final_states
         )
     is_reproducible = (periods > 0) & ~is_sensitive

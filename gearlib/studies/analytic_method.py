@@ -85,8 +85,8 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     for j in range(count):
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
-        algebraic_steps[j] = step.algebraic != last_newton_step
-        last_newton_step, coefficients = step.algebraic, step.coefficients
+        algebraic_steps[j] = step.newton_step != last_newton_step
+        last_newton_step, coefficients = step.newton_step, step.coefficients
         if max(step.correction, last_newton_step) < _TOLERANCE:
             break
     return xr.Dataset(
@@ -164,7 +164,7 @@ def _resonance_curve(pair, direction, tunings, settings, run) -> dict[str, np.nd
     for j in range(len(tunings)) if direction == "up" else reversed(range(len(tunings))):
         solution = _next_solution(pair, tunings[j], settings["harmonics"], solution)
         if solution is not None:
-            displacement, _ = solution.courses(_SAMPLES)
+            displacement, _ = solution.time_history(_SAMPLES)
             largest[j], smallest[j] = displacement.max(), displacement.min()
             stable[j] = solution.stable
     return {"balance_max": largest, "balance_min": smallest, "stable": stable} | exact

@@ -14,7 +14,7 @@ from gearlib.analysis.global_dynamics.poincare import bifurcation_diagram, poinc
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
-from gearlib.runs.sweeping import CARRIED
+from gearlib.runs.sweeping import WARM_STARTED
 
 #: Fill values for attractors that a case does not have.
 _FILL_VALUES = {
@@ -70,8 +70,8 @@ def bifurcation(
     periodic motions whose orbit does not depend on rounding.
     """
     model, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
-    names = [*CARRIED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
-    starts = [(0.0, 0.0)] * len(CARRIED) + _random_states(region, settings["starts"]).tolist()
+    names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
+    starts = [(0.0, 0.0)] * len(WARM_STARTED) + _random_states(region, settings["starts"]).tolist()
     directions = [name.split()[0] for name in names]
     record = {name: settings[name] for name in ("settle", "strobes")}
     exponent = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
@@ -116,13 +116,12 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
         model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
         run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
         section = poincare_section(model, tuning, states, phase=phase, **run)
-        exponents = [lyapunov.largest_exponent(model, tuning, state=tuple(state), **run) for state in states]
+        exponents = [
+            lyapunov.largest_exponent(model, tuning, state=tuple(state), **run) for state in states
+        ]
         total_periods = settle + periods
         unpredictable = np.array(
-            [
-                lyapunov.rounding_sensitive(model, [tuning], state, total_periods)[0]
-                for state in states
-            ]
+            [lyapunov.rounding_grows(model, [tuning], state, total_periods)[0] for state in states]
         )
         grows = np.array([exponent.exceeds_linear for exponent in exponents])
         undecided = 2 * (unpredictable | grows)

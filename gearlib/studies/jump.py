@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_sensitive
+from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
 from gearlib.models.one_degree import OneDegreePair
@@ -55,7 +55,7 @@ def find(
     heights = orbit_heights(scan)
 
     def depends_on_rounding(tunings: Sequence[float]) -> np.ndarray:
-        return is_exact * rounding_sensitive(model, tunings, start, run["periods"])
+        return is_exact * rounding_grows(model, tunings, start, run["periods"])
 
     steps, is_large = height_steps(heights)
     while direction == "cold" and is_large.any():

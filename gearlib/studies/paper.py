@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis import trust
-from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_sensitive
+from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
@@ -63,8 +63,8 @@ def phase_lag(
         [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings] for model in models
     ]
     rest = (0.0, 0.0)
-    is_settled = ~np.array([rounding_sensitive(model, tunings, rest, periods) for model in models])
-    is_reliable = ~np.array([rounding_sensitive(model, [tuning], rest, periods) for model in models])
+    is_settled = ~np.array([rounding_grows(model, tunings, rest, periods) for model in models])
+    is_reliable = ~np.array([rounding_grows(model, [tuning], rest, periods) for model in models])
     lags = [harmonic_lags(motion, harmonics) for motion in motions]
     histories = [motion.displacement.values for motion in motions]
     settled_attrs = {"units": "1", "long_name": "whether the motion from rest settles"}

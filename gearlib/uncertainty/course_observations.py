@@ -13,7 +13,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.analysis.order_maps import Turning
+from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.runs.run_up import run_up, speed_profile
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.observation import (
@@ -189,12 +189,12 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """
     displacements, phase_factors, teeth = _displacement_signal(model, data)
     profile, options = _speed_profile(_known_facts(data))
-    turning = Turning(profile)
+    turning = ShaftRotation(profile)
     revolutions = turning.revolutions(data.time.values)
     count = _count_revolutions(turning, profile, data.time.values, revolutions)
     orders, variance_ratios, warning = _revolution_orders(revolutions, displacements, teeth, count)
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
-    speeds = turning.at(np.arange(count) + 0.5)[1]
+    speeds = turning.time_and_speed(np.arange(count) + 0.5)[1]
     measured_orders = orders[compared], variance_ratios[compared]
     channels = [_order_channel("run-up", data.displacement, *measured_orders)]
     if jumps:

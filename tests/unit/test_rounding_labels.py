@@ -22,8 +22,8 @@ def test_growth_is_that_of_two_runs_side_by_side():
     away = np.hypot(*((ends[1] - ends[0]) * (1.0, 0.665)))
     growth = lyapunov.largest_exponent(LIGHT, 0.665, settle=0, periods=periods).growth
     assert growth == pytest.approx(np.log(away / beside), abs=0.01)
-    assert not lyapunov.rounding_sensitive(LIGHT, [0.665], (0.0, 0.0), periods)
-    assert lyapunov.rounding_sensitive(LIGHT, [0.66], (0.0, 0.0), 400)
+    assert not lyapunov.rounding_grows(LIGHT, [0.665], (0.0, 0.0), periods)
+    assert lyapunov.rounding_grows(LIGHT, [0.66], (0.0, 0.0), 400)
 
 
 def test_a_carried_motion_is_lost_behind_chaos_until_all_are_on_one_orbit():
