@@ -15,7 +15,7 @@ import numpy as np
 
 from gearlib import checks
 
-#: Smaller shares of a force or a motion are rounding errors.
+#: Smaller fractions of a force or a motion are rounding errors.
 _ROUNDING = 1e-9
 
 
@@ -54,20 +54,20 @@ def train_accelerations(
         checks.require(rotates, "driver", driver, "a body that turns")
         # The driver's force makes the power of all forces on the rigid motion zero.
         force = force - rotation * (rigid_motion @ force / driver_motion)
-        unbalanced = np.abs(free.T @ force)
-        largest = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()
-        if (unbalanced > _ROUNDING * largest).any():
+        unbalanced_forces = np.abs(free.T @ force)
+        force_scale = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()
+        if (unbalanced_forces > _ROUNDING * force_scale).any():
             raise ValueError("bodies is not allowed: in a run-up one driver must turn all of them")
     return np.linalg.solve(mass, force) / train.static_deflection
 
 
 def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]]:
-    """Return the rigid rotation of a `GearTrain` and the speeds of its bodies, given by `names`.
+    """Return the rigid rotation of a `GearTrain`, n coordinates in m, and the speeds of its bodies.
 
-    The rotation holds the n coordinates in m, the speeds are angles, both per radian of reference
-    mesh phase.
+    Both are per radian of reference mesh phase. `names` are those of all bodies in order.
     """
-    motions, free, pinion = train.structure.motions, train.free_motions, train.reference_pinion.name
+    motions, free = train.structure.motions, train.free_motions
+    pinion = train.reference_pinion.name
     frame_speed = train.carrier_ratio * train.speeds[pinion]
     speeds = [float(train.speeds[name] + frame_speed) for name in names]
     body_motions = np.zeros((len(names), 3))  # x, y and arc length on the base circle
@@ -76,12 +76,12 @@ def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]
         if body.carrier:
             pin_speed = speeds[names.index(body.carrier)] * train.by_name[body.carrier].base_radius
             body_motion[:2] = -np.sin(body.angle) * pin_speed, np.cos(body.angle) * pin_speed
-    i = names.index(pinion)
+    pinion_index = names.index(pinion)
     if free.shape[1] == 1:
-        pinion_rotation = motions[i, 2] @ free[:, 0]
+        pinion_rotation = motions[pinion_index, 2] @ free[:, 0]
         if abs(pinion_rotation) > _ROUNDING * np.abs(free).max():
             # Bodies on torsional supports do not rotate, whatever their tooth numbers say.
-            return free[:, 0] * (body_motions[i, 2] / pinion_rotation), speeds
+            return free[:, 0] * (body_motions[pinion_index, 2] / pinion_rotation), speeds
     basis = free if free.size else np.eye(motions.shape[2])
     motions_of_basis = motions.reshape(-1, len(basis)) @ basis
     amplitudes = np.linalg.lstsq(motions_of_basis, body_motions.ravel(), rcond=None)[0]

@@ -104,14 +104,7 @@ def _body(drawn_gears: dict, *, name: str, gear: dict | None = None, **fields: A
     return Body(name=name, **fields)
 
 
-def _mesh(
-    drawn_gears: dict,
-    *,
-    stiffness: str = "iso",
-    stiffness_options: dict | None = None,
-    centre_distance: float | None = None,
-    **values: Any,
-) -> Mesh:
+def _mesh(drawn_gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
     """Return the `Mesh` with the fields in `values`.
 
     `drawn_gears` maps names of bodies to `SpurGear`. If both gears are drawn and `values` have no

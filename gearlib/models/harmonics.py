@@ -68,7 +68,7 @@ class Harmonics:
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
     def table(self, scale: float = 1.0) -> Any:
-        """Return an array (n, 3) with rows (order, cosine, sine), amplitudes times `scale`."""
+        """Return an array (n, 3) with rows (order, cosine, sine), the amplitudes times `scale`."""
         import numpy as np
 
         n = max(len(self.cosines), len(self.sines))

@@ -285,9 +285,7 @@ class LoadSharingPair(WithPair):
         )
         return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
 
-    def _segments(
-        self, left: np.ndarray, middles: np.ndarray, right: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
+    def _segments(self, left, middles, right) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
         """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, ends).
 
         The segments are given by their ends and middles in base pitches, (p,) each. `can_touch`,
@@ -313,9 +311,7 @@ class LoadSharingPair(WithPair):
             can_touch = on_path = ends[0].can_touch | ends[1].can_touch
         return can_touch, can_touch & on_path, [replace(end, can_touch=can_touch) for end in ends]
 
-    def _force_coefficients(
-        self, pairs: ToothPairs, on_path: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _force_coefficients(self, pairs, on_path) -> tuple[np.ndarray, np.ndarray]:
         """Return dimensionless coefficients (forces, overlaps) for all sets of touching pairs.
 
         There are k pairs of teeth at each of m phases and thus 2^k sets; bit i of the index of a
@@ -377,9 +373,7 @@ def _with_rates(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.
     return np.concatenate([left, rates], axis=-1)[..., [0, 2, 1, 3]]
 
 
-def default_load_sharing_pair(
-    mesh: Mesh, *, stiffness: Any = None, options: dict | None = None, **arguments: Any
-) -> LoadSharingPair:
+def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments):
     """Return the `LoadSharingPair` of drawn gears with a default stiffness method.
 
     The default is the energy method or, if a bore is too large for it, ISO 6336. Of the options of

@@ -149,12 +149,7 @@ class Equation:
         return self.drive_stiffness.cut_at(breaks), self.coast_stiffness.cut_at(breaks)
 
 
-def pair_equation(
-    pair: GearPair,
-    stiffness: Pieces,
-    nonlinear_damping: np.ndarray | float = 0.0,
-    **other_terms: np.ndarray,
-) -> Equation:
+def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equation:
     """Return the dimensionless equation of motion of a gear pair with a mesh stiffness.
 
     `nonlinear_damping`, shape (3, 3), has rows for coast side, backlash and drive side and columns

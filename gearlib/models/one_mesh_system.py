@@ -10,15 +10,7 @@ from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, matrix_of
 
 
-def single_mesh_system(
-    free: np.ndarray,
-    force_input: np.ndarray,
-    flanks: dict[int, tuple],
-    low: np.ndarray,
-    starts: np.ndarray,
-    orders: np.ndarray,
-    tuning: float,
-) -> TrainSystem:
+def single_mesh_system(free, force_input, flanks, low, starts, orders, tuning) -> TrainSystem:
     """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
     `free`, shape (n, n), is the matrix of dz/dt in the backlash, and a unit contact force adds
@@ -72,9 +64,7 @@ def _max_norm(matrices: np.ndarray) -> float:
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
-def state_matrix_by_phase(
-    system: TrainSystem, contact_codes: list[int], segment: int
-) -> np.ndarray:
+def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
     """Return the state matrix A of dz/dtau = A z with the mesh phase tau, shape (n, n).
 
     `contact_codes` holds the contact state of each mesh, -1, 0 or 1; `segment` is the number of

@@ -150,9 +150,9 @@ class GearPair(PairParameters, Model):
     @property
     def propagators(self) -> dict[str, str]:
         """Method name -> engine module: scalar closed forms unless the stiffness ratio is tiny."""
-        scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
-        exact = "pair.propagator" if scalar else "linear.one_mesh"
-        return {"exact": exact, "taylor": "taylor.propagator"}
+        is_scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
+        exact_module = "pair.propagator" if is_scalar else "linear.one_mesh"
+        return {"exact": exact_module, "taylor": "taylor.propagator"}
 
     def has_damping(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""

@@ -12,9 +12,9 @@ SMALLEST, LARGEST = 1e-30, 1e30
 
 
 def check_scales(pair: Any, prefix: str = "") -> None:
-    """Raise ValueError if stiffness, mass or load of a pair is too large or small.
+    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small.
 
-    The message names the parameter, with the prefix, such as "gear_pair.".
+    The message has the name of the parameter after a prefix such as "gear_pair.".
     """
     allowed = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
     for name in ("max_stiffness", "reduced_mass", "load"):
@@ -92,9 +92,9 @@ RATIO_NAMES = {
 
 
 def ratio_fields(pair: Any, ratio_name: str, value: float) -> dict[str, float]:
-    """Return the field of a `GearPair` and its value in SI units for which a ratio has a value.
+    """Return the field of a `GearPair` and its SI value, name -> value, for a value of a ratio.
 
-    The ratio is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio".
+    `ratio_name` is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio".
     """
     if ratio_name == "backlash_ratio":
         scale = pair.static_deflection

@@ -38,12 +38,11 @@ class Pieces:
     harmonics: np.ndarray  #: order, cosine, sine, shape (n, 3)
 
     def cut_at(self, breaks: np.ndarray) -> "Pieces":
-        """Return the same stiffness in pieces between other phases, which include the present."""
-        old_pieces = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
-        values, slopes = self.lines[old_pieces].T
-        values = values + slopes * (breaks[:-1] - self.breaks[old_pieces])
-        lines = np.column_stack([values, slopes])
-        return Pieces(breaks, lines, self.low[old_pieces], self.harmonics)
+        """Return the same stiffness with more breaks, which must include the present ones."""
+        indices = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
+        values, slopes = self.lines[indices].T
+        values = values + slopes * (breaks[:-1] - self.breaks[indices])
+        return Pieces(breaks, np.column_stack([values, slopes]), self.low[indices], self.harmonics)
 
 
 class Profile:
@@ -143,7 +142,7 @@ class Steps(Profile):
     """
 
     phase: Annotated[
-        tuple, _PHASES, "Phases at which segments start, strictly rising within [0, 2 pi)"
+        tuple, _PHASES, "Phases at which segments start, strictly increasing within [0, 2 pi)"
     ]
     stiffness: Annotated[
         tuple,
@@ -176,7 +175,7 @@ class Tabulated(Profile):
         Naming the entry that is wrong.
     """
 
-    phase: Annotated[tuple, _PHASES, "Mesh phases, strictly rising within [0, 2 pi)"]
+    phase: Annotated[tuple, _PHASES, "Mesh phases, strictly increasing within [0, 2 pi)"]
     stiffness: Annotated[
         tuple, parameters.Many(parameters.STIFFNESS), "Mesh stiffness at each phase"
     ]
@@ -241,10 +240,10 @@ class Tabulated(Profile):
         """Return the table divided by its mean as `Pieces`; the `GearPair` is not used."""
         phase, values = self._closed_period()
         values = values / self.mean()
-        before, after = values[:-1] - 1.0, values[1:] - 1.0
-        crosses = before * after < 0.0
-        fraction = before[crosses] / (before - after)[crosses]
-        crossings = phase[:-1][crosses] + np.diff(phase)[crosses] * fraction
+        left, right = values[:-1] - 1.0, values[1:] - 1.0
+        crosses_mean = left * right < 0.0
+        fraction = left[crosses_mean] / (left - right)[crosses_mean]
+        crossings = phase[:-1][crosses_mean] + np.diff(phase)[crosses_mean] * fraction
         # The table may start at any phase, but breaks must lie in one period from 0.
         breaks = np.mod(np.concatenate([phase[1:], crossings]), 2.0 * math.pi)
         breaks = np.unique(np.append(breaks, [0.0, 2.0 * math.pi]))
@@ -260,7 +259,7 @@ class Tabulated(Profile):
 
 
 def _check_table(profile: Any, min_length: int) -> None:
-    """Raise ValueError unless a `Steps` or `Tabulated` has rising phases with a stiffness each.
+    """Raise ValueError unless a `Steps` or `Tabulated` has increasing phases with a stiffness each.
 
     There must be at least `min_length` phases, in [0, 2 pi).
     """
@@ -270,19 +269,17 @@ def _check_table(profile: Any, min_length: int) -> None:
         table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"
         allowed = f"it must have equally many, at least {min_length}"
         raise ValueError(f"{table} is not allowed: {allowed}")
-    rising = all(current < following for current, following in pairwise(phase))
-    if not rising or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
+    increasing = all(current < next_phase for current, next_phase in pairwise(phase))
+    if not increasing or phase[0] < 0.0 or phase[-1] >= 2.0 * math.pi:
         reason = "is not allowed: it must increase strictly within [0, 2 pi)"
         raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
 
 
-def _constant_pieces(
-    breaks: np.ndarray, values: np.ndarray, low: np.ndarray, harmonics: Any = ()
-) -> Pieces:
-    """Return `Pieces` with constant values between m + 1 phases `breaks`, plus harmonics.
+def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
+    """Return `Pieces` of a stiffness that is constant between breaks, plus harmonics.
 
-    `values`, shape (m,), are the constants, `low`, shape (m,), marks pieces below the mean, and
-    `harmonics`, shape (n, 3), are (order, cosine, sine).
+    `breaks` are m + 1 phases, `values`, shape (m,), the constants; `low`, shape (m,), marks pieces
+    below the mean, and `harmonics`, shape (n, 3), has rows (order, cosine, sine).
     """
     lines = np.column_stack([values, 0.0 * values])
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))

@@ -222,13 +222,13 @@ class SixDegreePair(WithPair):
         return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return matrices that map states of size n to states without the free rotation, and back.
+        """Return (reduce, lift): matrices that remove the free rotation from a state, and back.
 
-        They are (reduce, lift) with the shapes (n - 2, n) and (n, n - 2).
+        The shapes are (n - 2, n) and (n, n - 2) for a state of n components.
         """
         n = self.size
-        # Only the sum u3 + u2 of the rotations enters the mesh; their difference is free. The lift
-        # puts the whole sum into u3.
+        # The mesh depends on the sum u3 + u2 of the rotations only; the difference is free. `lift`
+        # assigns the whole sum to u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
@@ -272,7 +272,7 @@ class SixDegreePair(WithPair):
         return rows
 
     def full_state(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
-        """Return the full state of a system at tau = 0 from (relative displacement, dy/dtau).
+        """Return the full state of a system at tau = 0 from (relative displacement y, dy/dtau).
 
         It holds m coordinates, m velocities, the constant 1 and cosines and sines of the
         excitation. The bearings start in their static deflection if `preload` is set.
@@ -284,14 +284,15 @@ class SixDegreePair(WithPair):
             for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[column] = -_Y_DERIVATIVES[_BEARINGS[i]] * deflection
-        # With these shares in the relative motion, the gears start without a free rotation.
-        shares = np.array([r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)])
-        shares /= shares.sum()
+        # Gears that rotate in these proportions start without a free rotation.
+        fractions = [r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)]
+        fractions = np.array(fractions) / np.sum(fractions)
         z[2 * m] = 1.0
-        z[2 * m + 1 :: 2] = 1.0
-        z[:2] = shares * (state[0] - drive_line @ z)
-        z[m : m + 2] = shares * (state[1] - drive_line @ (system.base_matrix @ z) / system.tuning)
-        # This removes the rounding error of the shares from the displacement.
+        z[2 * m + 1 :: 2] = 1.0  # cosines
+        z[:2] = fractions * (state[0] - drive_line @ z)
+        velocity = drive_line @ (system.base_matrix @ z) / system.tuning
+        z[m : m + 2] = fractions * (state[1] - velocity)
+        # This removes the rounding error of the fractions from the displacement.
         z[0] += state[0] - drive_line @ z
         return z
 

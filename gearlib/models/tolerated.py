@@ -57,9 +57,7 @@ def drawing_parameters() -> dict[str, Any]:
     return drawing_parameters
 
 
-def complete_scatter(
-    parameter_name: str, scatter: dict[str, Any], model_value: float | None = None
-) -> dict[str, float]:
+def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, float]:
     """Return a plain description of the scatter of a parameter with all its numbers.
 
     `scatter` has the keys of one of `SCATTER_KEYS`; deviations may be texts such as ``"5 %"`` of
@@ -107,9 +105,7 @@ def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
     return nominal, nominal + values["lower"], nominal + values["upper"]
 
 
-def check_range(
-    parameter_name: str, scatter: dict, parameter: Parameter, values: tuple[float, float, float]
-) -> None:
+def check_range(parameter_name, scatter, parameter, values) -> None:
     """Raise ValueError if a parameter may not have the centre or a finite limit of its scatter.
 
     `scatter` is the plain description, `values` are its (centre, smallest value, largest value).

@@ -91,16 +91,9 @@ class PlanetaryMeshes(NamedTuple):
 
 
 def planetary_meshes(
-    sun: SpurGear,
-    planet: SpurGear,
-    ring: SpurGear,
-    *,
-    planets: int = 3,
-    positions: Sequence | None = None,
-    centre_distance: float | None = None,
-    backlashes: Sequence | None = None,
+    sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ) -> PlanetaryMeshes:
-    """Check a drawn planetary set, and return its meshes and the angles of its planets.
+    """Check a planetary set of three `SpurGear`, and return its meshes and angles of planets.
 
     `planets` is the number of planets, `positions` their angles in rad, by default equally spaced.
     `backlashes` are the normal backlashes of the sun mesh and the ring mesh in m; by default they
@@ -143,9 +136,7 @@ def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
     return [2.0 * math.pi * i / count for i in range(count)]
 
 
-def _check_ring_teeth(
-    sun: SpurGear, planet: SpurGear, ring: SpurGear, centre_distance: float | None
-) -> None:
+def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
     """Raise ValueError if the number of teeth of the ring differs too much from z_s + 2 z_p."""
     gears = (sun, planet, ring)
     if not all(isinstance(gear, SpurGear) for gear in gears):

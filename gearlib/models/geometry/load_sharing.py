@@ -23,7 +23,6 @@ Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy metho
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -78,9 +77,7 @@ class ToothPairs:
         """Return the pairs of teeth at the phases with these indices, shape (j,)."""
         return ToothPairs(*(getattr(self, field.name)[phase_indices] for field in fields(self)))
 
-    def force_coefficients(
-        self, pair_indices: Sequence[int], phase_indices: np.ndarray | slice = slice(None)
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def force_coefficients(self, pair_indices, phase_indices=slice(None)):
         """Return the coefficients (stiffness, offset) of the forces of p pairs at m phases, (m, p).
 
         The forces at a displacement x are stiffness * x - offset if only these pairs touch.
@@ -107,9 +104,7 @@ class ToothPairs:
 
         return self._solve_contact(displacements, load_count=1, min_touching_pairs=0)
 
-    def _solve_contact(
-        self, displacements: Callable, load_count: int, min_touching_pairs: int
-    ) -> LoadSharing:
+    def _solve_contact(self, displacements, load_count, min_touching_pairs) -> LoadSharing:
         """Return the forces of all pairs at each phase that satisfy the contact conditions.
 
         Each set of at least `min_touching_pairs` pairs is tried, and the one that violates the
@@ -166,9 +161,7 @@ def _deflections(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
-def tooth_pairs(
-    mesh: "Mesh", phases: int, *, pitch_errors: ArrayLike | None = None, **options: Any
-) -> ToothPairs:
+def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
     """Return the pairs of teeth in mesh at equally spaced phases, starting at mesh phase 0.
 
     `phases` is the number of phases in each mesh period. There are as many mesh periods as pitch
@@ -193,13 +186,7 @@ class Options(NamedTuple):
     load: float | None = None  #: load of corner contact and of helical gears, N
 
 
-def pairs_at(
-    mesh: "Mesh",
-    pitches: np.ndarray,
-    selection_pitches: np.ndarray | None = None,
-    can_touch: np.ndarray | None = None,
-    **options: Any,
-) -> ToothPairs:
+def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
     """Return the k pairs of teeth in mesh at m phases, with their gaps and compliances.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
@@ -293,13 +280,7 @@ def face_slices(mesh: "Mesh", periods: int) -> FaceSlices:
     return FaceSlices(width_fractions, delays, intervals, (overlap + 1.0 / intervals) / 2.0)
 
 
-def _face_equilibrium(
-    width_fractions: np.ndarray,
-    compliance: np.ndarray,
-    can_touch: np.ndarray,
-    gap: np.ndarray,
-    load: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
     The face is divided into n slices with these fractions of its width, (n,). Compliance matrices,
@@ -329,9 +310,7 @@ def _face_equilibrium(
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
-def corner_contact_lengths(
-    mesh: "Mesh", corners: bool, load: float | None, pitch_errors: np.ndarray
-) -> tuple[float, ...]:
+def corner_contact_lengths(mesh, corners, load, pitch_errors) -> tuple[float, ...]:
     """Return the lengths of corner contact (before, behind) the path of contact in base pitches.
 
     Tip corners can touch where their gap is below 6 deflections of one pair under the load in N,
@@ -405,13 +384,7 @@ def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
     return gap
 
 
-def _compliance(
-    mesh: "Mesh",
-    position: np.ndarray,
-    stiffness: str | PathTable,
-    coupling: float,
-    pair_count: int | np.ndarray,
-) -> np.ndarray:
+def _compliance(mesh, position, stiffness, coupling, pair_count) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
     `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a table

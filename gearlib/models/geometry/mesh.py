@@ -478,9 +478,7 @@ class Mesh:
             ),
         }
 
-    def _checked_mean_stiffness(
-        self, torque: float, parameters: dict, name: str, value: float, unit: str
-    ) -> float:
+    def _checked_mean_stiffness(self, torque, parameters, name, value, unit) -> float:
         """Return the mean stiffness, N/m, or raise ValueError if the load deflects teeth too far.
 
         `parameters` hold the rectangular stiffness of the mesh, and `torque`, in N m, is that of

@@ -285,9 +285,7 @@ class PairCompliance:
         return contact_compliance
 
 
-def compliance_matrix(
-    pair: PairCompliance, positions: np.ndarray, forces: np.ndarray, coupling: float
-) -> np.ndarray:
+def compliance_matrix(pair, positions, forces, coupling) -> np.ndarray:
     """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
     `pair` gives the compliances of one pair by the energy method. Positions on the path in m and
@@ -302,15 +300,7 @@ def compliance_matrix(
     return common_compliance + pair_compliance[..., None] * np.eye(positions.shape[1])
 
 
-def energy_stiffness(
-    mesh: "Mesh",
-    pitches: np.ndarray,
-    count: int,
-    *,
-    coupling: float = 1.0,
-    hertz: str = "constant",
-    torque: float | None = None,
-) -> np.ndarray:
+def energy_stiffness(mesh, pitches, count, *, coupling=1.0, hertz="constant", torque=None):
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
@@ -424,9 +414,7 @@ def mesh_stiffness(
     return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
-def _energy_curve(
-    mesh: "Mesh", fewer_pairs: int, segment: float, samples: int, options: dict
-) -> tuple["_StiffnessCurve", list[float]]:
+def _energy_curve(mesh, fewer_pairs, segment, samples, options):
     """Return the mesh stiffness by the energy method as a curve, and its means in both segments.
 
     The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth, the

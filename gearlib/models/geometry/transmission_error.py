@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief
-from gearlib.models.geometry.load_sharing import LoadSharing, ToothPairs, relief_gap, tooth_pairs
+from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -67,9 +66,7 @@ def transmission_error(
     return describe(xr.Dataset(data, coords, {"title": title}))
 
 
-def _contact_ratios(
-    mesh: "Mesh", pairs: ToothPairs, equilibrium: LoadSharing, phases: int
-) -> list[float]:
+def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
     """Return the effective contact ratio, the mean number of touching pairs, at each load.
 
     `equilibrium` is that of the pairs, which have `phases` phases in each mesh period.
@@ -188,9 +185,7 @@ def optimum_relief(
     return mesh.with_reliefs(*reliefs(np.round(optimum, _DECIMALS)))
 
 
-def _minimize_range(
-    function: Callable[[np.ndarray], np.ndarray], start: Sequence[float], bounds: list
-) -> np.ndarray:
+def _minimize_range(function, start, bounds) -> np.ndarray:
     """Return the variables that minimize the range, max - min, of the values of a function.
 
     `function` returns a vector of values from the variables; `bounds` are (lower, upper) of each

@@ -77,9 +77,7 @@ def _mode_signs(shapes: np.ndarray) -> np.ndarray:
     return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
-def _without_negligible(
-    elements: Elements, min_fraction: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (rows, values, mask) of the springs or masses that are not negligible.
 
     An element is negligible if it is smaller than a fraction of the largest one.
@@ -93,9 +91,7 @@ def _without_negligible(
     return rows[mask], values[mask], mask
 
 
-def _complete_pivoting(
-    matrix: np.ndarray, max_pivots: int, min_pivot: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
     """Factor a matrix by elimination with complete pivoting.
 
     It ends after `max_pivots` pivots or when they are not larger than `min_pivot`. Returns (left,

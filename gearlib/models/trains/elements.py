@@ -85,8 +85,8 @@ class Body:
         allowed = "a finite number > 0 where the support is elastic"
         checks.require(self.mass is not None or rigid, f"mass of body {self.name}", None, allowed)
         name, allowed = f"eccentricity of body {self.name}", "0 for a body without teeth"
-        possible = self.teeth is not None or not self.eccentricity
-        checks.require(possible, name, self.eccentricity, allowed)
+        valid = self.teeth is not None or not self.eccentricity
+        checks.require(valid, name, self.eccentricity, allowed)
 
     @classmethod
     def from_gear(cls, gear: Any, name: str, **more: Any) -> "Body":
@@ -138,9 +138,9 @@ class Shaft:
     def __post_init__(self) -> None:
         """Check the names of the bodies and the parameters of the shaft."""
         names = self.bodies
-        different = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
-        possible = different and all(isinstance(name, str) for name in names)
-        checks.require(possible, "bodies of a shaft", names, "the names of two bodies")
+        valid = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
+        valid = valid and all(isinstance(name, str) for name in names)
+        checks.require(valid, "bodies of a shaft", names, "the names of two bodies")
         parameters.check(self, f" of shaft {names[0]}-{names[1]}")
 
 
@@ -328,7 +328,7 @@ class Mesh:
 
 
 class ElementSequence:
-    """Kind of a parameter that is a sequence of bodies, meshes or shafts of a train."""
+    """Type of a parameter that is a sequence of bodies, meshes or shafts of a train."""
 
     def __init__(self, element_class: type, min_length: int = 1) -> None:
         self.element_class, self.min_length = element_class, min_length
@@ -336,8 +336,8 @@ class ElementSequence:
 
     def check(self, parameter_name: str, elements: Any) -> tuple:
         """Return the elements as a tuple; raise ValueError if one is not of the element class."""
-        enough = isinstance(elements, (tuple, list)) and len(elements) >= self.min_length
-        valid = enough and all(isinstance(element, self.element_class) for element in elements)
+        valid = isinstance(elements, (tuple, list)) and len(elements) >= self.min_length
+        valid = valid and all(isinstance(element, self.element_class) for element in elements)
         checks.require(valid, parameter_name, elements, self.allowed)
         return tuple(elements)
 
@@ -371,9 +371,9 @@ def check_names(train: Any) -> None:
     for body in train.bodies:
         if body.carrier is not None:
             checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
-            possible = body.carrier != body.name and train.by_name[body.carrier].carrier is None
+            valid = body.carrier != body.name and train.by_name[body.carrier].carrier is None
             name, allowed = f"carrier of body {body.name}", "another body, which no carrier carries"
-            checks.require(possible, name, body.carrier, allowed)
+            checks.require(valid, name, body.carrier, allowed)
         elif train.gyroscopic:
             isotropic = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
             if not isotropic:
@@ -415,22 +415,23 @@ def check_balance(train: Any) -> None:
         raise ValueError("bodies is not allowed: every motion must have a mass")
     load = train.structure.load
     for motion in train.free_motions.T:
-        work = motion * load
-        if abs(work.sum()) > 1e-9 * abs(work).sum():
-            moving = [
+        power = motion * load
+        if abs(power.sum()) > 1e-9 * abs(power).sum():
+            moving_bodies = [
                 body.name
                 for body, rows in zip(train.bodies, train.structure.motions, strict=True)
                 if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
             ]
             raise ValueError(
-                f"torque of bodies {', '.join(moving)} is not allowed: they must balance on "
+                f"torque of bodies {', '.join(moving_bodies)} is not allowed: they must balance on "
                 "the free rotation of the train, whose power is now "
-                f"{work.sum() / abs(work).sum():.3g} of that of the single torques"
+                f"{power.sum() / abs(power).sum():.3g} of that of the single torques"
             )
     # A free motion must not change the distance of coast-side flanks with moving backlash.
     changes = abs(train.coast_lines @ train.free_motions)
     scale = abs(train.coast_lines) @ abs(train.free_motions)
-    opening = (changes > 1e-9 * scale).any(axis=1)
-    for mesh, opens in zip(train.meshes, opening, strict=True):
+    changes_distance = (changes > 1e-9 * scale).any(axis=1)
+    for mesh, moves_freely in zip(train.meshes, changes_distance, strict=True):
         name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
-        checks.require(not (mesh.moving_backlash and opens), name, True, allowed + "moves freely")
+        valid = not (mesh.moving_backlash and moves_freely)
+        checks.require(valid, name, True, allowed + "moves freely")

@@ -140,18 +140,19 @@ def planetary(
     torque = n * load * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 
-    def body(i: int, name: str, teeth: int | None, **fields: Any) -> Body:
-        """Return a body of kind i: 0 sun, 1 ring, 2 carrier, 3 planet."""
+    def body(kind: str, teeth: int | None, name: str | None = None, **fields: Any) -> Body:
+        """Return the "sun", "ring", "carrier" or a "planet", with the kind as default name."""
+        i = ("sun", "ring", "carrier", "planet").index(kind)
         stiffness = torsional_stiffness[i]
         # The torsional support of a fixed ring or carrier carries its torque.
-        fixed = i in (1, 2) and stiffness > 0.0
+        is_fixed = kind in ("ring", "carrier") and stiffness > 0.0
         return Body(
-            name=name,
+            name=name or kind,
             teeth=teeth,
             mass=masses[i],
             inertia=reduced_inertias[i] * radii[i] ** 2,
             base_radius=radii[i],
-            torque=0.0 if fixed else torques[i],
+            torque=0.0 if is_fixed else torques[i],
             support_stiffness=support_stiffness[i],
             support_damping=proportional_damping(support_stiffness[i], structural_damping),
             torsional_stiffness=stiffness * radii[i] ** 2,
@@ -159,16 +160,15 @@ def planetary(
             **fields,
         )
 
-    bodies = [body(0, "sun", sun), body(1, "ring", ring), body(2, "carrier", None)]
+    bodies = [body("sun", sun), body("ring", ring), body("carrier", None)]
     meshes = []
     for k, central in enumerate(("sun", "ring")):
         is_ring = central == "ring"
         for i, angle in enumerate(positions):
             planet, phase = f"planet {i + 1}", None
             if not is_ring:
-                bodies.append(
-                    body(3, planet, planet_teeth, carrier="carrier", angle=angle, offset=errors[i])
-                )
+                place = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
+                bodies.append(body("planet", planet_teeth, planet, **place))
             elif ring_phase is not None:
                 phase = ring_phase - ring * (angle - positions[0]) / (2.0 * math.pi)
             mesh = Mesh(
@@ -211,9 +211,7 @@ def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
     return checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
 
 
-def _mesh_angles(
-    sun_base_radius: float, teeth: tuple[int, int], planet_teeth: int, pressure_angle: float
-) -> tuple[float, tuple[float, float]]:
+def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
     """Return the radius of the planet pins in m and the pressure angles of (sun, ring) meshes.
 
     `teeth` are those of (sun, ring); `pressure_angle` is that of the sun meshes in rad.

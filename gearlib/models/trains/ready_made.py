@@ -79,34 +79,24 @@ def proportional_damping(stiffness: float, structural_damping: float) -> float:
 
 
 class _GearSet:
-    """The gears of a train on equal supports; all meshes have the values of one `GearPair`."""
+    """Gears of a train on equal supports; all meshes have the values of the same `GearPair`."""
 
-    def __init__(
-        self,
-        pair: Any,
-        stages: Sequence[Sequence[int]],
-        modules: Sequence[float],
-        pressure_angle: float,
-        reduced_inertias: Sequence[float] | None,
-        masses: Sequence[float] | None,
-        support_stiffness: float,
-        structural_damping: float,
-    ) -> None:
+    def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, *support):
         """Compute inertias I / r^2 and masses in kg and base radii of the gears.
 
-        `stages` holds the tooth numbers of the gears of each stage; modules in m, inertias and
-        masses are lists over all gears in the same order. By default gears are discs.
+        `stages` holds the tooth numbers of the gears of each stage; modules in m, reduced inertias
+        and masses in kg are lists over all gears in the same order, by default those of discs.
+        `support` is the stiffness of the supports in N/m and their damping over stiffness in s.
         """
         from gearlib.models.pair import GearPair
 
         self.pair = Instance((GearPair,)).check("pair", pair)
-        self.pressure_angle, self.structural_damping = pressure_angle, structural_damping
-        self.teeth = [z for stage in stages for z in stage]
-        self.reduced_inertias = reduced_inertias or [
+        self.support_stiffness, self.structural_damping = support
+        self.pressure_angle, self.teeth = pressure_angle, [z for stage in stages for z in stage]
+        self.reduced_inertias = inertias or [
             inertia for stage in stages for inertia in self._disc_inertias(stage)
         ]
         self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
-        self.support_stiffness = support_stiffness
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
             for module, z in zip(modules, self.teeth, strict=True)
@@ -121,7 +111,7 @@ class _GearSet:
         return [inertia_per_tooth * z**2 for z in teeth]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear i as a `Body` with a tangential force at its base circle in N.
+        """Return gear i as a `Body` with a tangential force in N at its base circle.
 
         `fields` are further fields of the body, such as its offset.
         """

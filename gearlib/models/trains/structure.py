@@ -81,9 +81,7 @@ class Structure(NamedTuple):
     masses: tuple  #: rows, shape (3 b, n), and kg, shape (3 b,)
 
 
-def structure(
-    bodies: dict, meshes: Any, shafts: Any, arithmetic: Arithmetic, rotations_first: bool = False
-) -> Structure:
+def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Structure:
     """Return the matrices of a train of bodies (name -> `Body`), meshes and shafts in SI units.
 
     They are computed in an arithmetic, floats or balls. If `rotations_first` is set, coordinates of
@@ -180,9 +178,7 @@ def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
     return total
 
 
-def _lines(
-    meshes: list, motions: dict, n: int, arithmetic: Arithmetic
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the fields (lines, sliding, arms) of the `Structure` of m meshes.
 
     `motions` maps a body to its row vectors of (x, y, u), shape (3, n).
@@ -204,9 +200,7 @@ def _lines(
     return lines, sliding, arms
 
 
-def coast_lines(
-    structure: Structure, bodies: dict, meshes: Any, arithmetic: Arithmetic = FLOATS
-) -> np.ndarray:
+def coast_lines(structure, bodies, meshes, arithmetic=FLOATS) -> np.ndarray:
     """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
     In a mesh with moving backlash, they exclude the deflections of the supports. `bodies` maps

@@ -120,9 +120,7 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     )
 
 
-def _contact_forces(
-    train: "GearTrain", segments: Segments, flanks: tuple, inverse_mass: np.ndarray, state_size: int
-) -> tuple:
+def _contact_forces(train, segments, flanks, inverse_mass, state_size) -> tuple:
     """Return the contact forces of m meshes in p segments, as fields of a `TrainSystem`.
 
     They are (force inputs, force outputs, indices of the forces of each contact state and segment,

@@ -223,9 +223,7 @@ class GearTrain(Model):
         """`LinearModes.strains` of the springs of the structure, then of the meshes."""
         return self._natural_modes.strains
 
-    def contact_modes(
-        self, system: TrainSystem
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def contact_modes(self, system: TrainSystem) -> tuple[np.ndarray, ...]:
         """Return dimensionless modes with all flanks in contact at mean stiffness.
 
         They are (natural frequencies, mode shapes, free motions, mass matrix) of a train at the

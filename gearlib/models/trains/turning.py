@@ -32,9 +32,7 @@ from gearlib.models.trains.elements import Body, Mesh, Shaft
 _POSITION_TOLERANCE = 1e-6
 
 
-def speeds(
-    bodies: dict[str, Body], meshes: Sequence[Mesh], shafts: Sequence[Shaft], reference: str
-) -> dict[str, Fraction]:
+def speeds(bodies, meshes, shafts, reference) -> dict[str, Fraction]:
     """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
 
     `reference` is the name of the reference mesh. Bodies without a mesh or shaft have speed 0.
@@ -133,13 +131,7 @@ def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float
     return _rounded_phase(phase + sum(sliding_phases(mesh, speed)) + 0.5)
 
 
-def phases(
-    bodies: dict[str, Body],
-    meshes: Sequence[Mesh],
-    shafts: Sequence[Shaft],
-    reference: str,
-    speed: dict[str, Fraction],
-) -> dict:
+def phases(bodies, meshes, shafts, reference, speed) -> dict:
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
     `reference` names the reference mesh, `speed` maps a body to its signed speed. Raises ValueError

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.models.trains import turning
 from gearlib.models.trains.elements import Mesh
-from gearlib.models.trains.structure import FLOATS, Arithmetic
+from gearlib.models.trains.structure import FLOATS
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -67,9 +67,7 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     return Segments(starts, first_segment, low, sense, kinds)
 
 
-def _change_times(
-    mesh: Mesh, rate: Fraction, mesh_phases: tuple[tuple, tuple], first: int, count: int
-) -> np.ndarray:
+def _change_times(mesh, rate, mesh_phases, first, count) -> np.ndarray:
     """Return the times at which stiffness or sliding of a mesh change, in reference mesh periods.
 
     They lie between 0 and `count` and are counted from the start of period `first`. `rate` is the
@@ -102,9 +100,7 @@ def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
     return (coast, drive), tuple(drive + phase for phase in sliding_phases)
 
 
-def at_lower_level(
-    mesh: Mesh, stiffness_phases: tuple[float, float], phases: np.ndarray
-) -> np.ndarray:
+def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
     """Return whether (coast, drive) sides have the lower stiffness at p mesh phases, shape (2, p).
 
     `stiffness_phases` are the phases in the middle of the upper level of both sides; all phases are
@@ -152,9 +148,7 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
 
 
-def excitation_harmonics(
-    train: "GearTrain", arms: np.ndarray, arithmetic: Arithmetic = FLOATS
-) -> tuple[dict[Fraction, np.ndarray], np.ndarray]:
+def excitation_harmonics(train, arms, arithmetic=FLOATS):
     """Return the excitation of m meshes as (harmonics, constants) in m, in floats or balls.
 
     Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
